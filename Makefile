@@ -1,0 +1,41 @@
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# Small matrices are slower on many BLAS threads, and two workers share the cores.
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help setup demo test check-slow bench schema clean
+
+help:  ## List the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	touch $@
+
+setup: $(VENV)/installed  ## Create .venv and install relnav with its development tools
+
+demo: setup  ## Run the demo campaign and write its report
+	$(BIN)/relnav run campaigns/demo.yaml --fresh
+	$(BIN)/relnav report results/demo.h5
+
+test: setup  ## Lint, check types and import rules, run the tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -m 'not slow'
+
+check-slow: setup  ## Run the long checks
+	$(BIN)/python -m pytest -m slow
+
+bench: setup  ## Measure the published speed figures beside other libraries
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+
+schema: setup  ## Write campaigns/schema.json from the models
+	$(BIN)/relnav schema > campaigns/schema.json
+
+clean:  ## Remove the virtual environment and caches, keep results
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,47 @@
+"""relnav: Monte Carlo campaigns that tell which relative-navigation filter to fly."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "load_campaign": "campaign",
+    "Campaign": "campaign",
+    "CampaignError": "campaign",
+    "run_campaign": "runner",
+    "simulate": "runner",
+    "Simulation": "runner",
+    "open_results": "results",
+    "Results": "results",
+    "propagate": "truth",
+    "ForceModel": "truth",
+    "ExponentialAtmosphere": "truth",
+    "rtn_from_eci": "truth",
+    "eci_from_rtn": "truth",
+    "create_filter": "filters.registry",
+    "register_filter": "filters.registry",
+    "run_filter": "filters.run",
+    "FilterHistory": "filters.run",
+    "LinearDynamics": "models.dynamics",
+    "LinearMeasurement": "models.measurement",
+    "FunctionMeasurement": "models.measurement",
+    "MixtureNoise": "models.measurement",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on its first use, so that `import relnav_sim` stays fast."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'relnav_sim' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"relnav_sim.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

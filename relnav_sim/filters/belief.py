@@ -1,0 +1,93 @@
+"""What filters hold and report: beliefs, innovations, and the interface of a filter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.streams import RandomSource
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A Gaussian belief per run: mean (runs, n) and covariance (runs, n, n)."""
+
+    mean: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """How a measurement compared with its prediction.
+
+    Args:
+        nis: Normalised innovation squared nu^T S^-1 nu, (runs,).
+        log_likelihood: log p(z_k | z_1 ... z_{k-1}), (runs,).
+        extras: Further numbers of an algorithm by name, each (runs,), for example ``ess``.
+    """
+
+    nis: Array
+    log_likelihood: Array
+    extras: Mapping[str, Array] = field(default_factory=dict)
+
+
+class Belief(Protocol):
+    """What a filter carries from epoch to epoch; a frozen dataclass whose arrays lead with the runs."""
+
+    @property
+    def mean(self) -> Array:
+        """State estimate (runs, n)."""
+        ...
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the estimate's error (runs, n, n)."""
+        ...
+
+
+class Filter(Protocol):
+    """A recursive filter over a block of runs.
+
+    `stochastic` says that `update` draws random numbers; it is then called at every epoch, so that the numbers
+    a run gets do not depend on which other runs of its block have a measurement.
+    """
+
+    dynamics: Dynamics
+    measurement: Measurement
+    stochastic: bool
+
+    def start(self, prior: Gaussian, source: RandomSource) -> Any:
+        """Return the belief one step before the first measurement."""
+        ...
+
+    def predict(self, belief: Any, step: Step) -> Any:
+        """Return the belief carried over one step."""
+        ...
+
+    def update(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
+        """Return the belief after the measurement z (runs, m), all of it finite, and its innovation."""
+        ...
+
+
+B = TypeVar("B")
+
+
+def where_runs(condition: NDArray[np.bool_], chosen: B, other: B) -> B:
+    """Return a belief that takes the runs where `condition` (runs,) holds from `chosen`, the rest from `other`.
+
+    Fields without a leading axis of runs (random streams, say) come from `chosen`.
+    """
+    mixed: dict[str, Any] = {}
+    for item in fields(chosen):  # type: ignore[arg-type]  # beliefs are dataclasses; Protocols cannot say so
+        new, old = getattr(chosen, item.name), getattr(other, item.name)
+        if isinstance(new, np.ndarray):
+            mixed[item.name] = np.where(condition.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+    return replace(chosen, **mixed)  # type: ignore[type-var]  # as above

@@ -1,0 +1,29 @@
+"""Extended Kalman filter."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.models.dynamics import Step
+
+Array = NDArray[np.float64]
+
+
+@register_filter("ekf", GaussianFilterOptions)
+class ExtendedKalmanFilter(GaussianFilter):
+    """Extended Kalman filter: the measurement linearised at the prediction, Joseph's covariance update.
+
+    Jazwinski, Stochastic Processes and Filtering Theory, 1970, ch. 8. The cheapest filter for range and angles.
+    Trust it when the prior is small against the range; from a poor prior prefer an iterated or sigma-point filter.
+    """
+
+    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+        """Return the Kalman update with H = dh/dx at the predicted mean."""
+        mean, epoch = belief.mean, step.epoch
+        residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
+        H = self.measurement.jacobian(mean, epoch)
+        return joseph_update(belief, residual, H, self.measurement.noise(mean, epoch))

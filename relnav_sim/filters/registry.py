@@ -1,0 +1,118 @@
+"""The filters by name: built in, and those of other packages through the entry-point group ``relnav.filters``."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any, Literal, TypeVar
+
+from pydantic import ValidationError
+
+from relnav_sim.filters.belief import Filter
+from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Options
+
+MeasurementKind = Literal["polar", "cartesian"]
+C = TypeVar("C", bound=type)
+
+_BUILT_IN = ("kalman", "ekf", "ukf")
+_KINDS: dict[str, FilterKind] = {}
+
+
+@dataclass(frozen=True)
+class FilterKind:
+    """A registered filter.
+
+    Args:
+        name: The name that campaigns and `create_filter` use.
+        options_model: Its options, a pydantic model.
+        factory: ``factory(dynamics, measurement, options) -> Filter``.
+        measurement: The form of the radar measurement it takes unless the campaign says otherwise.
+        cost_us: Rough CPU time per filter step and run, for planning, us.
+    """
+
+    name: str
+    options_model: type[Options]
+    factory: Callable[[Dynamics, Measurement, Any], Filter]
+    measurement: MeasurementKind
+    cost_us: float
+
+    @property
+    def description(self) -> str:
+        """What the filter is: the docstring of its class."""
+        return inspect.getdoc(self.factory) or ""
+
+
+def register_filter(
+    name: str, options_model: type[Options], measurement: MeasurementKind = "polar", cost_us: float = 3.0
+) -> Callable[[C], C]:
+    """Return a decorator that registers a filter class under `name`.
+
+    Args:
+        name: The name in campaigns.
+        options_model: Subclass of `relnav_sim.options.Options`.
+        measurement: ``polar`` (range, azimuth, elevation) or ``cartesian`` (converted position).
+        cost_us: Rough CPU time per filter step and run, us; only for planning.
+
+    Raises:
+        ValueError: Another filter has this name.
+    """
+
+    def register(factory: C) -> C:
+        known = _KINDS.get(name)
+        if known is not None and known.factory is not factory:
+            raise ValueError(f"a filter named {name!r} is registered already")
+        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us)
+        return factory
+
+    return register
+
+
+@cache
+def _load_all() -> None:
+    for module in _BUILT_IN:
+        importlib.import_module(f"relnav_sim.filters.{module}")
+    for entry in entry_points(group="relnav.filters"):
+        entry.load()
+
+
+def filter_kinds() -> dict[str, FilterKind]:
+    """Return every registered filter by name."""
+    _load_all()
+    return dict(_KINDS)
+
+
+def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **options: Any) -> Filter:
+    """Return a filter of the registry.
+
+    Args:
+        name: A registered name, ``ekf`` say; `relnav list filters` shows them.
+        dynamics: How the state moves.
+        measurement: What is measured.
+        **options: The filter's options, as in a campaign.
+
+    Raises:
+        ValueError: The name is not registered, or an option is unknown or out of range.
+    """
+    kinds = filter_kinds()
+    if name not in kinds:
+        near = difflib.get_close_matches(name, kinds, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(sorted(kinds))}"
+        raise ValueError(f"no filter is named {name!r}{hint}")
+    kind = kinds[name]
+    try:
+        # Through JSON, so that lists become tuples as they do in a campaign file.
+        checked = kind.options_model.model_validate_json(json.dumps(options))
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(map(str, item['loc'])) or 'options'}: {item['msg']}" for item in error.errors()
+        )
+        raise ValueError(f"filter {name!r}: {problems}") from None
+    return kind.factory(dynamics, measurement, checked)

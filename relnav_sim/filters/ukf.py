@@ -1,0 +1,130 @@
+"""Unscented Kalman filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+
+Array = NDArray[np.float64]
+
+
+class UnscentedOptions(GaussianFilterOptions):
+    """Options of the unscented Kalman filter."""
+
+    alpha: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="Spread of the sigma points. Default 1: points about one sigma away; at 1e-3 the centre's weight "
+        "is about -1e6 and rounding shows in the mean",
+    )
+    beta: float = Field(
+        default=0.0,
+        description="Extra weight of the centre in covariances; 2 suits a Gaussian with alpha below 1; default 0, "
+        "with which no weight is negative at kappa = 0",
+    )
+    kappa: float = Field(
+        default=0.0,
+        description="Second spread parameter; default 0: the cubature rule, positive definite for any measurement",
+    )
+    redraw: bool = Field(
+        default=True,
+        description="Draw the sigma points again after the process noise is added; false passes the propagated "
+        "points on, which leaves the process noise out of the predicted measurement",
+    )
+
+
+@dataclass(frozen=True)
+class PropagatedPoints:
+    """A Gaussian with the propagated sigma points it came from: centre (runs, n), offsets (runs, 2 n, n)."""
+
+    mean: Array
+    covariance: Array
+    centre: Array
+    offsets: Array
+
+
+@register_filter("ukf", UnscentedOptions)
+class UnscentedKalmanFilter(GaussianFilter):
+    """Unscented Kalman filter: 2 n + 1 sigma points instead of a linearisation.
+
+    Julier and Uhlmann, Proc. IEEE 92(3), 2004; van der Merwe's alpha, beta, kappa. Use it when the prior's spread
+    bends the measurement function (near targets, poor priors); with a small spread it equals the extended filter.
+
+    All moments are sums over deviations from the image of the centre point: with sum(W) = 1 the mean is
+    h(X_0) + w sum(d_i), and the covariance w sum(d_i d_i^T) + (beta - alpha^2) d d^T, d = w sum(d_i). The centre's
+    large negative weight at small alpha never enters, and angles need no circular mean.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: UnscentedOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        n = dynamics.dimension
+        scale = options.alpha**2 * (n + options.kappa)
+        if scale <= 0:
+            raise ValueError(f"kappa = {options.kappa:g} needs to exceed minus the number of states, {-n}")
+        self._spread = np.sqrt(scale)
+        self._weight = 1 / (2 * scale)
+        self._curvature = options.beta - options.alpha**2
+        self._redraw = options.redraw
+
+    def predict(self, belief: Gaussian, step: Step) -> Gaussian:
+        """Return the propagated belief; with linear dynamics the transform is exact, so F is applied at once."""
+        if self.dynamics.linear and self._redraw:
+            return super().predict(belief, step)
+        offsets = self._offsets(belief.covariance)
+        if self.dynamics.linear:
+            centre = self.dynamics.propagate(belief.mean, step)
+            images = self.dynamics.propagate(offsets, step)
+        else:
+            points = np.concatenate([belief.mean[:, None], belief.mean[:, None] + offsets], axis=1)
+            propagated = self.dynamics.propagate(points, step)
+            centre, images = propagated[:, 0], propagated[:, 1:] - propagated[:, :1]
+        shift = self._shift(images)
+        covariance = self._covariance(images, shift, images, shift) + self.dynamics.process_noise(belief.mean, step)
+        if self._redraw:
+            return Gaussian(centre + shift, covariance)
+        # PropagatedPoints is a Gaussian in all that the shared code asks of it.
+        return PropagatedPoints(centre + shift, covariance, centre, images)  # type: ignore[return-value]
+
+    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+        """Return the update with the mean and covariances of the transformed sigma points."""
+        if isinstance(belief, PropagatedPoints):
+            centre, offsets = belief.centre, belief.offsets
+        else:
+            centre, offsets = belief.mean, self._offsets(belief.covariance)
+        points = np.concatenate([centre[:, None], centre[:, None] + offsets], axis=1)
+        images = self.measurement.predict(points, step.epoch)
+        deviations = self.measurement.residual(images[:, 1:], images[:, :1])
+        shift = self._shift(deviations)
+        S = self._covariance(deviations, shift, deviations, shift) + self.measurement.noise(belief.mean, step.epoch)
+        cross = self._covariance(deviations, shift, offsets, self._shift(offsets))
+        factor = CholeskyFactor(S)
+        W = factor.whiten_rows(cross)
+        residual = self.measurement.residual(z, images[:, 0] + shift)
+        mean = belief.mean + np.einsum("bmn,bm->bn", W, factor.whiten(residual))
+        covariance = belief.covariance - transpose(W) @ W
+        return Gaussian(mean, covariance), innovation_of(factor, residual)
+
+    def _offsets(self, P: Array) -> Array:
+        """Return the sigma points' offsets from the mean, (runs, 2 n, n)."""
+        rows = self._spread * transpose(cholesky(P))
+        return np.concatenate([rows, -rows], axis=1)
+
+    def _shift(self, deviations: Array) -> Array:
+        """Return the mean of the images less the centre's image, (runs, p)."""
+        return self._weight * np.einsum("bij->bj", deviations)
+
+    def _covariance(self, a: Array, shift_a: Array, b: Array, shift_b: Array) -> Array:
+        """Return the covariance (runs, p, q) of deviations a (runs, 2 n, p) and b (runs, 2 n, q)."""
+        outer = shift_a[:, :, None] * shift_b[:, None, :]
+        return self._weight * (transpose(a) @ b) + self._curvature * outer

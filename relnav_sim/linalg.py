@@ -1,0 +1,153 @@
+"""Linear algebra over a stack of small matrices, one per run.
+
+Every function treats a run by itself with the same sequence of roundings, so its bits do not depend on which
+other runs share the stack. A matrix that is not positive definite gives NaN in its own run, never an exception:
+one diverged filter must not end the others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LOG_TWO_PI = float(np.log(2 * np.pi))
+
+
+def runs_last(A: Array) -> Array:
+    """Return a contiguous copy (..., runs) of A (runs, ...): elementwise work on its entries is then fast."""
+    return A.transpose(*range(1, A.ndim), 0).copy()
+
+
+def runs_first(A: Array) -> Array:
+    """Return a contiguous copy (runs, ...) of A (..., runs), the inverse of `runs_last`."""
+    return A.transpose(-1, *range(A.ndim - 1)).copy()
+
+
+def cholesky(A: Array) -> Array:
+    """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
+    n = A.shape[-1]
+    L = _factor(runs_last(A.reshape(-1, n, n)))
+    return runs_first(L).reshape(A.shape)
+
+
+def _factor(A: Array) -> Array:
+    """Return the factor of A (n, n, runs), row by row (Golub and Van Loan, Matrix Computations, alg. 4.2.1)."""
+    n = len(A)
+    L = np.zeros_like(A)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for i in range(n):
+            for j in range(i + 1):
+                entry = A[i, j]
+                for k in range(j):
+                    entry = entry - L[i, k] * L[j, k]
+                L[i, j] = np.sqrt(entry) if i == j else entry / L[j, j]
+    return L
+
+
+class CholeskyFactor:
+    """The Cholesky factor of one small matrix per run, kept so that gain, NIS and likelihood share it.
+
+    Args:
+        S: Symmetric matrices (runs, m, m).
+    """
+
+    def __init__(self, S: Array) -> None:
+        self._L = _factor(runs_last(S))
+
+    def whiten(self, residual: Array) -> Array:
+        """Return L^-1 r for r (runs, m)."""
+        return runs_first(self._forward(runs_last(residual)))
+
+    def whiten_rows(self, B: Array) -> Array:
+        """Return L^-1 B for B (runs, m, n)."""
+        return runs_first(self._forward(runs_last(B)))
+
+    def solve(self, B: Array) -> Array:
+        """Return S^-1 B for B (runs, m, n)."""
+        X = self._forward(runs_last(B))
+        for i in reversed(range(len(X))):
+            for j in range(i + 1, len(X)):
+                X[i] -= self._L[j, i] * X[j]
+            X[i] /= self._L[i, i]
+        return runs_first(X)
+
+    def log_determinant(self) -> Array:
+        """Return log det S, (runs,)."""
+        total = np.log(self._L[0, 0])
+        for i in range(1, len(self._L)):
+            total = total + np.log(self._L[i, i])
+        return 2 * total
+
+    def _forward(self, X: Array) -> Array:
+        for i in range(len(X)):
+            for j in range(i):
+                X[i] -= self._L[i, j] * X[j]
+            X[i] /= self._L[i, i]
+        return X
+
+
+def whiten(L: Array, residual: Array) -> Array:
+    """Return L^-1 r for vectors r (runs, ..., m) and L (m, m) or (runs, m, m)."""
+    if L.ndim == 3:
+        L = L.reshape(len(L), *[1] * (residual.ndim - 2), *L.shape[1:])
+    white = np.empty(residual.shape)
+    for i in range(L.shape[-1]):
+        component = residual[..., i]
+        for j in range(i):
+            component = component - L[..., i, j] * white[..., j]
+        white[..., i] = component / L[..., i, i]
+    return white
+
+
+def log_determinant(L: Array) -> Array:
+    """Return log det(L L^T) of the factor L (..., n, n)."""
+    total: Array = 2 * np.log(np.einsum("...ii->...i", L)).sum(axis=-1)
+    return total
+
+
+def transpose(A: Array) -> Array:
+    """Return the transpose of each matrix, as a view."""
+    return A.swapaxes(-1, -2)
+
+
+def symmetric(A: Array) -> Array:
+    """Return the symmetric part of each matrix."""
+    return (A + transpose(A)) / 2
+
+
+def log_density(residual: Array, covariance: Array) -> Array:
+    """Return log N(r; 0, R) of residuals r (runs, ..., m), R (m, m) or (runs, m, m): (runs, ...)."""
+    L = cholesky(covariance)
+    white = whiten(L, residual)
+    constant = residual.shape[-1] * LOG_TWO_PI + log_determinant(L)
+    if L.ndim == 3:
+        constant = constant.reshape(len(L), *[1] * (residual.ndim - 2))
+    return -0.5 * (np.square(white).sum(axis=-1) + constant)
+
+
+def mixture_log_density(residual: Array, weights: Array, covariances: Array, shared: bool) -> Array:
+    """Return the log density of residuals (runs, ..., m) under a zero-mean Gaussian mixture.
+
+    Args:
+        residual: (runs, ..., m).
+        weights: (k,).
+        covariances: (k, m, m) or (runs, k, m, m).
+        shared: One switch for all channels; else each channel switches alone (diagonal covariances).
+    """
+    log_weights = np.log(weights)
+    if shared:
+        terms = [
+            log_weight + log_density(residual, covariances[..., k, :, :])
+            for k, log_weight in enumerate(log_weights)
+        ]
+        return np.logaddexp.reduce(terms, axis=0)
+    total = np.zeros(residual.shape[:-1])
+    for i in range(residual.shape[-1]):
+        channel = residual[..., i : i + 1]
+        terms = [
+            log_weight + log_density(channel, covariances[..., k, i : i + 1, i : i + 1])
+            for k, log_weight in enumerate(log_weights)
+        ]
+        total = total + np.logaddexp.reduce(terms, axis=0)
+    return total

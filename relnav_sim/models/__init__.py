@@ -1,0 +1,1 @@
+"""What a filter believes: relative dynamics, process noise and measurement functions."""

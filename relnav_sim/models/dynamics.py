@@ -1,0 +1,82 @@
+"""Relative dynamics as a filter sees them: the interface, and the linear case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One epoch of a filter: `epoch` indexes the measurements' time axis, `duration_s` is the time since the last."""
+
+    epoch: int
+    duration_s: float = 1.0
+
+
+class Dynamics(Protocol):
+    """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
+
+    `linear` promises that `propagate` is exactly multiplication by `transition`.
+    """
+
+    dimension: int
+    linear: bool
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return f(states), (runs, ..., n) -> (runs, ..., n)."""
+        ...
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobian of f at `mean` (runs, n): (n, n) or (runs, n, n)."""
+        ...
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q at `states` (runs, ..., n): (n, n), or (runs, ..., n, n) where it depends on the state."""
+        ...
+
+
+class LinearDynamics:
+    """Linear dynamics x_k = F x_{k-1} + w, w ~ N(0, Q).
+
+    Args:
+        transition: F, (n, n), or (T, n, n) with one matrix per epoch.
+        process_noise: Q, (n, n), or (T, n, n) with one matrix per epoch.
+
+    Raises:
+        ValueError: A matrix is not square, the sizes differ, or Q is not symmetric.
+    """
+
+    linear = True
+
+    def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
+        self._F = np.array(transition, dtype=float)
+        self._Q = np.array(process_noise, dtype=float)
+        for name, matrix in (("transition", self._F), ("process_noise", self._Q)):
+            if matrix.ndim not in (2, 3) or matrix.shape[-1] != matrix.shape[-2]:
+                raise ValueError(f"{name} has shape {matrix.shape}; it must be (n, n) or (T, n, n)")
+        if self._F.shape[-1] != self._Q.shape[-1]:
+            raise ValueError(
+                f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}"
+            )
+        if not np.allclose(self._Q, self._Q.swapaxes(-1, -2), rtol=1e-10, atol=0.0):
+            raise ValueError("process_noise is not symmetric")
+        self.dimension = self._F.shape[-1]
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
+        return moved
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        return self._F if self._F.ndim == 2 else self._F[step.epoch]
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q of this epoch, (n, n)."""
+        return self._Q if self._Q.ndim == 2 else self._Q[step.epoch]
