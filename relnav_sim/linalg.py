@@ -19,20 +19,33 @@ def runs_last(A: Array) -> Array:
     return A.transpose(*range(1, A.ndim), 0).copy()
 
 
+def matrices_last(A: Array) -> Array:
+    """Return matrices (runs, p, q), or one (p, q) that all runs share, as (p, q, runs or 1)."""
+    return runs_last(A) if A.ndim == 3 else A[..., None]
+
+
 def runs_first(A: Array) -> Array:
     """Return a contiguous copy (runs, ...) of A (..., runs), the inverse of `runs_last`."""
     return A.transpose(-1, *range(A.ndim - 1)).copy()
 
 
-def cholesky(A: Array) -> Array:
-    """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
-    n = A.shape[-1]
-    L = _factor(runs_last(A.reshape(-1, n, n)))
-    return runs_first(L).reshape(A.shape)
+def product(A: Array, B: Array) -> Array:
+    """Return the matrix products A B, runs last: (p, q, runs or 1) times (q, r, runs or 1) is (p, r, runs).
+
+    The innermost loop runs over contiguous runs, so every sum is taken in the order of q whatever their number; and
+    it is faster than one call of BLAS per run while the matrices are small.
+    """
+    if A.shape[-1] == B.shape[-1] == 1:
+        # With a single run NumPy would loop over another axis inside and add in another order.
+        return np.einsum("pqb,qrb->prb", A.repeat(2, axis=-1), B)[..., :1]
+    return np.einsum("pqb,qrb->prb", A, B)
 
 
-def _factor(A: Array) -> Array:
-    """Return the factor of A (n, n, runs), row by row (Golub and Van Loan, Matrix Computations, alg. 4.2.1)."""
+def factor(A: Array) -> Array:
+    """Return the Cholesky factor of A, runs last (n, n, runs); NaN where A is not positive definite.
+
+    Row by row, Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
+    """
     n = len(A)
     L = np.zeros_like(A)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -45,46 +58,68 @@ def _factor(A: Array) -> Array:
     return L
 
 
+def forward(L: Array, B: Array) -> Array:
+    """Return L^-1 B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
+    X = B.copy()
+    for i in range(len(X)):
+        for j in range(i):
+            X[i] -= L[i, j] * X[j]
+        X[i] /= L[i, i]
+    return X
+
+
+def back(L: Array, B: Array) -> Array:
+    """Return L^-T B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
+    X = B.copy()
+    for i in reversed(range(len(X))):
+        for j in range(i + 1, len(X)):
+            X[i] -= L[j, i] * X[j]
+        X[i] /= L[i, i]
+    return X
+
+
+def log_determinant_of(L: Array) -> Array:
+    """Return log det(L L^T), runs last: L (m, m, runs) -> (runs,)."""
+    total = np.log(L[0, 0])
+    for i in range(1, len(L)):
+        total = total + np.log(L[i, i])
+    return 2 * total
+
+
+def cholesky(A: Array) -> Array:
+    """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
+    n = A.shape[-1]
+    return runs_first(factor(runs_last(A.reshape(-1, n, n)))).reshape(A.shape)
+
+
 class CholeskyFactor:
     """The Cholesky factor of one small matrix per run, kept so that gain, NIS and likelihood share it.
 
     Args:
         S: Symmetric matrices (runs, m, m).
+
+    Attributes:
+        lower_last: The factor, runs last (m, m, runs).
     """
 
     def __init__(self, S: Array) -> None:
-        self._L = _factor(runs_last(S))
+        self.lower_last = factor(runs_last(S))
 
     def whiten(self, residual: Array) -> Array:
         """Return L^-1 r for r (runs, m)."""
-        return runs_first(self._forward(runs_last(residual)))
+        return runs_first(forward(self.lower_last, runs_last(residual)))
 
     def whiten_rows(self, B: Array) -> Array:
         """Return L^-1 B for B (runs, m, n)."""
-        return runs_first(self._forward(runs_last(B)))
+        return runs_first(forward(self.lower_last, runs_last(B)))
 
     def solve(self, B: Array) -> Array:
         """Return S^-1 B for B (runs, m, n)."""
-        X = self._forward(runs_last(B))
-        for i in reversed(range(len(X))):
-            for j in range(i + 1, len(X)):
-                X[i] -= self._L[j, i] * X[j]
-            X[i] /= self._L[i, i]
-        return runs_first(X)
+        return runs_first(back(self.lower_last, forward(self.lower_last, runs_last(B))))
 
     def log_determinant(self) -> Array:
         """Return log det S, (runs,)."""
-        total = np.log(self._L[0, 0])
-        for i in range(1, len(self._L)):
-            total = total + np.log(self._L[i, i])
-        return 2 * total
-
-    def _forward(self, X: Array) -> Array:
-        for i in range(len(X)):
-            for j in range(i):
-                X[i] -= self._L[i, j] * X[j]
-            X[i] /= self._L[i, i]
-        return X
+        return log_determinant_of(self.lower_last)
 
 
 def whiten(L: Array, residual: Array) -> Array:

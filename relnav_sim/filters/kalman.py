@@ -9,7 +9,18 @@ from scipy.special import chdtri
 
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import LOG_TWO_PI, CholeskyFactor, symmetric, transpose
+from relnav_sim.linalg import (
+    LOG_TWO_PI,
+    CholeskyFactor,
+    back,
+    factor,
+    forward,
+    log_determinant_of,
+    matrices_last,
+    product,
+    runs_first,
+    runs_last,
+)
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options
@@ -47,10 +58,10 @@ class GaussianFilter:
 
     def predict(self, belief: Gaussian, step: Step) -> Gaussian:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
-        F = self.dynamics.transition(belief.mean, step)
-        Q = self.dynamics.process_noise(belief.mean, step)
-        P = F @ belief.covariance @ transpose(F) + Q
-        return Gaussian(self.dynamics.propagate(belief.mean, step), P)
+        F = matrices_last(self.dynamics.transition(belief.mean, step))
+        Q = matrices_last(self.dynamics.process_noise(belief.mean, step))
+        P = product(product(F, runs_last(belief.covariance)), F.swapaxes(0, 1)) + Q
+        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(P))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
@@ -81,22 +92,30 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
         H: Jacobian (runs, m, n) or (m, n).
         R: Measurement noise (runs, m, m) or (m, m).
     """
-    P = belief.covariance
-    HP = H @ P
-    factor = CholeskyFactor(HP @ transpose(H) + R)
-    KT = factor.solve(HP)
-    K = transpose(KT)
-    mean = belief.mean + np.einsum("bmn,bm->bn", KT, residual)
-    M = P - K @ HP
-    covariance = symmetric(M + (K @ R - M @ transpose(H)) @ KT)
-    return Gaussian(mean, covariance), innovation_of(factor, residual)
+    # Runs last from here on: every product is then a few elementwise passes over contiguous memory.
+    P, H, R, nu = runs_last(belief.covariance), matrices_last(H), matrices_last(R), runs_last(residual)
+    HP, HT = product(H, P), H.swapaxes(0, 1)
+    L = factor(product(HP, HT) + R)
+    white = forward(L, np.concatenate([HP, nu[:, None]], axis=1))
+    KT = back(L, white[:, :-1])
+    K = KT.swapaxes(0, 1)
+    M = P - product(K, HP)
+    P = M + product(product(K, R) - product(M, HT), KT)
+    P = (P + P.swapaxes(0, 1)) / 2
+    mean = belief.mean + product(K, nu[:, None])[:, 0].T
+    return Gaussian(mean, runs_first(P)), innovation_last(L, white[:, -1])
 
 
 def innovation_of(factor: CholeskyFactor, residual: Array) -> Innovation:
     """Return NIS and log-likelihood of a residual (runs, m) whose covariance has the given factor."""
-    nis = np.square(factor.whiten(residual)).sum(axis=-1)
-    constant = residual.shape[-1] * LOG_TWO_PI + factor.log_determinant()
-    return Innovation(nis, -0.5 * (nis + constant))
+    L = factor.lower_last
+    return innovation_last(L, forward(L, runs_last(residual)))
+
+
+def innovation_last(L: Array, white: Array) -> Innovation:
+    """Return the same of L (m, m, runs) and the whitened residual L^-1 nu (m, runs), runs last."""
+    nis = product(white[None], white[:, None])[0, 0]
+    return Innovation(nis, -0.5 * (nis + len(white) * LOG_TWO_PI + log_determinant_of(L)))
 
 
 class KalmanOptions(GaussianFilterOptions):

@@ -22,7 +22,7 @@ from relnav_sim.options import Options
 MeasurementKind = Literal["polar", "cartesian"]
 C = TypeVar("C", bound=type)
 
-_BUILT_IN = ("kalman", "ekf", "ukf")
+_BUILT_IN = ("kalman", "ekf", "ukf", "alpha_kf", "mkf", "iekf", "ckf", "sr_ukf", "two_step", "adaptive_two_step", "particle")
 _KINDS: dict[str, FilterKind] = {}
 
 

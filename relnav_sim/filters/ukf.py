@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_last
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+from relnav_sim.linalg import cholesky, factor, forward, product, runs_first, runs_last, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 
@@ -108,12 +108,14 @@ class UnscentedKalmanFilter(GaussianFilter):
         shift = self._shift(deviations)
         S = self._covariance(deviations, shift, deviations, shift) + self.measurement.noise(belief.mean, step.epoch)
         cross = self._covariance(deviations, shift, offsets, self._shift(offsets))
-        factor = CholeskyFactor(S)
-        W = factor.whiten_rows(cross)
         residual = self.measurement.residual(z, images[:, 0] + shift)
-        mean = belief.mean + np.einsum("bmn,bm->bn", W, factor.whiten(residual))
-        covariance = belief.covariance - transpose(W) @ W
-        return Gaussian(mean, covariance), innovation_of(factor, residual)
+        L = factor(runs_last(S))
+        white = forward(L, runs_last(np.concatenate([cross, residual[..., None]], axis=2)))
+        W = white[:, :-1]
+        WT = W.swapaxes(0, 1)
+        mean = belief.mean + product(WT, white[:, -1:])[:, 0].T
+        covariance = belief.covariance - runs_first(product(WT, W))
+        return Gaussian(mean, covariance), innovation_last(L, white[:, -1])
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points' offsets from the mean, (runs, 2 n, n)."""

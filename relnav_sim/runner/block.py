@@ -1,0 +1,149 @@
+"""One block of runs of one case: simulate, filter, count. A pure function of the case, the seed and the runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign import Case
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.run import FilterHistory, advance
+from relnav_sim.models.radar import PolarRadar
+from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.runner.simulate import Stretch, stretches
+from relnav_sim.runner.start import starting_belief
+from relnav_sim.sensors import measurement_model
+from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_chief
+
+Array = NDArray[np.float64]
+
+
+def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockResult:
+    """Return the results of some runs of one case.
+
+    Args:
+        case: The case.
+        seed: The campaign's seed.
+        runs: Numbers of the runs, ascending.
+        case_index: Number of the case in its campaign, passed on to the result.
+    """
+    config = case.config
+    source = RandomSource(seed, tuple(runs))
+    tracks: list[FilterTrack] = []
+    times: list[Array] = []
+    relative: list[Array] = []
+    for stretch in stretches(config, source):
+        if not tracks:
+            prior = starting_belief(config, _radar(config), stretch, source)
+            tracks = [FilterTrack(name, entry, config, prior, source) for name, entry in config.filters.items()]
+        for track in tracks:
+            track.add(stretch)
+        stored = _stored(config, stretch)
+        times.append(stretch.truth.times_s[stored])
+        relative.append(stretch.truth.relative[:, stored])
+    results = {track.name: track.result() for track in tracks}
+    return BlockResult(
+        case_index=case_index,
+        case_id=case.id,
+        runs=tuple(runs),
+        time_s=np.concatenate(times),
+        relative=np.concatenate(relative, axis=1),
+        filters=results,
+        failures=tuple(failure for track in tracks for failure in track.failures(runs)),
+        shared_truth=not config.truth.is_dispersed,
+    )
+
+
+def create_campaign_filter(entry: FilterEntry, config: CaseConfig) -> Filter:
+    """Return the filter of a campaign's entry, with its dynamics and its measurement."""
+    orbit = nominal_chief(config.truth)
+    dynamics: Any = entry.dynamics
+    measurement = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit)
+    motion = dynamics.build(orbit, entry.process_noise, config.clock.step_s)
+    return filter_kinds()[entry.kind].factory(motion, measurement, entry)
+
+
+class FilterTrack:
+    """A filter on its way through a block: its belief and its statistics so far."""
+
+    def __init__(
+        self, name: str, entry: FilterEntry, config: CaseConfig, prior: Gaussian, source: RandomSource
+    ) -> None:
+        self.name = name
+        self._input = entry.measurement
+        self._step_s = config.clock.step_s
+        self._filter = create_campaign_filter(entry, config)
+        self._prior = prior
+        self._belief = self._filter.start(prior, source)
+        self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
+        self._cpu_s = 0.0
+        self._steps = 0
+
+    def add(self, stretch: Stretch) -> None:
+        """Filter the next stretch of measurements and count its errors."""
+        begin = time.process_time()
+        history = self._advance(stretch)
+        self._cpu_s += time.process_time() - begin
+        self._steps += history.nis.size
+        error = history.mean - stretch.truth.relative
+        self._errors.add(stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood)
+
+    def _advance(self, stretch: Stretch) -> FilterHistory:
+        """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
+        z = stretch.inputs[self._input]
+        if stretch.first_epoch > 0:
+            self._belief, history = advance(self._filter, self._belief, z, stretch.first_epoch, self._step_s)
+            return history
+        self._belief, history = advance(self._filter, self._belief, z[:, 1:], 1, self._step_s)
+        B = len(z)
+        return FilterHistory(
+            np.concatenate([self._prior.mean[:, None], history.mean], axis=1),
+            np.concatenate([self._prior.covariance[:, None], history.covariance], axis=1),
+            np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
+            np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
+            {},
+        )
+
+    def result(self) -> FilterResult:
+        """Return the statistics and the stored series."""
+        return self._errors.result(1e6 * self._cpu_s / self._steps)
+
+    def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
+        """Return what failed, by run."""
+        return self._errors.failures(self.name, runs)
+
+
+def scoring_rules(config: CaseConfig) -> ScoringRules:
+    """Return how a case's errors are turned into figures."""
+    clock, statistics = config.clock, config.statistics
+    return ScoringRules(
+        step_s=clock.step_s,
+        epochs=clock.epochs,
+        store_every=clock.store_every,
+        settle_s=statistics.settle_s,
+        convergence_m=statistics.convergence_m,
+        convergence_hold_s=statistics.convergence_hold_s,
+    )
+
+
+def _radar(config: CaseConfig) -> PolarRadar | None:
+    if config.sensors.radar is None:
+        return None
+    radar = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
+    assert isinstance(radar, PolarRadar)
+    return radar
+
+
+def _stored(config: CaseConfig, stretch: Stretch) -> slice:
+    """Return which epochs of the stretch are stored: every n-th of the run, from its start."""
+    every = config.clock.store_every
+    return slice(-stretch.first_epoch % every, None, every)

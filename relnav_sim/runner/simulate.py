@@ -1,0 +1,104 @@
+"""Truth and measurements of a block of runs, in stretches of epochs that bound the memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.sensors import SensorSuite, filter_inputs
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import Truth, truth_trajectory
+
+Array = NDArray[np.float64]
+
+STRETCH_EPOCHS = 512
+"""Epochs simulated at a time. Fixed, so that sums over a run round alike whatever the block."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of epochs of one block.
+
+    Attributes:
+        first_epoch: Number of the first epoch.
+        truth: True states; the leading axis is 1 where all runs share them.
+        z: Raw measurements of each sensor, (runs, K, m).
+        inputs: What the front end hands to filters, ``polar`` and ``cartesian``, (runs, K, 3); NaN = missing.
+    """
+
+    first_epoch: int
+    truth: Truth
+    z: Mapping[str, Array]
+    inputs: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Truth and measurements of some runs of one case.
+
+    Attributes:
+        times_s: Epochs, (T,), s; from 0 to the duration.
+        chief: ECI state of the chief, (runs, T, 6), m and m/s.
+        deputy: ECI state of the deputy, (runs, T, 6), m and m/s.
+        relative: State of the deputy relative to the chief, RTN, (runs, T, 6), m and m/s.
+        z: Raw measurements of each sensor by its name, (runs, T, m), SI and rad; NaN = no measurement.
+        inputs: What the filters are given: ``polar`` (range, azimuth, elevation) and ``cartesian`` (position),
+            through the attitude and orbit that the craft itself measures, (runs, T, 3).
+    """
+
+    times_s: Array
+    chief: Array
+    deputy: Array
+    relative: Array
+    z: Mapping[str, Array]
+    inputs: Mapping[str, Array]
+
+
+def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
+    """Yield the truth and measurements of a block, a stretch of epochs at a time.
+
+    Args:
+        config: The case.
+        source: Seed and numbers of the runs.
+    """
+    clock = config.clock
+    trajectory = truth_trajectory(config.truth, clock.duration_s, source)
+    suite = SensorSuite(config.sensors, source, clock.step_s)
+    for first in range(0, clock.epochs, STRETCH_EPOCHS):
+        epochs = np.arange(first, min(first + STRETCH_EPOCHS, clock.epochs))
+        truth = trajectory.at(epochs * clock.step_s)
+        z = suite.measure(truth, first)
+        yield Stretch(first, truth, z, filter_inputs(config.sensors, z))
+
+
+def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) -> Simulation:
+    """Return the truth and the measurements of some runs, the same numbers that `run_campaign` filters.
+
+    Args:
+        campaign: From `load_campaign`.
+        case: Index of the case.
+        runs: Numbers of the runs; any subset gives the same numbers for each run.
+
+    Raises:
+        IndexError: There is no such case.
+    """
+    config = campaign.cases[case].config
+    parts = list(stretches(config, RandomSource(campaign.seed, tuple(runs))))
+
+    def joined(arrays: Sequence[Array]) -> Array:
+        whole = np.concatenate(arrays, axis=1)
+        return np.broadcast_to(whole, (len(runs), *whole.shape[1:]))
+
+    return Simulation(
+        times_s=np.concatenate([part.truth.times_s for part in parts]),
+        chief=joined([part.truth.chief for part in parts]),
+        deputy=joined([part.truth.deputy for part in parts]),
+        relative=joined([part.truth.relative for part in parts]),
+        z={name: joined([part.z[name] for part in parts]) for name in parts[0].z},
+        inputs={name: joined([part.inputs[name] for part in parts]) for name in parts[0].inputs},
+    )
