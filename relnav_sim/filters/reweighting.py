@@ -1,0 +1,74 @@
+"""The update of the robust filters: a Kalman update whose noise is reweighted until it fits the residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.kalman import joseph_update
+from relnav_sim.linalg import cholesky, transpose, whiten
+from relnav_sim.models.measurement import Measurement
+
+Array = NDArray[np.float64]
+Weigh = Callable[[Array, Array], Array]
+"""``weigh(e, spread)`` -> weights in (0, 1]: whitened residuals (runs, k), and the variances (runs, k) that the
+estimate's own error adds to them."""
+
+
+def reweighted_update(
+    belief: Gaussian,
+    z: Array,
+    measurement: Measurement,
+    epoch: int,
+    weigh: Weigh,
+    iterations: int,
+    weigh_prior: bool = False,
+) -> tuple[Gaussian, Innovation]:
+    """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
+
+    The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction. Weights
+    of one give the Kalman update to the last bit. NIS and log-likelihood are those of the unweighted innovation.
+
+    Args:
+        belief: The prediction.
+        z: Measurement (runs, m).
+        measurement: Its model.
+        epoch: Its epoch.
+        weigh: Weights from whitened residuals.
+        iterations: Updates after the first, unweighted one.
+        weigh_prior: Reweight the prediction's covariance as well, by L_P^-1 dx.
+    """
+    mean, P = belief.mean, belief.covariance
+    runs = len(mean)
+    nu = measurement.residual(z, measurement.predict(mean, epoch))
+    H = measurement.jacobian(mean, epoch)
+    R = measurement.noise(mean, epoch)
+    L = np.broadcast_to(cholesky(R), (runs, *R.shape[-2:]))
+    L_P = cholesky(P) if weigh_prior else None
+    posterior, innovation = joseph_update(belief, nu, H, R)
+    prior = belief
+    weights = np.ones_like(nu)
+    for _ in range(iterations):
+        shift = posterior.mean - mean
+        e = whiten(L, nu - np.einsum("...mn,...n->...m", H, shift))
+        white_H = _whiten_rows(L, H)
+        spread = np.einsum("bmi,bij,bmj->bm", white_H, posterior.covariance, white_H)
+        weights = weigh(e, spread)
+        if L_P is not None:
+            prior = Gaussian(mean, _scaled(L_P, weigh(whiten(L_P, shift), np.zeros_like(shift))))
+        posterior, _ = joseph_update(prior, nu, H, _scaled(L, weights))
+    extras = {"lowest_weight": weights.min(axis=-1)}
+    return posterior, Innovation(innovation.nis, innovation.log_likelihood, extras)
+
+
+def _scaled(L: Array, weights: Array) -> Array:
+    return (L / weights[:, None, :]) @ transpose(L)
+
+
+def _whiten_rows(L: Array, H: Array) -> Array:
+    """Return L^-1 H, (runs, m, n)."""
+    rows = np.broadcast_to(H, (len(L), *H.shape[-2:]))
+    return transpose(whiten(L, np.ascontiguousarray(transpose(rows))))

@@ -1,0 +1,57 @@
+"""Student-t Kalman filter by variational Bayes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+
+Array = NDArray[np.float64]
+
+
+class StudentOptions(GaussianFilterOptions):
+    """Options of the Student-t filter."""
+
+    degrees_of_freedom: float = Field(
+        default=4.0,
+        gt=0,
+        description="Degrees of freedom of the measurement noise; 3 to 5 suit glint; very large: the extended filter",
+    )
+    per_channel: bool = Field(
+        default=True,
+        description="Let range and angles have outliers by themselves; false: one scale for the whole measurement",
+    )
+    iterations: int = Field(default=4, ge=1, le=50, description="Variational steps; they settle within 3 to 5")
+
+
+@register_filter("student_t", StudentOptions, cost_us=9.0)
+class StudentFilter(GaussianFilter):
+    """Student-t filter: heavy-tailed measurement noise, a Gaussian whose precision is itself random.
+
+    Roth, Ozkan and Gustafsson, ICASSP 2013; the variational form of Agamennoni, Nieto and Nebot, IEEE Trans. Signal
+    Processing 60(10), 2012. v | lambda ~ N(0, R / lambda), lambda ~ Gamma(nu/2, nu/2); the weight is the expected
+    lambda given the residual and its own uncertainty. Between Huber (bounded influence) and correntropy (none).
+    R is the scale, so with noise that is Gaussian of covariance R the filter is slightly cautious.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: StudentOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        self._options = options
+
+    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+        """Return the variational update."""
+        return reweighted_update(belief, z, self.measurement, step.epoch, self._weigh, self._options.iterations)
+
+    def _weigh(self, e: Array, spread: Array) -> Array:
+        freedom, squared = self._options.degrees_of_freedom, np.square(e) + spread
+        if self._options.per_channel:
+            return (freedom + 1) / (freedom + squared)
+        one = (freedom + e.shape[-1]) / (freedom + squared.sum(axis=-1, keepdims=True))
+        return np.broadcast_to(one, e.shape)

@@ -1,0 +1,22 @@
+"""What is measured: radar, GNSS receiver and star tracker with their noise, and the chain that feeds the filters."""
+
+from relnav_sim.sensors.front_end import attitude_covariance, filter_inputs, measurement_model
+from relnav_sim.sensors.gnss import GnssOptions
+from relnav_sim.sensors.noise import noise_kinds
+from relnav_sim.sensors.options import SensorsOptions, sensor_kinds
+from relnav_sim.sensors.radar import RadarOptions
+from relnav_sim.sensors.star_tracker import StarTrackerOptions
+from relnav_sim.sensors.suite import SensorSuite
+
+__all__ = [
+    "GnssOptions",
+    "RadarOptions",
+    "SensorSuite",
+    "SensorsOptions",
+    "StarTrackerOptions",
+    "attitude_covariance",
+    "filter_inputs",
+    "measurement_model",
+    "noise_kinds",
+    "sensor_kinds",
+]
