@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,23 @@ from relnav_sim.truth import nominal_chief
 Array = NDArray[np.float64]
 
 
-def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockResult:
+@dataclass(frozen=True)
+class BlockOutcome:
+    """What became of a block.
+
+    Attributes:
+        result: The results of the filters that ran through.
+        broken: Why the others did not: the exception in words, by the filter's name.
+    """
+
+    result: BlockResult
+    broken: dict[str, str]
+
+
+def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
     """Return the results of some runs of one case.
+
+    A filter that raises an exception is left behind; the others go on.
 
     Args:
         case: The case.
@@ -50,17 +66,18 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
         stored = _stored(config, stretch)
         times.append(stretch.truth.times_s[stored])
         relative.append(stretch.truth.relative[:, stored])
-    results = {track.name: track.result() for track in tracks}
-    return BlockResult(
+    sound = [track for track in tracks if track.broken is None]
+    result = BlockResult(
         case_index=case_index,
         case_id=case.id,
         runs=tuple(runs),
         time_s=np.concatenate(times),
         relative=np.concatenate(relative, axis=1),
-        filters=results,
-        failures=tuple(failure for track in tracks for failure in track.failures(runs)),
+        filters={track.name: track.result() for track in sound},
+        failures=tuple(failure for track in sound for failure in track.failures(runs)),
         shared_truth=not config.truth.is_dispersed,
     )
+    return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
 
 
 def create_campaign_filter(entry: FilterEntry, config: CaseConfig) -> Filter:
@@ -73,12 +90,18 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig) -> Filter:
 
 
 class FilterTrack:
-    """A filter on its way through a block: its belief and its statistics so far."""
+    """A filter on its way through a block: its belief and its statistics so far.
+
+    Attributes:
+        name: The filter's name in the campaign.
+        broken: The exception that ended it, in words; None while it goes on.
+    """
 
     def __init__(
         self, name: str, entry: FilterEntry, config: CaseConfig, prior: Gaussian, source: RandomSource
     ) -> None:
         self.name = name
+        self.broken: str | None = None
         self._input = entry.measurement
         self._step_s = config.clock.step_s
         self._filter = create_campaign_filter(entry, config)
@@ -89,9 +112,15 @@ class FilterTrack:
         self._steps = 0
 
     def add(self, stretch: Stretch) -> None:
-        """Filter the next stretch of measurements and count its errors."""
+        """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
+        if self.broken is not None:
+            return
         begin = time.process_time()
-        history = self._advance(stretch)
+        try:
+            history = self._advance(stretch)
+        except Exception as error:  # whatever a filter of the user's own may raise must not end the campaign
+            self.broken = f"{type(error).__name__}: {error}"
+            return
         self._cpu_s += time.process_time() - begin
         self._steps += history.nis.size
         error = history.mean - stretch.truth.relative

@@ -73,7 +73,7 @@ def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
         epochs = np.arange(first, min(first + STRETCH_EPOCHS, clock.epochs))
         truth = trajectory.at(epochs * clock.step_s)
         z = suite.measure(truth, first)
-        yield Stretch(first, truth, z, filter_inputs(config.sensors, z))
+        yield Stretch(first, truth, z, filter_inputs(config.sensors, z, truth))
 
 
 def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) -> Simulation:

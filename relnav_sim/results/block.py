@@ -1,0 +1,153 @@
+"""What a worker hands over for one block of runs, and what a finished campaign knows about itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.results import layout
+
+Array = NDArray[Any]
+
+
+class ResultsError(Exception):
+    """A results file or shard that can't be used; the message says why and what to do."""
+
+
+@dataclass(frozen=True, order=True)
+class Failure:
+    """A run that failed.
+
+    Attributes:
+        run: Number of the run.
+        filter: Name of the filter, or empty where the whole run failed.
+        epoch: First failed epoch, or -1 where it is not known.
+        reason: Why, in words.
+    """
+
+    run: int
+    filter: str
+    epoch: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class FilterResult:
+    """The results of one filter over a block of runs; every array has the runs as its leading axis.
+
+    Attributes:
+        summary: One array per dataset of `layout.SUMMARY`, by its name.
+        error: Estimate minus truth at the stored epochs, RTN, (runs, times, 6), m and m/s.
+        sigma: Standard deviations that the filter states, (runs, times, 6).
+        nis: Normalised innovation squared, (runs, times); NaN without a measurement.
+        nees: Normalised estimation error squared, (runs, times).
+    """
+
+    summary: Mapping[str, Array]
+    error: Array
+    sigma: Array
+    nis: Array
+    nees: Array
+
+    def arrays(self) -> dict[str, Array]:
+        """Return every array by its name in the layout, in the layout's order and type.
+
+        Raises:
+            ValueError: A dataset is missing, unknown or of the wrong shape.
+        """
+        given = dict(self.summary) | {spec.name: getattr(self, spec.name) for spec in layout.SERIES}
+        names = [spec.name for spec in layout.FILTER]
+        if unfit := set(names) ^ set(given):
+            raise ValueError(f"the summary does not fit the layout: {', '.join(sorted(unfit))}")
+        lengths = layout.sizes(*np.shape(self.nis))
+        arrays = {}
+        for spec in layout.FILTER:
+            array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
+            if array.shape != expected:
+                raise ValueError(f"{spec.name} has shape {array.shape}; its dimensions {spec.dims} have {expected}")
+            with np.errstate(over="ignore"):
+                arrays[spec.name] = np.ascontiguousarray(array, dtype=spec.dtype)
+        return arrays
+
+    @staticmethod
+    def of_arrays(arrays: Mapping[str, Array]) -> FilterResult:
+        """Return the result made of arrays by their names in the layout."""
+        series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
+        return FilterResult({spec.name: arrays[spec.name] for spec in layout.SUMMARY}, **series)
+
+    @staticmethod
+    def all_failed(runs: int, times: int) -> FilterResult:
+        """Return the result of runs that ended before there was anything to count."""
+        lengths = layout.sizes(runs, times)
+        empty: dict[str, Array] = {}
+        for spec in layout.FILTER:
+            fill = np.nan if spec.dtype.startswith("<f") else 0
+            empty[spec.name] = np.full(layout.shape(spec, lengths), fill, dtype=spec.dtype)
+        empty["failed"][:] = 1
+        empty["failed_epoch"][:] = -1
+        return FilterResult.of_arrays(empty)
+
+
+@dataclass(frozen=True)
+class BlockResult:
+    """Everything that one block of runs of one case leaves behind.
+
+    Attributes:
+        case_index: Number of the case in the campaign, from 0.
+        case_id: Hash of the case's content without its filters.
+        runs: Numbers of the runs, ascending.
+        time_s: Stored epochs, (times,), s.
+        relative: True relative state, RTN, (runs or 1, times, 6), m and m/s.
+        filters: One result per filter, by its name.
+        failures: Runs and filters that failed.
+        shared_truth: Whether all runs of the *case* fly the same truth (nothing is dispersed). It can't be seen
+            from ``relative``: a block of one run has one trajectory either way.
+    """
+
+    case_index: int
+    case_id: str
+    runs: tuple[int, ...]
+    time_s: Array
+    relative: Array
+    filters: Mapping[str, FilterResult]
+    failures: tuple[Failure, ...]
+    shared_truth: bool
+
+
+@dataclass(frozen=True)
+class CaseHeader:
+    """A case as the results file knows it: ``variables`` are the swept values, ``filters`` the names in order."""
+
+    id: str
+    label: str
+    variables: Mapping[str, Any]
+    filters: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ResultHeader:
+    """The facts of a campaign that its results file carries.
+
+    Attributes:
+        campaign_name: Name of the campaign.
+        text: The campaign file, word for word.
+        content: Validated content with all defaults, fit for JSON.
+        hash: Hash of the content that must not change between runs of one result.
+        seed: Seed of the campaign.
+        runs: Number of runs planned.
+        cases: The cases in order.
+        constants: Constants of the models by name (unit in the name), as attributes of ``/constants``.
+    """
+
+    campaign_name: str
+    text: str
+    content: Mapping[str, Any]
+    hash: str
+    seed: int
+    runs: int
+    cases: tuple[CaseHeader, ...]
+    constants: Mapping[str, float | int | str] = field(default_factory=dict)

@@ -1,0 +1,62 @@
+"""Results as tidy CSV: one observation a row, one variable a column, units in the column names."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.results import layout
+from relnav_sim.results.atomic import written_whole
+from relnav_sim.results.read import Results
+
+
+def export_summary(results: Results, path: Path) -> None:
+    """Write the per-run statistics: one row per case, filter and run.
+
+    Args:
+        results: An open result.
+        path: The CSV file; replaced as a whole. NaN is an empty field.
+
+    Raises:
+        OSError: The file can't be written.
+    """
+    summary = results.summary()
+    columns = [column.tolist() for column in summary.values()]
+    _write(path, list(summary), zip(*columns, strict=True))
+
+
+def export_series(results: Results, path: Path) -> None:
+    """Write the stored series: one row per case, filter, run and stored epoch.
+
+    Args:
+        results: An open result.
+        path: The CSV file; replaced as a whole. NaN is an empty field.
+
+    Raises:
+        OSError: The file can't be written.
+    """
+    states = [f"{name}_{{}}_{layout.quantity_unit(name)}" for name in layout.COMPONENTS]
+    parts = [name.format(what) for what in ("truth", "error", "sigma") for name in states]
+    _write(path, ["case_label", "filter", "run", "time_s", *parts, "nis", "nees"], _series_rows(results))
+
+
+def _series_rows(results: Results) -> Iterator[Iterable[Any]]:
+    for label, header in zip(results.cases, results.headers, strict=True):
+        for name in header.filters:
+            for run in results.case_runs(header.id, name).tolist():
+                one = results.series(header.id, name, run)
+                numbers = [one.time_s[:, None], one.truth, one.error, one.sigma, one.nis[:, None], one.nees[:, None]]
+                for row in np.hstack(numbers).tolist():
+                    yield [label, name, run, *row]
+
+
+def _write(path: Path, heading: list[str], rows: Iterable[Iterable[Any]]) -> None:
+    with written_whole(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heading)
+        for row in rows:
+            writer.writerow(["" if value != value else value for value in row])

@@ -1,0 +1,90 @@
+"""The facts of a campaign in its results file: written once, read back the same."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+import h5py
+
+from relnav_sim.results import layout, store
+from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
+from relnav_sim.results.provenance import Provenance
+
+
+def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) -> None:
+    """Write the attributes of the file, its constants, and a group with attributes for each case."""
+    file.attrs.update(
+        {
+            "format": layout.FORMAT,
+            "format_version": layout.FORMAT_VERSION,
+            "campaign_name": header.campaign_name,
+            "campaign_text": header.text,
+            "campaign_content": json.dumps(header.content),
+            "campaign_hash": header.hash,
+            "seed": str(header.seed),
+            "runs": header.runs,
+        }
+    )
+    for name, value in asdict(provenance).items():
+        file.attrs[name] = json.dumps(value) if isinstance(value, dict) else value
+    file.create_group("constants").attrs.update(dict(header.constants))
+    for index, case in enumerate(header.cases):
+        file.create_group(layout.case_group(index)).attrs.update(
+            {
+                "id": case.id,
+                "label": case.label,
+                "variables": json.dumps(dict(case.variables)),
+                "filters": json.dumps(case.filters),
+            }
+        )
+
+
+def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
+    """Return what `write_header` wrote.
+
+    Raises:
+        ResultsError: Something is missing or damaged.
+    """
+    groups = [store.subgroup(file, name) for name in sorted(store.names(file)) if name.startswith("case_")]
+    cases = tuple(
+        CaseHeader(
+            store.text(group, "id"),
+            store.text(group, "label"),
+            store.json_value(group, "variables", dict),
+            tuple(str(name) for name in store.json_value(group, "filters", list)),
+        )
+        for group in sorted(groups, key=_number)
+    )
+    try:
+        seed = int(store.text(file, "seed"))
+    except ValueError:
+        raise ResultsError(f"{file.filename}: the seed is no whole number") from None
+    header = ResultHeader(
+        campaign_name=store.text(file, "campaign_name"),
+        text=store.text(file, "campaign_text"),
+        content=store.json_value(file, "campaign_content", dict),
+        hash=store.text(file, "campaign_hash"),
+        seed=seed,
+        runs=int(store.number(file, "runs")),
+        cases=cases,
+        constants=store.attributes(store.subgroup(file, "constants")),
+    )
+    provenance = Provenance(
+        versions=store.json_value(file, "versions", dict),
+        git_commit=store.text(file, "git_commit"),
+        git_dirty=int(store.number(file, "git_dirty")),
+        machine=store.json_value(file, "machine", dict),
+        command_line=store.text(file, "command_line"),
+        started=store.text(file, "started"),
+        finished=store.text(file, "finished"),
+        wall_time_s=store.number(file, "wall_time_s"),
+    )
+    return header, provenance
+
+
+def _number(group: h5py.Group) -> int:
+    digits = group.name.rpartition("_")[2]
+    if not digits.isdecimal():
+        raise ResultsError(f"{group.file.filename}: {group.name} is no case")
+    return int(digits)

@@ -1,0 +1,229 @@
+"""The layout of a results file: every dataset named once, with dimensions, units, type and meaning.
+
+Writers, readers, exports and the documentation all take their names from here. A dataset's ``column`` tells how
+it becomes flat columns of a table: each dimension in braces is replaced by the label of an entry along it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+FORMAT = "relnav result"
+SHARD_FORMAT = "relnav shard"
+FORMAT_VERSION = 1
+
+COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
+QUANTITIES = (*COMPONENTS, "r", "v")
+NORMS = ("r", "v")
+SPANS = ("whole", "settled")
+BLOCKS = ("full", "position", "velocity")
+BLOCK_SIZES = (6, 3, 3)
+LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
+PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
+
+STATE_UNITS = "m; m/s"
+_STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
+_QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A dimension, stored beside the datasets that use it as a coordinate of the same name.
+
+    Attributes:
+        name: Name of the dimension and of its coordinate dataset.
+        dtype: NumPy type string; ``str`` for text.
+        units: SI unit, ``1`` for numbers without one, empty for text.
+        long_name: What the coordinate is.
+        values: The entries where the layout fixes them, else None: the data decide.
+    """
+
+    name: str
+    dtype: str
+    units: str
+    long_name: str
+    values: tuple[str, ...] | tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """One dataset of a group.
+
+    Attributes:
+        name: Name in the file and in `FilterResult`.
+        dims: Names of its dimensions in order.
+        dtype: NumPy type string.
+        units: SI unit, or ``1``.
+        long_name: What it is, with its definition.
+        column: Template of its flat column names; empty where it has none.
+        timing: Measured time, thus outside every promise of equal bits.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    column: str = ""
+    timing: bool = False
+
+
+DIMENSIONS = {
+    dimension.name: dimension
+    for dimension in (
+        Dimension("run", "<i8", "1", "number of the run in the campaign, from 0"),
+        Dimension("time", "<f8", "s", "time since the start of the run"),
+        Dimension("trajectory", "<i8", "1", "run that flew this truth; -1: all runs share it"),
+        Dimension("component", "str", "", "component of the relative state, RTN axes of the chief", COMPONENTS),
+        Dimension("quantity", "str", "", "component of the error, or norm: r position, v velocity", QUANTITIES),
+        Dimension("norm", "str", "", "norm of the error: r position, v velocity", NORMS),
+        Dimension("span", "str", "", "whole: every epoch after the start; settled: t >= settle_s", SPANS),
+        Dimension("block", "str", "", "part of the state that is tested against its covariance", BLOCKS),
+        Dimension("level", "<f8", "1", "probability that the error ellipsoid should hold", LEVELS),
+        Dimension("probability", "<f8", "1", "probability of the quantile", PROBABILITIES),
+        Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
+    )
+}
+
+_F8, _F4, _I8, _I1 = "<f8", "<f4", "<i8", "|i1"
+_PER_QUANTITY = ("run", "span", "quantity")
+_PER_SPAN = ("run", "span")
+_PER_BLOCK = ("run", "span", "block")
+
+SUMMARY = (
+    Dataset("failed", ("run",), _I1, "1", "1: the filter or its run failed; statistics end before that", "failed"),
+    Dataset("failed_epoch", ("run",), _I8, "1", "first failed epoch; -1: none, or not known", "failed_epoch"),
+    Dataset("epochs", _PER_SPAN, _I8, "1", "epochs that the statistics cover", "{span}epochs"),
+    Dataset("updates", _PER_SPAN, _I8, "1", "epochs with a measurement", "{span}updates"),
+    Dataset(
+        "mean", _PER_QUANTITY, _F8, STATE_UNITS,
+        f"mean over epochs of the error, estimate minus truth {_QUANTITY_NOTE}", "{span}{quantity}_mean_{unit}",
+    ),
+    Dataset(
+        "std", _PER_QUANTITY, _F8, STATE_UNITS,
+        f"standard deviation over epochs of the error, divisor n {_QUANTITY_NOTE}", "{span}{quantity}_std_{unit}",
+    ),
+    Dataset(
+        "rms", _PER_QUANTITY, _F8, STATE_UNITS,
+        f"root mean square over epochs of the error {_QUANTITY_NOTE}", "{span}{quantity}_rms_{unit}",
+    ),
+    Dataset(
+        "max", _PER_QUANTITY, _F8, STATE_UNITS,
+        f"largest absolute error over epochs {_QUANTITY_NOTE}", "{span}{quantity}_max_{unit}",
+    ),
+    Dataset(
+        "quantile", ("run", "span", "norm", "probability"), _F8, STATE_UNITS,
+        "smallest |position error| and |velocity error| that this share of epochs does not exceed; from counts in "
+        "logarithmic bins, off by at most their relative width, 1/32", "{span}{norm}_{probability}_{unit}",
+    ),
+    Dataset(
+        "anees", _PER_BLOCK, _F8, "1",
+        "mean over epochs of e^T P^-1 e divided by the dimension; 1 when consistent", "{span}{block}anees",
+    ),
+    Dataset(
+        "coverage", (*_PER_BLOCK, "level"), _F8, "1",
+        "share of epochs with the error inside the ellipsoid of this probability", "{span}{block}coverage_{level}",
+    ),
+    Dataset(
+        "nis_mean", _PER_SPAN, _F8, "1",
+        "mean over updates of the normalised innovation squared; the measurement's dimension when consistent",
+        "{span}nis_mean",
+    ),
+    Dataset(
+        "nis_lag1", _PER_SPAN, _F8, "1",
+        "autocorrelation of the NIS between successive updates; 0 when consistent", "{span}nis_lag1",
+    ),
+    Dataset(
+        "log_likelihood", _PER_SPAN, _F8, "1",
+        "sum over epochs of the log likelihood of the measurements", "{span}log_likelihood",
+    ),
+    Dataset(
+        "convergence", ("run",), _F8, "s",
+        "first time from which |position error| stays below convergence_m for convergence_hold_s; NaN: never",
+        "convergence_s",
+    ),
+    Dataset(
+        "convergence_relative", ("run",), _F8, "s",
+        "first time from which |position error| stays for convergence_hold_s below 3 times its settled rms, "
+        "rounded up by at most 1/32 to a bin edge; NaN: never", "convergence_relative_s",
+    ),
+    Dataset(
+        "convergence_final", ("run",), _F8, "s",
+        "first time from which |position error| stays below convergence_m to the end; NaN: never",
+        "convergence_final_s",
+    ),
+    Dataset(
+        "cpu_per_step", ("run",), _F8, "us", "CPU time of the filter per run and epoch, mean of its block",
+        "cpu_us_per_step", timing=True,
+    ),
+)  # fmt: skip
+
+SERIES = (
+    Dataset(
+        "error", ("run", "time", "component"), _F4, STATE_UNITS,
+        f"error, estimate minus truth, RTN; NaN once failed {_STATE_NOTE}",
+    ),
+    Dataset(
+        "sigma", ("run", "time", "component"), _F4, STATE_UNITS,
+        f"standard deviation that the filter states {_STATE_NOTE}",
+    ),
+    Dataset("nis", ("run", "time"), _F4, "1", "normalised innovation squared; NaN: no measurement"),
+    Dataset("nees", ("run", "time"), _F4, "1", "normalised estimation error squared e^T P^-1 e, 6 components"),
+)  # fmt: skip
+
+TRUTH = Dataset(
+    "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
+    f"true state of the deputy relative to the chief, RTN {_STATE_NOTE}",
+)  # fmt: skip
+
+FAILURES = (
+    Dataset("run", ("failure",), _I8, "1", "run that failed"),
+    Dataset("epoch", ("failure",), _I8, "1", "first failed epoch; -1: not known"),
+    Dataset("filter", ("failure",), "str", "", "filter that failed; empty: the whole run"),
+    Dataset("reason", ("failure",), "str", "", "why, in words"),
+)
+
+FILTER = (*SUMMARY, *SERIES)
+RESERVED_NAMES = frozenset({"trajectory", "time", "component", "truth", "failures"})
+"""Names inside a case's group that no filter may take."""
+
+_LABELS = {
+    "span": ("", "settled_"),
+    "quantity": QUANTITIES,
+    "norm": NORMS,
+    "block": ("", "position_", "velocity_"),
+    "level": ("50", "90", "95", "99", "9999"),
+    "probability": ("median", "p95", "p99", "p997"),
+}
+
+
+def case_group(index: int) -> str:
+    """Return the name of a case's group."""
+    return f"case_{index:03d}"
+
+
+def quantity_unit(quantity: str) -> str:
+    """Return the unit of a component or norm as it stands in column names: ``m`` or ``m_s``."""
+    return "m_s" if quantity.startswith("v") else "m"
+
+
+def columns(dataset: Dataset) -> Iterator[tuple[str, tuple[int, ...]]]:
+    """Yield the flat columns of a summary dataset: name, and index behind the run axis."""
+    dims = dataset.dims[1:]
+    for index in itertools.product(*(range(len(_LABELS[dim])) for dim in dims)):
+        labels = {dim: _LABELS[dim][i] for dim, i in zip(dims, index, strict=True)}
+        quantity = labels.get("quantity", labels.get("norm", ""))
+        yield dataset.column.format(**labels, unit=quantity_unit(quantity)), index
+
+
+def sizes(runs: int, times: int, trajectories: int = 1) -> dict[str, int]:
+    """Return the length of every dimension for so many runs, stored epochs and truths."""
+    fixed = {name: len(d.values) for name, d in DIMENSIONS.items() if d.values is not None}
+    return fixed | {"run": runs, "time": times, "trajectory": trajectories}
+
+
+def shape(dataset: Dataset, lengths: dict[str, int]) -> tuple[int, ...]:
+    """Return the shape of a dataset for the given lengths of the dimensions."""
+    return tuple(lengths[dim] for dim in dataset.dims)

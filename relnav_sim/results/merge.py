@@ -1,0 +1,189 @@
+"""Shards into one results file: verified, in run order, the same bits whatever the split into blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.results import layout, store
+from relnav_sim.results.atomic import written_whole
+from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, ResultHeader, ResultsError
+from relnav_sim.results.header import write_header
+from relnav_sim.results.provenance import Provenance
+from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
+
+
+def merge_shards(
+    shards: Iterable[Path], header: ResultHeader, provenance: Provenance, out: Path, complete: bool = True
+) -> None:
+    """Unite shards by case, filter and run into the results file.
+
+    A run that two shards hold counts once if they agree bit for bit (measured times aside). Memory is bounded
+    by the largest shard. Runs beyond ``header.runs`` are left out.
+
+    Args:
+        shards: The shards, in any order.
+        header: The campaign.
+        provenance: How the result came about.
+        out: The results file; replaced as a whole or left as it was.
+        complete: Refuse to write while runs are missing; else write what there is.
+
+    Raises:
+        ResultsError: A shard is damaged or foreign, two shards disagree, or runs are missing.
+        OSError: The file can't be written.
+    """
+    for case in header.cases:
+        if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
+            raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
+    by_case = _by_case([read_shard_info(path) for path in shards], header)
+    if complete and (missing := missing_runs(by_case, header)):
+        raise ResultsError("runs are missing: " + "; ".join(missing))
+    with written_whole(out) as temporary, store.create_file(temporary) as file:
+        write_header(file, header, provenance)
+        for index, case in enumerate(header.cases):
+            if by_case[case.id]:
+                _CaseWriter(file[layout.case_group(index)], case, by_case[case.id], header.runs).write()
+
+
+def missing_runs(by_case: Mapping[str, Sequence[ShardInfo]], header: ResultHeader) -> list[str]:
+    """Return a sentence per case and filter that names the runs no shard holds."""
+    sentences = []
+    for case in header.cases:
+        for name in case.filters:
+            held = {run for info in by_case.get(case.id, ()) if name in info.filters for run in info.runs}
+            if absent := [run for run in range(header.runs) if run not in held]:
+                sentences.append(f"case {case.label}, filter {name}: {run_ranges(absent)}")
+    return sentences
+
+
+def run_ranges(runs: Iterable[int]) -> str:
+    """Return run numbers in words: ``run 3``, ``runs 0-7, 9``."""
+    ordered = sorted(runs)
+    spans: list[list[int]] = []
+    for run in ordered:
+        if spans and run == spans[-1][1] + 1:
+            spans[-1][1] = run
+        else:
+            spans.append([run, run])
+    words = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in spans)
+    return f"run{'s' if len(ordered) > 1 else ''} {words}"
+
+
+def _by_case(infos: Sequence[ShardInfo], header: ResultHeader) -> dict[str, list[ShardInfo]]:
+    known = {case.id: case for case in header.cases}
+    by_case: dict[str, list[ShardInfo]] = {case_id: [] for case_id in known}
+    for info in sorted(infos, key=lambda info: (info.runs, info.filters, str(info.path))):
+        if info.campaign_hash != header.hash:
+            raise ResultsError(f"{info.path}: the shard belongs to another campaign")
+        if info.case_id not in known:
+            raise ResultsError(f"{info.path}: the campaign has no case {info.case_id}")
+        if unknown := set(info.filters) - set(known[info.case_id].filters):
+            raise ResultsError(f"{info.path}: the campaign has no filter {sorted(unknown)[0]!r} in this case")
+        by_case[info.case_id].append(info)
+    return by_case
+
+
+class _CaseWriter:
+    """Writes one case: creates its datasets at full size, then fills the rows shard by shard."""
+
+    def __init__(self, group: h5py.Group, case: CaseHeader, shards: Sequence[ShardInfo], runs: int) -> None:
+        self.group, self.case, self.shards, self.runs = group, case, shards, runs
+        self.rows = {
+            name: sorted({run for s in shards if name in s.filters for run in s.runs if run < runs})
+            for name in case.filters
+        }
+        self.order = {name: i for i, name in enumerate(case.filters)}
+        self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
+        self.failures: set[Failure] = set()
+        shared = {s.shared_truth for s in shards}
+        if len(shared) > 1:
+            raise ResultsError(f"case {case.label}: some shards share one truth between runs, others don't")
+        held = sorted({run for s in shards for run in s.runs if run < runs})
+        self.trajectories = [-1] if shared == {True} else held
+        self.truth_done = np.zeros(len(self.trajectories), dtype=bool)
+        self.time_s: Array | None = None
+
+    def write(self) -> None:
+        for info in self.shards:
+            _, block = read_shard(info.path)
+            if self.time_s is None:
+                self.time_s = block.time_s
+                self._create(block.time_s)
+            elif not _same_bits(self.time_s, block.time_s):
+                raise ResultsError(f"{info.path}: its epochs differ from those of the other shards of this case")
+            self._fill(info, block)
+        failures = sorted(self.failures, key=lambda f: (f.run, self.order.get(f.filter, -1), f.epoch, f.reason))
+        group = self.group.create_group("failures")
+        store.write_dimensions(group, layout.FAILURES, failure=range(len(failures)))
+        for spec in layout.FAILURES:
+            store.write(group, spec, [getattr(failure, spec.name) for failure in failures])
+
+    def _create(self, time_s: Array) -> None:
+        store.write_dimensions(self.group, [layout.TRUTH], time=time_s, trajectory=self.trajectories)
+        store.create(self.group, layout.TRUTH, (len(self.trajectories), len(time_s), len(layout.COMPONENTS)))
+        for name, runs in self.rows.items():
+            if not runs:
+                continue
+            group = self.group.create_group(name)
+            group.attrs.update({"case": self.case.label, "filter": name})
+            store.write_dimensions(group, layout.FILTER, run=runs, time=time_s)
+            lengths = layout.sizes(len(runs), len(time_s))
+            for spec in layout.FILTER:
+                store.create(group, spec, layout.shape(spec, lengths))
+
+    def _fill(self, info: ShardInfo, block: BlockResult) -> None:
+        where = f"case {self.case.label}"
+        truth = {"truth": block.relative}
+        owners = self.trajectories if block.shared_truth else block.runs
+        _fill_rows(self.group, (layout.TRUTH,), truth, owners, self.trajectories, self.truth_done, f"{where}, truth")
+        for name in info.filters:
+            arrays = block.filters[name].arrays()
+            rows, done = self.rows[name], self.done[name]
+            if rows:
+                group = self.group[name]
+                _fill_rows(group, layout.FILTER, arrays, block.runs, rows, done, f"{where}, filter {name}")
+        self.failures |= {failure for failure in block.failures if failure.run < self.runs}
+
+
+def _fill_rows(
+    group: h5py.Group,
+    specs: Sequence[layout.Dataset],
+    arrays: Mapping[str, Array],
+    owners: Sequence[int],
+    rows: Sequence[int],
+    done: NDArray[np.bool_],
+    where: str,
+) -> None:
+    """Write the arrays' rows, which belong to ``owners``, at their places in ``rows``; compare those already there."""
+    place = {run: i for i, run in enumerate(rows)}
+    here = [(i, place[run]) for i, run in enumerate(owners) if run in place]
+    for i, row in here:
+        if done[row]:
+            for spec in specs:
+                if not spec.timing and not _same_bits(arrays[spec.name][i], group[spec.name][row]):
+                    raise ResultsError(f"{where}: two shards disagree about {run_ranges([rows[row]])} ({spec.name})")
+    fresh = [(i, row) for i, row in here if not done[row]]
+    for first, last in _stretches(fresh):
+        source, target = slice(fresh[first][0], fresh[last][0] + 1), slice(fresh[first][1], fresh[last][1] + 1)
+        for spec in specs:
+            group[spec.name][target] = arrays[spec.name][source]
+    done[[row for _, row in fresh]] = True
+
+
+def _stretches(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return first and last positions of the stretches where source and target rows both count up by one."""
+    stretches: list[tuple[int, int]] = []
+    for n, (i, row) in enumerate(pairs):
+        if stretches and pairs[n - 1] == (i - 1, row - 1):
+            stretches[-1] = (stretches[-1][0], n)
+        else:
+            stretches.append((n, n))
+    return stretches
+
+
+def _same_bits(a: Array, b: Array) -> bool:
+    return a.shape == b.shape and a.dtype == b.dtype and np.asarray(a).tobytes() == np.asarray(b).tobytes()

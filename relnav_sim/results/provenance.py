@@ -1,0 +1,119 @@
+"""Where a result came from: versions, source revision, machine, times, command."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+_PACKAGES = ("numpy", "scipy", "h5py", "joblib", "pydantic", "PyYAML", "scikit-learn", "threadpoolctl")
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """How a result came about.
+
+    Attributes:
+        versions: Version of Python, of relnav and of the packages that compute, by name.
+        git_commit: Commit of relnav's source, empty where it does not run from a git work tree.
+        git_dirty: 1 if that source had changes, 0 if not, -1 if not known.
+        machine: Operating system, processor and number of cores.
+        command_line: The command that ran the campaign.
+        started: Start, UTC, ISO 8601.
+        finished: End, UTC, ISO 8601.
+        wall_time_s: Seconds of wall time that the simulation took.
+    """
+
+    versions: dict[str, str]
+    git_commit: str
+    git_dirty: int
+    machine: dict[str, str]
+    command_line: str
+    started: str
+    finished: str
+    wall_time_s: float
+
+
+def collect_provenance(
+    started: datetime, finished: datetime, wall_time_s: float, command: Sequence[str] | None = None
+) -> Provenance:
+    """Return the provenance of a campaign that ran here.
+
+    Args:
+        started: Start, with its time zone.
+        finished: End, with its time zone.
+        wall_time_s: Seconds of wall time.
+        command: The command line; default: this process' own.
+    """
+    commit, dirty = source_revision(Path(__file__).resolve().parents[1])
+    command = sys.argv if command is None else command
+    words = [Path(command[0]).name, *command[1:]] if command else []
+    return Provenance(
+        versions=_versions(),
+        git_commit=commit,
+        git_dirty=dirty,
+        machine=_machine(),
+        command_line=shlex.join(words),
+        started=started.astimezone(UTC).isoformat(timespec="seconds"),
+        finished=finished.astimezone(UTC).isoformat(timespec="seconds"),
+        wall_time_s=wall_time_s,
+    )
+
+
+def source_revision(package: Path) -> tuple[str, int]:
+    """Return the commit of the work tree that tracks this package, and 1 if it has changes, 0 if not.
+
+    A package that was installed into some environment may lie inside a stranger's work tree without being part
+    of it; then, and without git, the commit is empty and the flag -1.
+    """
+    if _git(package, "ls-files", "--error-unmatch", "__init__.py") is None:
+        return "", -1
+    commit = _git(package, "rev-parse", "HEAD")
+    changes = _git(package, "status", "--porcelain", "--", ".")
+    if commit is None or changes is None:
+        return "", -1
+    return commit, int(bool(changes))
+
+
+def _git(directory: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(directory), *arguments], capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _versions() -> dict[str, str]:
+    from relnav_sim import __version__
+
+    versions = {"relnav": __version__, "python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def _machine() -> dict[str, str]:
+    return {"system": platform.platform(), "processor": _processor(), "cores": str(os.cpu_count() or 0)}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    for line in lines:
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

@@ -1,0 +1,283 @@
+"""Reading a results file: labelled columns and series, nothing to know about HDF5."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.results import layout, store
+from relnav_sim.results.block import Failure, ResultsError
+from relnav_sim.results.header import read_header
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+_SERIES = {spec.name: spec for spec in layout.SERIES}
+
+
+@dataclass(frozen=True)
+class Series:
+    """One run of one filter at the stored epochs.
+
+    Attributes:
+        case: Label of the case.
+        filter: Name of the filter.
+        run: Number of the run.
+        time_s: Stored epochs (K,), s.
+        error: Estimate minus truth, RTN, (K, 6), m and m/s; NaN once the filter failed.
+        sigma: Standard deviations that the filter states, (K, 6).
+        nis: Normalised innovation squared (K,); NaN without a measurement.
+        nees: Normalised estimation error squared (K,).
+        truth: True relative state, RTN, (K, 6).
+    """
+
+    case: str
+    filter: str
+    run: int
+    time_s: Array
+    error: Array
+    sigma: Array
+    nis: Array
+    nees: Array
+    truth: Array
+
+
+class Results:
+    """An open results file; close it, or use it in a ``with`` statement.
+
+    Wherever a case is asked for, its number, its label or its id will do. Arrays hold one row per run, in the
+    order of `case_runs`.
+
+    Attributes:
+        path: The file.
+        campaign_name: Name of the campaign.
+        campaign_text: The campaign file, word for word.
+        campaign_content: Its validated content with all defaults.
+        campaign_hash: Hash of the content.
+        seed: Seed of the campaign.
+        planned_runs: Number of runs the campaign asked for.
+        headers: The cases with id, label, swept variables and filter names.
+        cases: Labels of the cases, in order.
+        filters: Names of all filters, in order.
+        constants: Constants of the models by name.
+        provenance: Versions, source revision, machine, times, command.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = store.open_checked(path, layout.FORMAT)
+        try:
+            header, self.provenance = read_header(self._file)
+        except ResultsError:
+            self._file.close()
+            raise
+        self.campaign_name = header.campaign_name
+        self.campaign_text = header.text
+        self.campaign_content = dict(header.content)
+        self.campaign_hash = header.hash
+        self.seed = header.seed
+        self.planned_runs = header.runs
+        self.constants = dict(header.constants)
+        self.headers = header.cases
+        self.cases = tuple(case.label for case in header.cases)
+        self.filters = tuple(dict.fromkeys(name for case in header.cases for name in case.filters))
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @property
+    def runs(self) -> tuple[int, ...]:
+        """Numbers of the runs that any case and filter holds."""
+        held = {run for i, case in enumerate(self.headers) for name in case.filters for run in self.case_runs(i, name)}
+        return tuple(sorted(held))
+
+    def variables(self, case: int | str) -> dict[str, Any]:
+        """Return the swept values of a case, by their path in the campaign."""
+        return dict(self.headers[self.case_index(case)].variables)
+
+    def case_index(self, case: int | str) -> int:
+        """Return the number of the case with this number, label or id.
+
+        Raises:
+            ResultsError: There is none.
+        """
+        for index, header in enumerate(self.headers):
+            if case in (index, header.label, header.id):
+                return index
+        raise ResultsError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
+
+    def case_runs(self, case: int | str, filter: str) -> NDArray[np.int64]:
+        """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
+        index = self._check(case, filter)
+        group = self._case(index)
+        if filter not in store.names(group):
+            return np.empty(0, dtype=np.int64)
+        return store.read(store.subgroup(group, filter), layout.DIMENSIONS["run"])
+
+    def missing(self) -> dict[tuple[str, str], tuple[int, ...]]:
+        """Return the planned runs that the file does not hold, by case label and filter; empty when finished."""
+        planned = range(self.planned_runs)
+        missing = {}
+        for index, case in enumerate(self.headers):
+            for name in case.filters:
+                held = set(self.case_runs(index, name).tolist())
+                if absent := tuple(run for run in planned if run not in held):
+                    missing[case.label, name] = absent
+        return missing
+
+    def summary(self) -> dict[str, NDArray[Any]]:
+        """Return the per-run statistics as flat columns.
+
+        Rows are case x filter x run in order. Columns: ``case`` (number), ``case_label``, ``filter``, ``run``,
+        ``failed``, ``failed_epoch``, then those of docs/results-file.md, for example ``r_rms_m``,
+        ``settled_x_mean_m``, ``convergence_s``, ``anees``, ``coverage_95``, ``cpu_us_per_step``.
+        """
+        columns: dict[str, list[NDArray[Any]]] = {name: [] for name in ("case", "case_label", "filter", "run")}
+        for index, case in enumerate(self.headers):
+            for name in case.filters:
+                runs = self.case_runs(index, name)
+                columns["case"].append(np.full(len(runs), index))
+                columns["case_label"].append(np.full(len(runs), case.label))
+                columns["filter"].append(np.full(len(runs), name))
+                columns["run"].append(runs)
+                for spec in layout.SUMMARY:
+                    data = self._filter_data(index, name, spec) if len(runs) else None
+                    for column, place in layout.columns(spec):
+                        where: tuple[Any, ...] = (slice(None), *place)
+                        part = np.empty(0, dtype=spec.dtype) if data is None else data[where]
+                        columns.setdefault(column, []).append(part)
+        summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
+        if "failed" in summary:
+            summary["failed"] = summary["failed"].astype(bool)
+        return summary
+
+    def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
+        """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""
+        specs = {spec.name: spec for spec in layout.SUMMARY}
+        if name not in specs:
+            raise ResultsError(f"no statistic {name!r}; there are {', '.join(specs)}")
+        return self._filter_data(self._check(case, filter), filter, specs[name])
+
+    def time_s(self, case: int | str) -> Array:
+        """Return the stored epochs of a case, (K,), s."""
+        return self._shared(self.case_index(case), layout.DIMENSIONS["time"])
+
+    def truth(self, case: int | str) -> Array:
+        """Return the true relative states of a case, RTN, (runs or 1, K, 6); 1 where all runs share them."""
+        return self._shared(self.case_index(case), layout.TRUTH)
+
+    def error(self, case: int | str, filter: str) -> Array:
+        """Return the errors, estimate minus truth, RTN, (runs, K, 6), m and m/s; NaN once a run failed."""
+        return self._series(case, filter, "error")
+
+    def sigma(self, case: int | str, filter: str) -> Array:
+        """Return the standard deviations that the filter states, (runs, K, 6), m and m/s."""
+        return self._series(case, filter, "sigma")
+
+    def nis(self, case: int | str, filter: str) -> Array:
+        """Return the NIS (runs, K); NaN without a measurement."""
+        return self._series(case, filter, "nis")
+
+    def nees(self, case: int | str, filter: str) -> Array:
+        """Return the normalised estimation errors squared, (runs, K)."""
+        return self._series(case, filter, "nees")
+
+    def series(self, case: int | str, filter: str, run: int) -> Series:
+        """Return one run of one filter at the stored epochs.
+
+        Raises:
+            ResultsError: The file holds no such case, filter or run.
+        """
+        index = self._check(case, filter)
+        rows = np.flatnonzero(self.case_runs(index, filter) == run)
+        if len(rows) == 0:
+            raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run {run}")
+        row = int(rows[0])
+        parts = {name: self._filter_data(index, filter, spec, row).astype(np.float64) for name, spec in _SERIES.items()}
+        owners = self._shared(index, layout.DIMENSIONS["trajectory"])
+        own = np.flatnonzero((owners == run) | (owners == -1))
+        if len(own) == 0:
+            raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no truth of run {run}")
+        truth = self._shared(index, layout.TRUTH, int(own[0]))
+        return Series(self.cases[index], filter, run, self.time_s(index), **parts, truth=truth)
+
+    def failures(self, case: int | str | None = None) -> tuple[tuple[str, Failure], ...]:
+        """Return the failures as (case label, failure), of one case or of all."""
+        found = []
+        for index in range(len(self.headers)) if case is None else [self.case_index(case)]:
+            group = self._case(index)
+            if "failures" not in store.names(group):
+                continue
+            part = store.subgroup(group, "failures")
+            table = {spec.name: store.read(part, spec) for spec in layout.FAILURES}
+            for run, name, epoch, reason in zip(
+                table["run"], table["filter"], table["epoch"], table["reason"], strict=True
+            ):
+                found.append((self.cases[index], Failure(int(run), name, int(epoch), reason)))
+        return tuple(found)
+
+    def to_xarray(self) -> xarray.DataTree:
+        """Return the file as a tree of lazily read xarray datasets, ``tree["case_000/ekf"].ds["rms"]``.
+
+        Raises:
+            ResultsError: xarray is not installed.
+        """
+        if importlib.util.find_spec("xarray") is None:
+            raise ResultsError("xarray is not installed; pip install 'relnav-sim[xarray]' brings it")
+        from relnav_sim.results.labelled import labelled_tree
+
+        return labelled_tree(self.path, self._file)
+
+    def _case(self, index: int) -> h5py.Group:
+        return store.subgroup(self._file, layout.case_group(index))
+
+    def _shared(self, index: int, spec: layout.Dataset | layout.Dimension, rows: Any = ...) -> NDArray[Any]:
+        group = self._case(index)
+        if "failures" not in store.names(group):
+            raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no results yet")
+        return store.read(group, spec, rows)
+
+    def _check(self, case: int | str, filter: str) -> int:
+        index = self.case_index(case)
+        names = self.headers[index].filters
+        if filter not in names:
+            raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
+        return index
+
+    def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
+        group = self._case(index)
+        if filter not in store.names(group):
+            raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
+        return store.read(store.subgroup(group, filter), spec, rows)
+
+    def _series(self, case: int | str, filter: str, name: str) -> Array:
+        return self._filter_data(self._check(case, filter), filter, _SERIES[name]).astype(np.float64)
+
+
+def open_results(path: str | Path) -> Results:
+    """Open a results file for reading; use it in a ``with`` statement.
+
+    Args:
+        path: The file that `run_campaign` or ``relnav run`` wrote.
+
+    Raises:
+        ResultsError: The file is missing, damaged, or no relnav result.
+    """
+    return Results(Path(path))

@@ -1,0 +1,138 @@
+"""A block whose bad runs cost only themselves: what raises is halved until the run to blame stands alone."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from types import FrameType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign import Case
+from relnav_sim.results import layout
+from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.runner.block import scoring_rules, simulate_block
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import truth_trajectory
+
+Array = NDArray[np.float64]
+
+
+class BlockTimeout(BaseException):
+    """A block has taken longer than it may. Not an `Exception`, so that no filter's own handler swallows it."""
+
+
+def simulate_surviving(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockResult:
+    """Return the results of some runs; a run or a filter that raises is recorded as failed, the others are kept.
+
+    A run's bits do not depend on its block, so the halves may be computed again by themselves.
+    """
+    try:
+        outcome = simulate_block(case, seed, runs, case_index)
+    except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
+        reason = f"{type(error).__name__}: {error}"
+        if len(runs) == 1:
+            return failed_block(case, seed, runs, reason, case_index)
+        return _joined([simulate_surviving(case, seed, half, case_index) for half in _halves(runs)])
+    result = outcome.result
+    for name, reason in outcome.broken.items():
+        alone = _with_filter(case, name)
+        if len(runs) == 1:
+            part = failed_block(alone, seed, runs, reason, case_index, name)
+        else:
+            part = _joined([simulate_surviving(alone, seed, half, case_index) for half in _halves(runs)])
+        result = replace(
+            result, filters={**result.filters, name: part.filters[name]}, failures=(*result.failures, *part.failures)
+        )
+    ordered = {name: result.filters[name] for name in case.config.filters}
+    return replace(result, filters=ordered)
+
+
+def failed_block(
+    case: Case, seed: int, runs: Sequence[int], reason: str, case_index: int = 0, filter: str = ""
+) -> BlockResult:
+    """Return the result of runs of which nothing but the reason for their failure is known.
+
+    Args:
+        case: The case.
+        seed: The campaign's seed.
+        runs: Numbers of the runs.
+        reason: Why, in words.
+        case_index: Number of the case.
+        filter: The filter to blame; empty: the whole run.
+    """
+    times = scoring_rules(case.config).stored_s
+    return BlockResult(
+        case_index=case_index,
+        case_id=case.id,
+        runs=tuple(runs),
+        time_s=times,
+        relative=_truth(case, seed, runs, times),
+        filters={name: FilterResult.all_failed(len(runs), len(times)) for name in case.config.filters},
+        failures=tuple(Failure(run, filter, -1, reason) for run in runs),
+        shared_truth=not case.config.truth.is_dispersed,
+    )
+
+
+def _truth(case: Case, seed: int, runs: Sequence[int], times_s: Array) -> Array:
+    """Return the true relative states at the stored epochs; NaN where the truth itself is what fails."""
+    options = case.config.truth
+    try:
+        trajectory = truth_trajectory(options, case.config.clock.duration_s, RandomSource(seed, tuple(runs)))
+        return trajectory.at(times_s).relative
+    except Exception:  # the failure is recorded with its reason already
+        trajectories = len(runs) if options.is_dispersed else 1
+        return np.full((trajectories, len(times_s), len(layout.COMPONENTS)), np.nan)
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """Raise `BlockTimeout` in the block after so many seconds; main thread only.
+
+    Args:
+        seconds: The limit; None: no limit.
+    """
+    if seconds is None:
+        yield
+        return
+
+    def expire(number: int, frame: FrameType | None) -> None:
+        raise BlockTimeout
+
+    before = signal.signal(signal.SIGALRM, expire)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _halves(runs: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
+    middle = len(runs) // 2
+    return runs[:middle], runs[middle:]
+
+
+def _with_filter(case: Case, name: str) -> Case:
+    return replace(case, config=case.config.model_copy(update={"filters": {name: case.config.filters[name]}}))
+
+
+def _joined(parts: Sequence[BlockResult]) -> BlockResult:
+    """Return blocks of one case as one, in run order."""
+    first = parts[0]
+    relative = first.relative if first.shared_truth else np.concatenate([part.relative for part in parts])
+    return replace(
+        first,
+        runs=tuple(run for part in parts for run in part.runs),
+        relative=relative,
+        filters={name: _joined_filter([part.filters[name] for part in parts]) for name in first.filters},
+        failures=tuple(failure for part in parts for failure in part.failures),
+    )
+
+
+def _joined_filter(parts: Sequence[FilterResult]) -> FilterResult:
+    arrays: list[Mapping[str, np.ndarray]] = [part.arrays() for part in parts]
+    return FilterResult.of_arrays({name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]})

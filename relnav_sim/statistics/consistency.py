@@ -1,0 +1,190 @@
+"""Do errors and innovations match the covariances the filter states? NEES, ellipsoid coverage, NIS.
+
+Definitions: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+section 5.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.results import layout
+from relnav_sim.statistics.moments import Moments, merged, moments, no_moments
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_CHUNK = 2048  # matrices per piece: 36 + 6 numbers each then stay in the cache of one core
+
+
+def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask]:
+    """Return e^T P^-1 e of the whole state and of its position and velocity parts (their marginal covariances).
+
+    Every step is elementwise over the stack, so bits depend neither on the block nor on the chunk. The error is
+    one more row of the Cholesky recursion: that row becomes L^-1 e.
+
+    Args:
+        error: (N, 6).
+        covariance: (N, 6, 6); only the lower triangle is read.
+
+    Returns:
+        NEES (3, N) in the order of `layout.BLOCKS`, and whether the covariance is positive definite (N,). The
+        NEES of a covariance that is not is NaN or meaningless.
+    """
+    nees = np.empty((3, len(error)))
+    definite = np.empty(len(error), dtype=bool)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for start in range(0, len(error), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            columns = np.empty((6, 7, len(error[part])))
+            columns[:, :6] = covariance[part].transpose(2, 1, 0)
+            columns[:, 6] = error[part].T
+            velocity = columns[3:, 3:].copy()
+            definite[part] = _eliminate(columns)
+            _eliminate(velocity)
+            position = _square_sum(columns[:3, 6])
+            nees[0, part] = position + _square_sum(columns[3:, 6])
+            nees[1, part] = position
+            nees[2, part] = _square_sum(velocity[:, 3])
+    return nees, definite
+
+
+def _eliminate(columns: Array) -> Mask:
+    """Turn columns (n, n + 1, N) of [A; e] into those of [L; (L^-1 e)^T] in place; True where A > 0."""
+    n = len(columns)
+    definite = np.ones(columns.shape[-1], dtype=bool)
+    for j in range(n):
+        definite &= columns[j, j] > 0
+        columns[j, j + 1 :] /= np.sqrt(columns[j, j])
+        for k in range(j + 1, n):
+            columns[k, k:] -= columns[j, k:] * columns[j, k]
+    return definite
+
+
+def _square_sum(y: Array) -> Array:
+    return (y[0] * y[0] + y[1] * y[1]) + y[2] * y[2]
+
+
+def chi_square_quantile(probability: float, dof: float) -> float:
+    """Return the value that a chi-square variable of ``dof`` degrees of freedom stays below with a probability."""
+    from scipy.special import gammaincinv
+
+    return float(2 * gammaincinv(dof / 2, probability))
+
+
+@dataclass(frozen=True)
+class NeesSums:
+    """Sums of NEES and counts inside the ellipsoids, per run: count (runs,), total (3, runs), inside (3, 5, runs)."""
+
+    count: NDArray[np.int64]
+    total: Array
+    inside: NDArray[np.int64]
+
+    def anees(self) -> Array:
+        """Return the mean NEES divided by its degrees of freedom, (3, runs); NaN where nothing was counted."""
+        return self.total / np.array(layout.BLOCK_SIZES)[:, None] / _divisor(self.count)
+
+    def coverage(self) -> Array:
+        """Return the share of epochs inside each ellipsoid, (3, 5, runs); NaN where nothing was counted."""
+        return self.inside / _divisor(self.count)
+
+
+def no_nees(runs: int) -> NeesSums:
+    """Return the sums over nothing."""
+    blocks, levels = len(layout.BLOCKS), len(layout.LEVELS)
+    return NeesSums(
+        np.zeros(runs, dtype=np.int64), np.zeros((blocks, runs)), np.zeros((blocks, levels, runs), dtype=np.int64)
+    )
+
+
+def nees_sums(nees: Array, counted: Mask, limits: Array) -> NeesSums:
+    """Return the sums over one stretch.
+
+    Args:
+        nees: (3, runs, epochs), contiguous.
+        counted: Epochs that count (runs, epochs).
+        limits: Chi-square quantiles of `layout.LEVELS` for each block, (3, 5).
+    """
+    if not counted.all():
+        nees = np.where(counted, nees, 0.0)
+    inside = np.empty((*limits.shape, nees.shape[1]), dtype=np.int64)
+    for block, row in enumerate(limits):
+        for level, limit in enumerate(row):
+            inside[block, level] = np.count_nonzero((nees[block] <= limit) & counted, axis=-1)
+    return NeesSums(counted.sum(axis=-1), nees.sum(axis=-1), inside)
+
+
+def merged_nees(a: NeesSums, b: NeesSums) -> NeesSums:
+    """Return the sums over two stretches together."""
+    return NeesSums(a.count + b.count, a.total + b.total, a.inside + b.inside)
+
+
+def nees_limits() -> Array:
+    """Return the chi-square quantiles of `layout.LEVELS` for each block of the state, (3, 5)."""
+    return np.array([[chi_square_quantile(p, n) for p in layout.LEVELS] for n in layout.BLOCK_SIZES])
+
+
+@dataclass(frozen=True)
+class NisSums:
+    """Moments of the NIS over updates, and the products of neighbours for its autocorrelation; arrays (runs,)."""
+
+    moments: Moments
+    products: Array
+    first: Array
+    last: Array
+
+    def mean(self) -> Array:
+        """Return the mean NIS (runs,); NaN without updates."""
+        return self.moments.known(self.moments.mean)[0]
+
+    def autocorrelation(self) -> Array:
+        """Return the lag-1 autocorrelation over successive updates (runs,); NaN for fewer than 3 updates.
+
+        sum (x_i - m)(x_{i+1} - m) / sum (x_i - m)^2 (Box and Jenkins 1976, eq. 2.1.12).
+        """
+        n, mean = self.moments.count, self.moments.mean[0]
+        cross = self.products - mean * (2 * n * mean - self.first - self.last) + (n - 1) * np.square(mean)
+        squares = self.moments.squares[0]
+        return np.where((n >= 3) & (squares > 0), cross / np.where(squares > 0, squares, np.nan), np.nan)
+
+
+def no_nis(runs: int) -> NisSums:
+    """Return the sums over nothing."""
+    zeros = np.zeros(runs)
+    return NisSums(no_moments(1, runs), zeros, zeros, zeros)
+
+
+def nis_sums(nis: Array, counted: Mask) -> NisSums:
+    """Return the sums over one stretch, (runs, epochs); NaN rows are epochs without a measurement."""
+    updated = counted & np.isfinite(nis)
+    values = np.where(updated, nis, 0.0)
+    runs, epochs = nis.shape
+    rows = np.arange(runs)[:, None]
+    # Each epoch's last update: its own number where there is one, carried on over the epochs without. The same
+    # arrays are summed whether or not some run misses updates, so that no run changes another run's bits.
+    latest = np.maximum.accumulate(np.where(updated, np.arange(epochs), -1), axis=1)
+    earlier = np.concatenate([np.full((runs, 1), -1), latest[:, :-1]], axis=1)
+    products = np.where(updated & (earlier >= 0), values * values[rows, earlier], 0.0)
+    first = values[rows[:, 0], np.argmax(updated, axis=1)]
+    last = values[rows[:, 0], latest[:, -1]]
+    total = np.ascontiguousarray(products).sum(axis=-1)
+    return NisSums(moments(values[None], updated), total, first, last)
+
+
+def merged_nis(a: NisSums, b: NisSums) -> NisSums:
+    """Return the sums over two successive stretches together."""
+    none_before, none_after = a.moments.count == 0, b.moments.count == 0
+    border = np.where(none_before | none_after, 0.0, a.last * b.first)
+    return NisSums(
+        merged(a.moments, b.moments),
+        a.products + b.products + border,
+        np.where(none_before, b.first, a.first),
+        np.where(none_after, a.last, b.last),
+    )
+
+
+def _divisor(count: NDArray[np.int64]) -> Array:
+    return np.where(count > 0, count, np.nan)

@@ -1,0 +1,81 @@
+"""When did the error become small and stay so?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.statistics.quantiles import BINS, Counts, bin_counts, bin_of
+
+Array = NDArray[np.float64]
+
+
+class Convergence:
+    """Streaming convergence times of the position error, per run.
+
+    An epoch has converged for a threshold when the error stays below it from there on for the holding time. So
+    what matters is the largest error over the holding time that follows; and the first epoch where that is
+    below a threshold is the number of epochs at which its *running minimum* is not. Counting that minimum in
+    bins gives the convergence time for a threshold that is only known at the end.
+
+    Args:
+        runs: Number of runs.
+        threshold_m: Absolute threshold, m.
+        hold_epochs: Holding time in steps.
+    """
+
+    def __init__(self, runs: int, threshold_m: float, hold_epochs: int) -> None:
+        self._threshold = threshold_m
+        self._hold = hold_epochs
+        self._tail = np.empty((runs, 0))
+        self._smallest = np.full((runs, 1), np.inf)
+        self._starts = 0
+        self._not_below = np.zeros(runs, dtype=np.int64)
+        self._counts: Counts = np.zeros((runs, BINS), dtype=np.int32)
+        self._epochs = 0
+        self._last_above = np.zeros(runs, dtype=np.int64)
+
+    def add(self, r: Array) -> None:
+        """Count a stretch of position errors (runs, epochs), m; infinite where the run has failed."""
+        epochs = r.shape[1]
+        above = r >= self._threshold
+        last = epochs - np.argmax(above[:, ::-1], axis=1)
+        self._last_above = np.where(above.any(axis=1), self._epochs + last, self._last_above)
+        self._epochs += epochs
+        known = np.concatenate([self._tail, r], axis=1)
+        self._tail = known[:, max(0, known.shape[1] - self._hold) :]
+        if known.shape[1] <= self._hold:
+            return
+        largest = _sliding_max(known, self._hold + 1)
+        smallest = np.minimum.accumulate(np.concatenate([self._smallest, largest], axis=1), axis=1)[:, 1:]
+        self._smallest = smallest[:, -1:]
+        self._starts += smallest.shape[1]
+        self._not_below += np.count_nonzero(smallest >= self._threshold, axis=1)
+        self._counts += bin_counts(smallest[None], np.ones(smallest.shape, dtype=bool))[0]
+
+    def below_threshold(self) -> Array:
+        """Return the first epoch, from 1, that has converged for the absolute threshold (runs,); NaN: none."""
+        return self._first(self._not_below)
+
+    def below(self, thresholds: Array) -> Array:
+        """Return the same for a threshold per run, rounded up to the next edge of its bin; NaN gives NaN."""
+        place = bin_of(np.where(np.isnan(thresholds), 0.0, thresholds))
+        higher = np.arange(BINS) > place[:, None]
+        first = self._first((self._counts * higher).sum(axis=1))
+        return np.where(np.isnan(thresholds), np.nan, first)
+
+    def below_to_the_end(self) -> Array:
+        """Return the first epoch, from 1, from which the error stays below the threshold; NaN: none."""
+        return np.where(self._last_above < self._epochs, self._last_above + 1.0, np.nan)
+
+    def _first(self, not_yet: NDArray[np.int64]) -> Array:
+        return np.where(not_yet < self._starts, not_yet + 1.0, np.nan)
+
+
+def _sliding_max(x: Array, window: int) -> Array:
+    """Return the largest of each ``window`` successive columns: (runs, K) gives (runs, K - window + 1)."""
+    count, width = x.shape[1] - window + 1, 1
+    while 2 * width <= window:
+        x = np.maximum(x[:, :-width], x[:, width:])
+        width *= 2
+    return np.maximum(x[:, :count], x[:, window - width : window - width + count])

@@ -1,0 +1,260 @@
+"""Per-run statistics at full rate, gathered while a block of runs is simulated.
+
+Everything is kept per run and computed by itself per run: any split of the runs into blocks gives the same bits,
+as long as the stretches of epochs are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.results import layout
+from relnav_sim.results.block import Failure, FilterResult
+from relnav_sim.statistics import consistency, moments, quantiles
+from relnav_sim.statistics.convergence import Convergence
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NO_MEAN = "non-finite mean"
+NO_COVARIANCE = "non-finite covariance"
+NOT_DEFINITE = "covariance not positive definite"
+_RELATIVE_CONVERGENCE = 3.0
+_NEVER = np.iinfo(np.int64).max
+
+
+@dataclass(frozen=True)
+class ScoringRules:
+    """How errors are turned into figures.
+
+    Attributes:
+        step_s: Time between epochs, s.
+        epochs: Number of epochs of a run, the start (epoch 0) included.
+        store_every: Every how many epochs the series is stored.
+        settle_s: Start of the settled span, s.
+        convergence_m: Threshold of the convergence time, m.
+        convergence_hold_s: How long the error must stay below it, s.
+    """
+
+    step_s: float
+    epochs: int
+    store_every: int
+    settle_s: float
+    convergence_m: float
+    convergence_hold_s: float
+
+    @property
+    def stored_s(self) -> Array:
+        """The stored epochs, s."""
+        return self.step_s * np.arange(0, self.epochs, self.store_every, dtype=np.float64)
+
+    @property
+    def settled_epoch(self) -> int:
+        """The first epoch with t >= settle_s (up to rounding of the division), and never the start."""
+        return max(1, int(np.ceil(self.settle_s / self.step_s - 1e-9)))
+
+
+@dataclass(frozen=True)
+class _SpanSums:
+    """Everything that is added up over a span of epochs; two successive spans can be merged."""
+
+    errors: moments.Moments
+    bins: quantiles.Counts
+    nees: consistency.NeesSums
+    nis: consistency.NisSums
+    log_likelihood: Array
+
+
+class ErrorAccumulator:
+    """Takes successive stretches of a block's estimates and gives the filter's results at the end.
+
+    Args:
+        runs: Number of runs in the block.
+        rules: How errors are turned into figures.
+    """
+
+    def __init__(self, runs: int, rules: ScoringRules) -> None:
+        self.rules = rules
+        self._runs = runs
+        self._limits = consistency.nees_limits()
+        self._next_epoch: int | None = None
+        self._failed_epoch = np.full(runs, _NEVER)
+        self._reasons = [""] * runs
+        empty = _SpanSums(
+            moments.no_moments(len(layout.QUANTITIES), runs),
+            np.zeros((len(layout.NORMS), runs, quantiles.BINS), dtype=np.int32),
+            consistency.no_nees(runs),
+            consistency.no_nis(runs),
+            np.zeros(runs),
+        )
+        self._spans = {"early": empty, "settled": empty}
+        hold_epochs = max(0, int(np.ceil(rules.convergence_hold_s / rules.step_s - 1e-9)))
+        self._convergence = Convergence(runs, rules.convergence_m, hold_epochs)
+        lengths = layout.sizes(runs, len(rules.stored_s))
+        self._series = {
+            spec.name: np.full(layout.shape(spec, lengths), np.nan, dtype=spec.dtype) for spec in layout.SERIES
+        }
+
+    @property
+    def failed_epoch(self) -> NDArray[np.int64]:
+        """The first epoch of each run that failed so far (runs,); -1: none."""
+        return np.where(self._failed_epoch == _NEVER, -1, self._failed_epoch)
+
+    def add(self, times_s: Array, error: Array, covariance: Array, nis: Array, log_likelihood: Array) -> None:
+        """Count the next stretch of epochs. The start (epoch 0) may be given; it is stored but not counted.
+
+        Args:
+            times_s: (K,), s; continues where the last stretch ended, the first begins at epoch 0 or 1.
+            error: Estimate minus truth, RTN, (runs, K, 6), m and m/s.
+            covariance: What the filter states, (runs, K, 6, 6).
+            nis: Normalised innovation squared (runs, K); NaN without a measurement.
+            log_likelihood: Log likelihood of the measurement (runs, K); 0 without one.
+
+        Raises:
+            ValueError: The stretch does not continue the last one, or shapes do not fit.
+        """
+        first = self._advance(times_s, error, covariance)
+        shape = error.shape[:2]
+        # Sums must run over C order: with it a run's epochs are added in the same order in every block.
+        nis, log_likelihood = np.ascontiguousarray(nis), np.ascontiguousarray(log_likelihood)
+        nees, definite = consistency.normalised_errors(error.reshape(-1, 6), covariance.reshape(-1, 6, 6))
+        nees = nees.reshape(3, *shape)
+        self._find_failures(first, error, covariance, definite.reshape(shape))
+        epochs = np.arange(first, first + shape[1])
+        sound = epochs < self._failed_epoch[:, None]
+        self._store(epochs, error, covariance, nis, nees[0], sound)
+        start = 1 if first == 0 else 0
+        border = min(max(self.rules.settled_epoch - first, start), shape[1])
+        components = np.empty((len(layout.QUANTITIES), *shape))
+        components[:6] = error.transpose(2, 0, 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            components[6], components[7] = _norm(components[:3]), _norm(components[3:6])
+            for name, part in (("early", slice(start, border)), ("settled", slice(border, shape[1]))):
+                if part.start < part.stop:
+                    span = self._span(
+                        components[..., part], nees[..., part], nis[:, part], log_likelihood[:, part], sound[:, part]
+                    )
+                    self._spans[name] = _merged(self._spans[name], span)
+            if start < shape[1]:
+                self._convergence.add(np.where(sound, components[6], np.inf)[:, start:])
+
+    def failures(self, filter: str, runs: Sequence[int]) -> tuple[Failure, ...]:
+        """Return the failures as rows of the results; ``runs`` are the numbers of the block's runs."""
+        return tuple(
+            Failure(run, filter, int(epoch), reason)
+            for run, epoch, reason in zip(runs, self._failed_epoch, self._reasons, strict=True)
+            if epoch != _NEVER
+        )
+
+    def result(self, cpu_us_per_step: float = np.nan) -> FilterResult:
+        """Return the filter's results over everything counted.
+
+        Args:
+            cpu_us_per_step: CPU time of the filter per run and epoch, us.
+        """
+        settled = self._spans["settled"]
+        with np.errstate(over="ignore", invalid="ignore"):
+            spans = [_span_figures(span) for span in (_merged(self._spans["early"], settled), settled)]
+            threshold = _RELATIVE_CONVERGENCE * spans[1]["rms"][:, layout.QUANTITIES.index("r")]
+        step_s = self.rules.step_s
+        summary: dict[str, NDArray[Any]] = {name: np.stack([span[name] for span in spans], axis=1) for name in spans[0]}
+        summary |= {
+            "failed": (self._failed_epoch != _NEVER).astype(np.int8),
+            "failed_epoch": self.failed_epoch,
+            "convergence": self._convergence.below_threshold() * step_s,
+            "convergence_relative": self._convergence.below(threshold) * step_s,
+            "convergence_final": self._convergence.below_to_the_end() * step_s,
+            "cpu_per_step": np.full(self._runs, cpu_us_per_step),
+        }
+        return FilterResult(summary, **self._series)
+
+    def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
+        runs, K = self._runs, len(times_s)
+        if error.shape != (runs, K, 6) or covariance.shape != (runs, K, 6, 6) or K == 0:
+            raise ValueError(f"error {error.shape} and covariance {covariance.shape} for {runs} runs, {K} epochs")
+        first = round(float(times_s[0]) / self.rules.step_s)
+        if first not in ((0, 1) if self._next_epoch is None else (self._next_epoch,)):
+            raise ValueError(f"the stretch begins at epoch {first}, not at {self._next_epoch or 'the start'}")
+        self._next_epoch = first + K
+        if self._next_epoch > self.rules.epochs:
+            raise ValueError(f"the stretch ends beyond the run's {self.rules.epochs} epochs")
+        return first
+
+    def _find_failures(self, first: int, error: Array, covariance: Array, definite: Mask) -> None:
+        # A sum is finite only if all its terms are; one product with ones is many times faster than isfinite
+        # over every entry. Terms that overflow only when added are as good as infinite here.
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean_ok = np.isfinite(error @ np.ones(6))
+            covariance_ok = np.isfinite(covariance.reshape(*error.shape[:2], 36) @ np.ones(36))
+        ok = mean_ok & covariance_ok & definite
+        if ok.all():
+            return
+        for run in np.flatnonzero(~ok.all(axis=1) & (self._failed_epoch == _NEVER)):
+            k = int(np.argmin(ok[run]))
+            self._failed_epoch[run] = first + k
+            self._reasons[run] = (
+                NO_MEAN if not mean_ok[run, k] else NO_COVARIANCE if not covariance_ok[run, k] else NOT_DEFINITE
+            )
+
+    def _store(
+        self, epochs: NDArray[np.int64], error: Array, covariance: Array, nis: Array, nees: Array, sound: Mask
+    ) -> None:
+        chosen = np.flatnonzero(epochs % self.rules.store_every == 0)
+        rows = epochs[chosen] // self.rules.store_every
+        good = sound[:, chosen]
+        variances = np.diagonal(covariance[:, chosen], axis1=-2, axis2=-1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self._series["error"][:, rows] = np.where(good[..., None], error[:, chosen], np.nan)
+            self._series["sigma"][:, rows] = np.where(good[..., None], np.sqrt(variances), np.nan)
+            self._series["nis"][:, rows] = np.where(good, nis[:, chosen], np.nan)
+            self._series["nees"][:, rows] = np.where(good, nees[:, chosen], np.nan)
+
+    def _span(self, components: Array, nees: Array, nis: Array, log_likelihood: Array, sound: Mask) -> _SpanSums:
+        components, nees = np.ascontiguousarray(components), np.ascontiguousarray(nees)
+        return _SpanSums(
+            moments.moments(components, sound),
+            quantiles.bin_counts(components[6:], sound),
+            consistency.nees_sums(nees, sound, self._limits),
+            consistency.nis_sums(nis, sound),
+            np.where(sound, log_likelihood, 0.0).sum(axis=-1),
+        )
+
+
+def _norm(vector: Array) -> Array:
+    return np.sqrt((vector[0] * vector[0] + vector[1] * vector[1]) + vector[2] * vector[2])
+
+
+def _merged(a: _SpanSums, b: _SpanSums) -> _SpanSums:
+    return _SpanSums(
+        moments.merged(a.errors, b.errors),
+        a.bins + b.bins,
+        consistency.merged_nees(a.nees, b.nees),
+        consistency.merged_nis(a.nis, b.nis),
+        a.log_likelihood + b.log_likelihood,
+    )
+
+
+def _span_figures(span: _SpanSums) -> dict[str, NDArray[Any]]:
+    """Return one span's figures by their names in the layout, runs first."""
+    errors = span.errors
+    largest = errors.known(errors.largest)
+    values = quantiles.quantiles(span.bins, layout.PROBABILITIES, errors.largest[6:])
+    return {
+        "epochs": errors.count,
+        "updates": span.nis.moments.count,
+        "mean": errors.known(errors.mean).T,
+        "std": errors.std().T,
+        "rms": errors.rms().T,
+        "max": largest.T,
+        "quantile": values.transpose(1, 0, 2),
+        "anees": span.nees.anees().T,
+        "coverage": span.nees.coverage().transpose(2, 0, 1),
+        "nis_mean": span.nis.mean(),
+        "nis_lag1": span.nis.autocorrelation(),
+        "log_likelihood": errors.known(span.log_likelihood[None])[0],
+    }

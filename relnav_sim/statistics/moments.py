@@ -1,0 +1,84 @@
+"""Mean, spread and largest value of successive stretches of epochs, without a pass back over them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Count, mean, sum of squared deviations and largest size of some quantities, per run.
+
+    Attributes:
+        count: Epochs counted (runs,).
+        mean: Mean (quantities, runs); 0 where nothing was counted.
+        squares: Sum of squared deviations from the mean (quantities, runs).
+        largest: Largest absolute value (quantities, runs).
+    """
+
+    count: NDArray[np.int64]
+    mean: Array
+    squares: Array
+    largest: Array
+
+    def std(self) -> Array:
+        """Return the standard deviation with divisor n, (quantities, runs); NaN where nothing was counted."""
+        return np.sqrt(self.squares / self._divisor())
+
+    def rms(self) -> Array:
+        """Return the root mean square (quantities, runs); NaN where nothing was counted."""
+        return np.sqrt(np.square(self.mean) + self.squares / self._divisor())
+
+    def known(self, values: Array) -> Array:
+        """Return the values with NaN where nothing was counted."""
+        return np.where(self.count > 0, values, np.nan)
+
+    def _divisor(self) -> Array:
+        return np.where(self.count > 0, self.count, np.nan)
+
+
+def no_moments(quantities: int, runs: int) -> Moments:
+    """Return the moments of nothing."""
+    zeros = np.zeros((quantities, runs))
+    return Moments(np.zeros(runs, dtype=np.int64), zeros, zeros, zeros)
+
+
+def moments(values: Array, counted: Mask) -> Moments:
+    """Return the moments of one stretch.
+
+    Sums run over the last axis of contiguous arrays: NumPy then adds each run's epochs in an order that depends
+    on their number alone, so a run's bits are the same in any block.
+
+    Args:
+        values: (quantities, runs, epochs), contiguous.
+        counted: Epochs that count (runs, epochs).
+    """
+    everything = bool(counted.all())
+    count = counted.sum(axis=-1)
+    if not everything:
+        values = np.where(counted, values, 0.0)
+    mean = values.sum(axis=-1) / np.maximum(count, 1)
+    deviations = values - mean[..., None]
+    if not everything:
+        deviations[:, ~counted] = 0.0
+    np.square(deviations, out=deviations)
+    return Moments(count, mean, deviations.sum(axis=-1), np.abs(values).max(axis=-1))
+
+
+def merged(a: Moments, b: Moments) -> Moments:
+    """Return the moments of two successive stretches together (Chan, Golub and LeVeque 1983, eq. 2.1)."""
+    count = a.count + b.count
+    total = np.maximum(count, 1)
+    shift = b.mean - a.mean
+    return Moments(
+        count,
+        a.mean + shift * (b.count / total),
+        a.squares + b.squares + np.square(shift) * (a.count * (b.count / total)),
+        np.maximum(a.largest, b.largest),
+    )

@@ -1,0 +1,127 @@
+"""A small campaign's blocks with made-up numbers that depend on case, run and filter only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import pytest
+
+from relnav_sim.results import layout
+from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
+from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.provenance import Provenance, collect_provenance
+from relnav_sim.results.shards import shard_name, write_shard
+
+TIMES = 7
+HASH = "feedbeef"
+FILTERS = ("ekf", "alpha_0.5")
+
+
+def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
+    parts = []
+    for run in runs:
+        rng = np.random.default_rng([case, run, FILTERS.index(name)])
+        arrays = {}
+        for spec in layout.FILTER:
+            shape = layout.shape(spec, layout.sizes(1, TIMES))
+            numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
+            arrays[spec.name] = numbers.astype(spec.dtype)
+        arrays["nis"][:, 0] = np.nan
+        parts.append(arrays)
+    return FilterResult.of_arrays({key: np.concatenate([p[key] for p in parts]) for key in parts[0]})
+
+
+def block(case: int, runs: Sequence[int], filters: Sequence[str] = FILTERS, shared: bool = False) -> BlockResult:
+    owners = [-1] if shared else runs
+    relative = [np.random.default_rng([case, run + 1, 99]).standard_normal((TIMES, 6)) for run in owners]
+    failures = tuple(
+        Failure(run, name, 10 * run + 3, "covariance not positive definite")
+        for run in runs
+        for name in filters
+        if (case, run, name) == (0, 2, "ekf")
+    )
+    return BlockResult(
+        case_index=case,
+        case_id=f"id{case}",
+        runs=tuple(runs),
+        time_s=10.0 * np.arange(TIMES),
+        relative=np.array(relative),
+        filters={name: filter_result(case, runs, name) for name in filters},
+        failures=failures,
+        shared_truth=shared,
+    )
+
+
+def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:
+    return ResultHeader(
+        campaign_name="trial <script>",
+        text="name: trial  # Größe in m\n" + "# " * 50_000,
+        content={"clock": {"step_s": 0.2}, "name": "trial"},
+        hash=HASH,
+        seed=2**80 + 1,
+        runs=runs,
+        cases=tuple(
+            CaseHeader(f"id{i}", f"scale={i + 1}", {"sensors.radar.scale": i + 1}, tuple(filters)) for i in range(cases)
+        ),
+        constants={"mu_m3_s2": 3.986004418e14, "truth_zonals": 4},
+    )
+
+
+def provenance() -> Provenance:
+    start = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+    return collect_provenance(start, start, 12.5, ["/somewhere/bin/relnav", "run", "my campaign.yaml"])
+
+
+def write_blocks(folder: Path, blocks: Sequence[BlockResult]) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    paths = [folder / shard_name(b.case_id, tuple(b.filters), b.runs) for b in blocks]
+    for path, one in zip(paths, blocks, strict=True):
+        write_shard(path, one, HASH)
+    return paths
+
+
+class MakeBlock(Protocol):
+    def __call__(
+        self, case: int, runs: Sequence[int], filters: Sequence[str] = FILTERS, shared: bool = False
+    ) -> BlockResult: ...
+
+
+class MakeHeader(Protocol):
+    def __call__(self, runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader: ...
+
+
+class WriteBlocks(Protocol):
+    def __call__(self, folder: Path, blocks: Sequence[BlockResult]) -> list[Path]: ...
+
+
+@pytest.fixture
+def make_block() -> MakeBlock:
+    return block
+
+
+@pytest.fixture
+def make_header() -> MakeHeader:
+    return header
+
+
+@pytest.fixture
+def write() -> WriteBlocks:
+    return write_blocks
+
+
+@pytest.fixture(scope="session")
+def facts() -> Provenance:
+    return provenance()
+
+
+@pytest.fixture(scope="session")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished result of 2 cases, 2 filters and 5 runs."""
+    folder = tmp_path_factory.mktemp("result")
+    shards = write_blocks(folder / "shards", [block(case, runs) for case in (0, 1) for runs in ([0, 1, 2], [3, 4])])
+    merge_shards(shards, header(), provenance(), folder / "trial.h5")
+    return folder / "trial.h5"

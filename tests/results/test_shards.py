@@ -1,0 +1,119 @@
+"""A shard gives back what was written, or says that it is damaged."""
+
+import dataclasses
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from relnav_sim.results import layout
+from relnav_sim.results.atomic import written_whole
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.shards import read_shard, read_shard_info, shard_name, write_shard
+
+
+def test_a_shard_gives_back_its_block(tmp_path, make_block, write) -> None:
+    one = make_block(0, [1, 2, 5])
+    (path,) = write(tmp_path, [one])
+    info, back = read_shard(path)
+    assert info == read_shard_info(path)
+    assert (info.campaign_hash, info.case_id, info.filters, info.runs) == (
+        "feedbeef",
+        "id0",
+        tuple(one.filters),
+        (1, 2, 5),
+    )
+    assert back.failures == one.failures and len(one.failures) == 1
+    np.testing.assert_array_equal(back.relative, one.relative)
+    for name, result in one.filters.items():
+        for key, array in result.arrays().items():
+            again = back.filters[name].arrays()[key]
+            assert again.dtype == array.dtype and again.tobytes() == array.tobytes()
+    assert os.listdir(tmp_path) == [path.name]
+
+
+def test_names_tell_case_filters_and_runs_apart() -> None:
+    names = {
+        shard_name("a" * 40, ("ekf",), range(4)),
+        shard_name("b" * 40, ("ekf",), range(4)),
+        shard_name("a" * 40, ("ukf",), range(4)),
+        shard_name("a" * 40, ("ekf",), range(5)),
+        shard_name("a" * 40, ("ekf",), (0, 1, 3)),
+    }
+    assert len(names) == 5
+    assert shard_name("a" * 40, ("x", "y"), (0,)) == shard_name("a" * 40, ("y", "x"), (0,))
+
+
+def test_a_torn_shard_is_detected_wherever_it_ends(tmp_path, make_block, write) -> None:
+    (path,) = write(tmp_path, [make_block(0, [0, 1])])
+    whole = path.read_bytes()
+    for share in np.linspace(0, 0.999, 25):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(ResultsError, match=path.name):
+            read_shard(path)
+
+
+def test_a_changed_number_is_detected_anywhere(tmp_path, make_block, write) -> None:
+    (path,) = write(tmp_path, [make_block(0, [0, 1])])
+    names: list[str] = []
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+    assert len(names) == 3 + 2 * len(layout.FILTER)
+    for name in names:
+        with h5py.File(path, "r+") as file:
+            kept = file[name][...]
+            flat = kept.copy().reshape(-1)
+            flat.view(np.uint8)[-1] ^= 1
+            file[name][...] = flat.reshape(kept.shape)
+        with pytest.raises(ResultsError, match="checksum"):
+            read_shard(path)
+        with h5py.File(path, "r+") as file:
+            file[name][...] = kept
+    read_shard(path)
+
+
+@pytest.mark.parametrize("name", ["absent.h5", "empty.h5", "words.h5", "foreign.h5", "folder.h5"])
+def test_files_that_are_no_shards_are_refused(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if name == "empty.h5":
+        path.write_bytes(b"")
+    elif name == "words.h5":
+        path.write_text("time,x\n1,2\n")
+    elif name == "foreign.h5":
+        h5py.File(path, "w").close()
+    elif name == "folder.h5":
+        path.mkdir()
+    with pytest.raises(ResultsError, match=name):
+        read_shard(path)
+
+
+def test_a_result_is_no_shard(result: Path) -> None:
+    with pytest.raises(ResultsError, match="this is a relnav result, not a relnav shard"):
+        read_shard(result)
+
+
+def test_a_block_that_does_not_fit_is_refused_and_leaves_no_file(tmp_path, make_block) -> None:
+    one = make_block(0, [0, 1])
+    short = dataclasses.replace(one.filters["ekf"], nees=one.filters["ekf"].nees[:, 1:])
+    for bad in (
+        dataclasses.replace(one, filters={"ekf": short}),
+        dataclasses.replace(one, relative=one.relative[:1]),
+        dataclasses.replace(one, runs=(0, 1, 2)),
+    ):
+        with pytest.raises(ValueError, match="shape"):
+            write_shard(tmp_path / "s.h5", bad, "h")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "out.txt"
+    path.write_text("old")
+    with pytest.raises(KeyboardInterrupt), written_whole(path) as temporary:
+        temporary.write_text("half")
+        raise KeyboardInterrupt
+    assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+    with written_whole(path) as temporary:
+        temporary.write_text("new")
+    assert path.read_text() == "new" and len(list(tmp_path.iterdir())) == 1
