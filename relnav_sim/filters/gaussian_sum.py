@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,14 @@ from relnav_sim.filters.components import (
     normalised,
 )
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import cholesky, log_determinant, transpose
+from relnav_sim.linalg import factor, log_determinant_of, runs_first, runs_last, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 
 class GaussianSumOptions(Options):
@@ -122,59 +123,69 @@ def reduced(mixture: GaussianSum, components: int) -> GaussianSum:
 
     Greedy: the pair whose merging costs the least Kullback-Leibler bound (Runnalls 2007, eq. 21) goes first.
     """
-    weights, means, covariances = mixture.weights.copy(), mixture.means.copy(), mixture.covariances.copy()
-    runs, c = weights.shape
+    runs, c = mixture.weights.shape
     if c <= components:
         return mixture
-    rows = np.arange(runs)
-    log_dets = log_determinant(cholesky(covariances))
-    alive = np.ones((runs, c), dtype=bool)
-    cost = np.full((runs, c, c), np.inf)
-    for i, j in combinations(range(c), 2):
-        cost[:, i, j] = _merging_cost(weights, means, covariances, log_dets, np.full(runs, i), np.full(runs, j))
+    # Components first and runs last: a component against all others is then elementwise work without copies.
+    weights, means, covariances = runs_last(mixture.weights), runs_last(mixture.means), runs_last(mixture.covariances)
+    log_dets = _log_determinants(covariances)
+    every = (weights, means, covariances, log_dets)
+    alive = np.ones((c, runs), dtype=bool)
+    # Only pairs i < j have a cost.
+    cost = np.full((c, c, runs), np.inf)
+    for i in range(c - 1):
+        cost[i, i + 1 :] = _merging_costs([part[i] for part in every], [part[i + 1 :] for part in every])
+    rows, index = np.arange(runs), np.arange(c)[:, None]
     for _ in range(c - components):
-        # NaN costs of a broken run must not stop the others.
-        best = np.argmin(np.nan_to_num(cost, nan=np.inf).reshape(runs, -1), axis=1)
+        best = np.argmin(cost.reshape(-1, runs), axis=0)
         keep, drop = best // c, best % c
-        weight, mean, covariance = _pair(weights, means, covariances, keep, drop)
-        weights[rows, keep], means[rows, keep], covariances[rows, keep] = weight, mean, covariance
-        weights[rows, drop] = 0.0
-        alive[rows, drop] = False
-        log_dets[rows, keep] = log_determinant(cholesky(covariance))
-        for other in range(c):
-            low, high = np.minimum(keep, other), np.maximum(keep, other)
-            fresh = _merging_cost(weights, means, covariances, log_dets, low, high)
-            cost[rows, low, high] = np.where(alive[:, other] & (other != keep), fresh, np.inf)
-        cost[~alive] = np.inf
-        cost.swapaxes(1, 2)[~alive] = np.inf
+        merged = _merged([_chosen(part, keep) for part in every[:3]], [_chosen(part, drop) for part in every[:3]])
+        pair = (*merged, _log_determinants(merged[2]))
+        for part, value in zip(every, pair, strict=True):
+            np.put_along_axis(part, _along(part, keep), value[None], axis=0)
+        weights[drop, rows] = 0.0
+        alive[drop, rows] = False
+        fresh = np.where(alive & (index != keep), _merging_costs(pair, every), np.inf)
+        cost[np.minimum(keep, index), np.maximum(keep, index), rows] = fresh
+        cost[drop, :, rows] = np.inf
+        cost[:, drop, rows] = np.inf
     # The heaviest components come first; merged ones weigh nothing and fall behind.
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :components]
-    return GaussianSum(weights[rows[:, None], order], means[rows[:, None], order], covariances[rows[:, None], order])
+    order = np.argsort(-weights, axis=0, kind="stable")[:components]
+    return GaussianSum(*(runs_first(_chosen(part, order)) for part in every[:3]))
 
 
-def _pair(
-    weights: Array, means: Array, covariances: Array, i: NDArray[np.intp], j: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """Return weight (runs,), mean and covariance of components i and j (runs,) merged."""
-    rows = np.arange(len(weights))
-    both = np.stack([weights[rows, i], weights[rows, j]], axis=1)
-    total = both.sum(axis=1)
+def _along(part: Array, which: Indices) -> Indices:
+    """Return component numbers (runs,) or (p, runs) in the shape that indexes `part` (c, ..., runs) along axis 0."""
+    which = np.atleast_2d(which)
+    return which.reshape(len(which), *[1] * (part.ndim - 2), -1)
+
+
+def _chosen(part: Array, which: Indices) -> Array:
+    """Return the components `which` of each run: (..., runs) for (runs,), (p, ..., runs) for (p, runs)."""
+    chosen = np.take_along_axis(part, _along(part, which), axis=0)
+    return chosen if which.ndim == 2 else chosen[0]
+
+
+def _merged(one: Sequence[Array], others: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Return weight, mean and covariance of one component (..., runs) merged with each of others (p, ..., runs)."""
+    (weight, mean, covariance), (weights, means, covariances) = one, others
+    total = weight + weights
     # Two components that weigh nothing merge like equals.
-    share = np.where(total[:, None] > 0, both / np.where(total > 0, total, 1.0)[:, None], 0.5)
-    mean, covariance = moment_match(
-        share,
-        np.stack([means[rows, i], means[rows, j]], axis=1),
-        np.stack([covariances[rows, i], covariances[rows, j]], axis=1),
-    )
-    return total, mean, covariance
+    share = np.where(total > 0, weights / np.where(total > 0, total, 1.0), 0.5)[..., None, :]
+    apart = means - mean
+    merged = share[..., None, :] * covariances
+    merged += (1 - share[..., None, :]) * covariance
+    merged += (share * (1 - share) * apart)[..., None, :] * apart[..., None, :, :]
+    return total, mean + share * apart, merged
 
 
-def _merging_cost(
-    weights: Array, means: Array, covariances: Array, log_dets: Array, i: NDArray[np.intp], j: NDArray[np.intp]
-) -> Array:
-    """Return Runnalls' bound B(i, j), (runs,)."""
-    rows = np.arange(len(weights))
-    total, _, covariance = _pair(weights, means, covariances, i, j)
-    merged = total * log_determinant(cholesky(covariance))
-    cost: Array = 0.5 * (merged - weights[rows, i] * log_dets[rows, i] - weights[rows, j] * log_dets[rows, j])
-    return cost
+def _merging_costs(one: Sequence[Array], others: Sequence[Array]) -> Array:
+    """Return Runnalls' bound of one component with each of the others, (p, runs); inf in a broken run."""
+    total, _, covariances = _merged(one[:3], others[:3])
+    cost = 0.5 * (total * _log_determinants(covariances) - one[0] * one[3] - others[0] * others[3])
+    return np.fmin(cost, np.inf)
+
+
+def _log_determinants(covariances: Array) -> Array:
+    """Return log det of (..., n, n, runs): (..., runs)."""
+    return log_determinant_of(factor(np.moveaxis(covariances, (-3, -2), (0, 1))))

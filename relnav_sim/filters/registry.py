@@ -22,7 +22,27 @@ from relnav_sim.options import Options
 MeasurementKind = Literal["polar", "cartesian"]
 C = TypeVar("C", bound=type)
 
-_BUILT_IN = ("kalman", "ekf", "ukf", "alpha_kf", "mkf", "iekf", "ckf", "sr_ukf", "two_step", "adaptive_two_step", "particle")
+_BUILT_IN = (
+    "kalman",
+    "ekf",
+    "ukf",
+    "alpha_kf",
+    "adaptive_alpha_kf",
+    "mkf",
+    "skf",
+    "iekf",
+    "ckf",
+    "sr_ukf",
+    "two_step",
+    "adaptive_two_step",
+    "particle",
+    "unscented_particle",
+    "huber",
+    "mckf",
+    "student_t",
+    "gaussian_sum",
+    "imm",
+)
 _KINDS: dict[str, FilterKind] = {}
 
 

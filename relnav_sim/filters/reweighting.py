@@ -14,8 +14,8 @@ from relnav_sim.models.measurement import Measurement
 
 Array = NDArray[np.float64]
 Weigh = Callable[[Array, Array], Array]
-"""``weigh(e, spread)`` -> weights in (0, 1]: whitened residuals (runs, k), and the variances (runs, k) that the
-estimate's own error adds to them."""
+"""``weigh(e, spread)`` -> positive weights (runs, k), at one for residuals as the noise should give them: whitened
+residuals e (runs, k), and the variances (runs, k) that the estimate's own error adds to them."""
 
 
 def reweighted_update(
@@ -29,8 +29,9 @@ def reweighted_update(
 ) -> tuple[Gaussian, Innovation]:
     """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
 
-    The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction. Weights
-    of one give the Kalman update to the last bit. NIS and log-likelihood are those of the unweighted innovation.
+    The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction; weights
+    of one give the Kalman update. The covariance is that of the last reweighted update. NIS and log-likelihood are
+    those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of the measurement.
 
     Args:
         belief: The prediction.
@@ -47,15 +48,15 @@ def reweighted_update(
     H = measurement.jacobian(mean, epoch)
     R = measurement.noise(mean, epoch)
     L = np.broadcast_to(cholesky(R), (runs, *R.shape[-2:]))
+    white_nu, white_H = whiten(L, nu), _whiten_rows(L, H)
     L_P = cholesky(P) if weigh_prior else None
     posterior, innovation = joseph_update(belief, nu, H, R)
     prior = belief
     weights = np.ones_like(nu)
     for _ in range(iterations):
         shift = posterior.mean - mean
-        e = whiten(L, nu - np.einsum("...mn,...n->...m", H, shift))
-        white_H = _whiten_rows(L, H)
-        spread = np.einsum("bmi,bij,bmj->bm", white_H, posterior.covariance, white_H)
+        e = white_nu - np.einsum("bmn,bn->bm", white_H, shift)
+        spread = np.einsum("bmn,bmn->bm", white_H @ posterior.covariance, white_H)
         weights = weigh(e, spread)
         if L_P is not None:
             prior = Gaussian(mean, _scaled(L_P, weigh(whiten(L_P, shift), np.zeros_like(shift))))

@@ -120,12 +120,21 @@ class BlockResult:
 
 @dataclass(frozen=True)
 class CaseHeader:
-    """A case as the results file knows it: ``variables`` are the swept values, ``filters`` the names in order."""
+    """A case as the results file knows it.
+
+    Attributes:
+        id: Hash of the case's content without its filters.
+        label: Its values in words.
+        variables: The swept values by their paths.
+        filters: Names of its filters, in order.
+        filter_ids: A hash of each filter's settings, by its name.
+    """
 
     id: str
     label: str
     variables: Mapping[str, Any]
     filters: tuple[str, ...]
+    filter_ids: Mapping[str, str]
 
 
 @dataclass(frozen=True)

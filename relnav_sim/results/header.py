@@ -35,7 +35,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
                 "id": case.id,
                 "label": case.label,
                 "variables": json.dumps(dict(case.variables)),
-                "filters": json.dumps(case.filters),
+                "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
             }
         )
 
@@ -47,15 +47,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         ResultsError: Something is missing or damaged.
     """
     groups = [store.subgroup(file, name) for name in sorted(store.names(file)) if name.startswith("case_")]
-    cases = tuple(
-        CaseHeader(
-            store.text(group, "id"),
-            store.text(group, "label"),
-            store.json_value(group, "variables", dict),
-            tuple(str(name) for name in store.json_value(group, "filters", list)),
-        )
-        for group in sorted(groups, key=_number)
-    )
+    cases = tuple(_read_case(group) for group in sorted(groups, key=_number))
     try:
         seed = int(store.text(file, "seed"))
     except ValueError:
@@ -81,6 +73,12 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         wall_time_s=store.number(file, "wall_time_s"),
     )
     return header, provenance
+
+
+def _read_case(group: h5py.Group) -> CaseHeader:
+    ids = {str(name): str(key) for name, key in store.json_value(group, "filters", dict).items()}
+    variables = store.json_value(group, "variables", dict)
+    return CaseHeader(store.text(group, "id"), store.text(group, "label"), variables, tuple(ids), ids)
 
 
 def _number(group: h5py.Group) -> int:

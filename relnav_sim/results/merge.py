@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -22,7 +23,8 @@ def merge_shards(
 ) -> None:
     """Unite shards by case, filter and run into the results file.
 
-    A run that two shards hold counts once if they agree bit for bit (measured times aside). Memory is bounded
+    A run that two shards hold counts once if they agree bit for bit (measured times aside).
+    Filters are told apart by their settings, not by their names alone. Memory is bounded
     by the largest shard. Runs beyond ``header.runs`` are left out.
 
     Args:
@@ -77,13 +79,15 @@ def _by_case(infos: Sequence[ShardInfo], header: ResultHeader) -> dict[str, list
     known = {case.id: case for case in header.cases}
     by_case: dict[str, list[ShardInfo]] = {case_id: [] for case_id in known}
     for info in sorted(infos, key=lambda info: (info.runs, info.filters, str(info.path))):
-        if info.campaign_hash != header.hash:
-            raise ResultsError(f"{info.path}: the shard belongs to another campaign")
+        if info.seed != header.seed:
+            raise ResultsError(f"{info.path}: the shard has seed {info.seed}, the campaign {header.seed}")
         if info.case_id not in known:
             raise ResultsError(f"{info.path}: the campaign has no case {info.case_id}")
-        if unknown := set(info.filters) - set(known[info.case_id].filters):
-            raise ResultsError(f"{info.path}: the campaign has no filter {sorted(unknown)[0]!r} in this case")
-        by_case[info.case_id].append(info)
+        # Filters that the campaign no longer has, or has with other settings, are passed over.
+        ids = known[info.case_id].filter_ids
+        useful = tuple(name for name in info.filters if ids.get(name) == info.filter_ids[name])
+        if useful:
+            by_case[info.case_id].append(replace(info, filters=useful))
     return by_case
 
 
@@ -146,7 +150,8 @@ class _CaseWriter:
             if rows:
                 group = self.group[name]
                 _fill_rows(group, layout.FILTER, arrays, block.runs, rows, done, f"{where}, filter {name}")
-        self.failures |= {failure for failure in block.failures if failure.run < self.runs}
+        scored = {"", *info.filters}
+        self.failures |= {f for f in block.failures if f.run < self.runs and f.filter in scored}
 
 
 def _fill_rows(

@@ -1,7 +1,8 @@
 """One file per block of runs, written by the worker that simulated it and verified before anyone believes it.
 
-A shard is written under a temporary name, synced and renamed, so it is whole or absent. It carries the
-campaign's hash, the case, the filters, the runs and a checksum over all its numbers.
+A shard is written under a temporary name, synced and renamed, so it is whole or absent. It carries the seed, the
+case, the filters with their ids, the runs and a checksum over all its numbers: everything its numbers depend on, and
+nothing else, so that a campaign that grows keeps the shards it has.
 """
 
 from __future__ import annotations
@@ -28,36 +29,39 @@ class ShardInfo:
 
     Attributes:
         path: The file.
-        campaign_hash: Hash of the campaign it belongs to.
+        seed: Seed of the campaign.
         case_index: Number of the case in the campaign that wrote it; ``case_id`` is what counts.
         case_id: Hash of the case's content without its filters.
         filters: Names of the filters.
+        filter_ids: What each filter is: a hash of its settings, by its name.
         runs: Numbers of the runs.
         shared_truth: As in `BlockResult`.
     """
 
     path: Path
-    campaign_hash: str
+    seed: int
     case_index: int
     case_id: str
     filters: tuple[str, ...]
+    filter_ids: Mapping[str, str]
     runs: tuple[int, ...]
     shared_truth: bool
 
 
-def shard_name(case_id: str, filters: Sequence[str], runs: Sequence[int]) -> str:
-    """Return the file name of the shard of one case, set of filters and range of runs."""
-    key = hashlib.sha256(json.dumps([case_id, sorted(filters), list(runs)]).encode()).hexdigest()
+def shard_name(seed: int, case_id: str, filter_ids: Mapping[str, str], runs: Sequence[int]) -> str:
+    """Return the file name of the shard of one seed, case, set of filters and range of runs."""
+    key = hashlib.sha256(json.dumps([seed, case_id, sorted(filter_ids.items()), list(runs)]).encode()).hexdigest()
     return f"{case_id[:12]}_{min(runs):06d}-{max(runs):06d}_{key[:12]}.h5"
 
 
-def write_shard(path: Path, block: BlockResult, campaign_hash: str) -> None:
+def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[str, str]) -> None:
     """Write a block's results.
 
     Args:
         path: Where the shard goes; its directory exists.
         block: The results; every filter's arrays must fit the layout.
-        campaign_hash: Hash of the campaign.
+        seed: Seed of the campaign.
+        filter_ids: A hash of each filter's settings, by its name.
 
     Raises:
         OSError: The file can't be written.
@@ -79,10 +83,10 @@ def write_shard(path: Path, block: BlockResult, campaign_hash: str) -> None:
         if result.nis.shape != (len(runs), expected[1]):
             raise ValueError(f"{name}: nis has shape {result.nis.shape}; it must be {(len(runs), expected[1])}")
     header = {
-        "campaign_hash": campaign_hash,
+        "seed": seed,
         "case_index": block.case_index,
         "case_id": block.case_id,
-        "filters": list(block.filters),
+        "filters": {name: filter_ids[name] for name in block.filters},
         "shared_truth": block.shared_truth,
         "failures": [[f.run, f.filter, f.epoch, f.reason] for f in block.failures],
     }
@@ -140,14 +144,15 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
     try:
         return ShardInfo(
             path,
-            str(header["campaign_hash"]),
+            int(header["seed"]),
             int(header["case_index"]),
             str(header["case_id"]),
-            tuple(str(name) for name in header["filters"]),
+            tuple(header["filters"]),
+            {str(name): str(key) for name, key in header["filters"].items()},
             tuple(int(run) for run in runs),
             bool(header["shared_truth"]),
         )
-    except (KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None
 
 

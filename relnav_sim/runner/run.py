@@ -1,43 +1,27 @@
-"""A campaign over all workers: plan blocks, compute shards, merge them into the results file."""
+"""A campaign over all workers: what is left, computed in blocks, merged into the results file."""
 
 from __future__ import annotations
 
+import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
-from relnav_sim.campaign import Campaign, Case
+from relnav_sim.campaign import Campaign
+from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.results.shards import read_shard, shard_name, write_shard
-from relnav_sim.runner.block import simulate_block
+from relnav_sim.runner.changes import changed_keys
+from relnav_sim.runner.pool import Backend, computed
 from relnav_sim.runner.progress import progress_of
-from relnav_sim.truth import model_constants
+from relnav_sim.runner.work import blocks_left, filter_ids, finished_work
 
-Backend = Literal["loky", "sequential"]
-
-
-@dataclass(frozen=True)
-class Block:
-    """Some runs of one case, the unit of work and of what can be lost.
-
-    Attributes:
-        case_index: Number of the case.
-        case: The case.
-        runs: Numbers of the runs.
-        path: Where its shard belongs.
-    """
-
-    case_index: int
-    case: Case
-    runs: range
-    path: Path
+Say = Callable[[str], None]
 
 
 def run_campaign(
@@ -46,56 +30,67 @@ def run_campaign(
     workers: int = 2,
     backend: Backend = "loky",
     fresh: bool = False,
+    part: tuple[int, int] = (1, 1),
+    max_failures: int | None = None,
+    timeout_s: float | None = None,
     progress: bool = False,
-    say: Callable[[str], None] = lambda sentence: None,
+    say: Say = lambda sentence: None,
 ) -> Path:
     """Simulate, filter and store a campaign; return the results file.
 
-    Blocks that an earlier, interrupted call has finished are taken as they are, after their checksums verify.
+    What an earlier call has finished is taken as it is, after its checksums verify: an interrupted campaign goes on
+    where it stopped, and more runs, filters or cases are added to a finished one.
 
     Args:
         campaign: From `load_campaign`.
         out: The results file; default ``results/<name>.h5`` below the current folder.
-        workers: Processes.
-        backend: ``loky`` (processes) or ``sequential`` (this process).
+        workers: Processes; the results do not depend on it.
+        backend: ``loky`` (worker processes) or ``sequential`` (this process).
         fresh: Start over: an existing result is moved aside, never deleted.
+        part: (i, n): compute the i-th of n parts only, for several machines; merge the parts afterwards.
+        max_failures: Stop once more runs than this have failed; the results file then holds what is finished.
+        timeout_s: Most seconds for a block of runs; its runs then count as failed.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
 
     Raises:
-        ResultsError: The results file belongs to another campaign.
+        ResultsError: The results file belongs to another campaign, or to other settings of this one.
         OSError: The output can't be written.
     """
     out = Path(out) if out is not None else Path("results") / f"{campaign.name}.h5"
-    shards = out.with_name(out.name + ".shards")
+    folder = shard_folder(out)
     if fresh:
-        _move_aside(out, shards, say)
-    elif out.exists():
-        _check_same_campaign(out, campaign)
-    shards.mkdir(parents=True, exist_ok=True)
+        _move_aside(out, folder, say)
+    _check_same_campaign(out, folder, campaign)
+    folder.mkdir(parents=True, exist_ok=True)
+    _write_content(folder, campaign)
     started, clock = datetime.now(UTC), time.monotonic()
-    blocks = list(plan_blocks(campaign, shards))
-    waiting = [block for block in blocks if not _is_done(block, campaign, say)]
-    if len(waiting) < len(blocks):
-        say(f"{len(blocks) - len(waiting)} of {len(blocks)} blocks are done already; computing the rest")
-    with progress_of(sum(len(block.runs) for block in waiting), progress) as bar:
-        for runs in _compute(waiting, campaign, workers, backend):
-            bar.advance(runs)
+    finished = finished_work(folder, campaign, say)
+    left = list(blocks_left(campaign, finished.runs, folder, part))
+    if finished.shards:
+        say(f"{len(finished.shards)} finished blocks found; {len(left)} left to compute")
+    failures = 0
+    with progress_of(sum(len(block.runs) for block in left), progress) as bar:
+        for done in computed(left, workers, backend, timeout_s):
+            bar.advance(len(done.block.runs))
+            failures += done.failures
+            if max_failures is not None and failures > max_failures:
+                say(f"stopped: {failures} failures are more than the {max_failures} allowed; the result is incomplete")
+                break
+    finished = finished_work(folder, campaign, say)
     provenance = collect_provenance(started, datetime.now(UTC), time.monotonic() - clock)
-    merge_shards([block.path for block in blocks], result_header(campaign), provenance, out)
+    merge_shards(finished.shards, result_header(campaign), provenance, out, complete=False)
     return out
 
 
-def plan_blocks(campaign: Campaign, shards: Path) -> Iterator[Block]:
-    """Yield the blocks of a campaign in order: cases, then runs."""
-    for index, case in enumerate(campaign.cases):
-        for first in range(0, campaign.runs, campaign.block_runs):
-            runs = range(first, min(first + campaign.block_runs, campaign.runs))
-            yield Block(index, case, runs, shards / shard_name(case.id, list(case.config.filters), runs))
+def shard_folder(out: Path) -> Path:
+    """Return where the shards of a results file are kept."""
+    return out.with_name(f"{out.name}.shards")
 
 
 def result_header(campaign: Campaign) -> ResultHeader:
     """Return what the results file says of its campaign."""
+    constants = campaign.cases[0].config.truth.constants.model_dump()
     return ResultHeader(
         campaign_name=campaign.name,
         text=campaign.text,
@@ -104,57 +99,48 @@ def result_header(campaign: Campaign) -> ResultHeader:
         seed=campaign.seed,
         runs=campaign.runs,
         cases=tuple(
-            CaseHeader(case.id, case.label, case.variables, tuple(case.config.filters)) for case in campaign.cases
+            CaseHeader(case.id, case.label, case.variables, tuple(case.config.filters), filter_ids(case))
+            for case in campaign.cases
         ),
-        constants=model_constants(campaign.cases[0].config.truth),
+        constants=constants,
     )
 
 
-def _compute(blocks: Sequence[Block], campaign: Campaign, workers: int, backend: Backend) -> Iterator[int]:
-    """Compute blocks in any order; yield the number of runs of each as it is stored."""
-    if not blocks:
+def _check_same_campaign(out: Path, folder: Path, campaign: Campaign) -> None:
+    stored = _stored_content(out, folder)
+    if stored is None:
         return
-    from joblib import Parallel, delayed, parallel_config
-
-    options = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    with parallel_config(backend=backend, n_jobs=workers, **options):
-        calls = (delayed(_compute_block)(block, campaign.seed, campaign.hash) for block in blocks)
-        yield from Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(calls)
-
-
-def _compute_block(block: Block, seed: int, campaign_hash: str) -> int:
-    from threadpoolctl import threadpool_limits
-
-    # Threads of BLAS would fight with the other workers; the matrices here are small.
-    with threadpool_limits(1):
-        result = simulate_block(block.case, seed, block.runs, block.case_index)
-    write_shard(block.path, result, campaign_hash)
-    return len(block.runs)
+    changed = changed_keys(stored, campaign.content)
+    if changed:
+        shown = ", ".join(changed[:6]) + (f" and {len(changed) - 6} more" if len(changed) > 6 else "")
+        raise ResultsError(
+            f"{out} holds results of other settings: {shown} differ; give another --out, "
+            "or --fresh to move it aside and start over"
+        )
 
 
-def _is_done(block: Block, campaign: Campaign, say: Callable[[str], None]) -> bool:
-    if not block.path.exists():
-        return False
-    try:
-        info, _ = read_shard(block.path)
-    except ResultsError as error:
-        say(f"{error}; computing it again")
-        return False
-    return info.campaign_hash == campaign.hash and info.case_id == block.case.id and info.runs == tuple(block.runs)
+def _stored_content(out: Path, folder: Path) -> Mapping[str, Any] | None:
+    file = folder / "campaign.json"
+    if file.exists():
+        try:
+            content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        except ValueError:
+            raise ResultsError(f"{file} is damaged; --fresh moves it aside and starts over") from None
+        return content
+    if out.exists():
+        with open_results(out) as results:
+            return results.campaign_content
+    return None
 
 
-def _check_same_campaign(out: Path, campaign: Campaign) -> None:
-    with open_results(out) as results:
-        if results.hash != campaign.hash:
-            raise ResultsError(
-                f"{out} holds results of another campaign ({results.campaign_name}) or of other settings; "
-                "give another --out, or --fresh to move it aside and start over"
-            )
+def _write_content(folder: Path, campaign: Campaign) -> None:
+    with written_whole(folder / "campaign.json") as temporary:
+        temporary.write_text(json.dumps(campaign.content), encoding="utf-8")
 
 
-def _move_aside(out: Path, shards: Path, say: Callable[[str], None]) -> None:
+def _move_aside(out: Path, folder: Path, say: Say) -> None:
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")
-    for path in (out, shards):
+    for path in (out, folder):
         if path.exists():
             aside = path.with_name(f"{path.name}.before-{stamp}")
             path.rename(aside)

@@ -15,6 +15,7 @@ from relnav_sim.campaign import Case
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.block import scoring_rules, simulate_block
+from relnav_sim.runner.work import with_filters
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
 
@@ -39,7 +40,7 @@ def simulate_surviving(case: Case, seed: int, runs: Sequence[int], case_index: i
         return _joined([simulate_surviving(case, seed, half, case_index) for half in _halves(runs)])
     result = outcome.result
     for name, reason in outcome.broken.items():
-        alone = _with_filter(case, name)
+        alone = with_filters(case, [name])
         if len(runs) == 1:
             part = failed_block(alone, seed, runs, reason, case_index, name)
         else:
@@ -114,10 +115,6 @@ def time_limit(seconds: float | None) -> Iterator[None]:
 def _halves(runs: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:
     middle = len(runs) // 2
     return runs[:middle], runs[middle:]
-
-
-def _with_filter(case: Case, name: str) -> Case:
-    return replace(case, config=case.config.model_copy(update={"filters": {name: case.config.filters[name]}}))
 
 
 def _joined(parts: Sequence[BlockResult]) -> BlockResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
@@ -18,6 +18,7 @@ from relnav_sim.results.shards import shard_name, write_shard
 
 TIMES = 7
 HASH = "feedbeef"
+SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
 
 
@@ -56,16 +57,22 @@ def block(case: int, runs: Sequence[int], filters: Sequence[str] = FILTERS, shar
     )
 
 
+def filter_ids(names: Iterable[str]) -> dict[str, str]:
+    """Return made-up hashes of the filters' settings."""
+    return {name: f"settings of {name}" for name in names}
+
+
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:
     return ResultHeader(
         campaign_name="trial <script>",
         text="name: trial  # Größe in m\n" + "# " * 50_000,
         content={"clock": {"step_s": 0.2}, "name": "trial"},
         hash=HASH,
-        seed=2**80 + 1,
+        seed=SEED,
         runs=runs,
         cases=tuple(
-            CaseHeader(f"id{i}", f"scale={i + 1}", {"sensors.radar.scale": i + 1}, tuple(filters)) for i in range(cases)
+            CaseHeader(f"id{i}", f"scale={i + 1}", {"sensors.radar.scale": i + 1}, tuple(filters), filter_ids(filters))
+            for i in range(cases)
         ),
         constants={"mu_m3_s2": 3.986004418e14, "truth_zonals": 4},
     )
@@ -78,9 +85,9 @@ def provenance() -> Provenance:
 
 def write_blocks(folder: Path, blocks: Sequence[BlockResult]) -> list[Path]:
     folder.mkdir(exist_ok=True)
-    paths = [folder / shard_name(b.case_id, tuple(b.filters), b.runs) for b in blocks]
+    paths = [folder / shard_name(SEED, b.case_id, filter_ids(b.filters), b.runs) for b in blocks]
     for path, one in zip(paths, blocks, strict=True):
-        write_shard(path, one, HASH)
+        write_shard(path, one, SEED, filter_ids(one.filters))
     return paths
 
 

@@ -124,8 +124,8 @@ def test_foreign_and_unfitting_shards_are_refused(tmp_path, make_block, make_hea
     (shard,) = write(tmp_path / "shards", [make_block(0, range(5))])
     header = make_header(cases=1)
     for changed, words in (
-        (dataclasses.replace(header, hash="other"), "belongs to another campaign"),
-        (make_header(cases=1, filters=("ekf",)), "no filter 'alpha_0.5'"),
+        (dataclasses.replace(header, seed=1), "has seed"),
+        (make_header(cases=1, filters=("ekf", "kf")), "filter kf: runs"),
         (dataclasses.replace(header, cases=()), "no case id0"),
     ):
         with pytest.raises(ResultsError, match=words):

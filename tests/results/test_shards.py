@@ -19,12 +19,8 @@ def test_a_shard_gives_back_its_block(tmp_path, make_block, write) -> None:
     (path,) = write(tmp_path, [one])
     info, back = read_shard(path)
     assert info == read_shard_info(path)
-    assert (info.campaign_hash, info.case_id, info.filters, info.runs) == (
-        "feedbeef",
-        "id0",
-        tuple(one.filters),
-        (1, 2, 5),
-    )
+    assert (info.seed, info.case_id, info.filters, info.runs) == (2**80 + 1, "id0", tuple(one.filters), (1, 2, 5))
+    assert info.filter_ids == {name: f"settings of {name}" for name in one.filters}
     assert back.failures == one.failures and len(one.failures) == 1
     np.testing.assert_array_equal(back.relative, one.relative)
     for name, result in one.filters.items():
@@ -36,14 +32,17 @@ def test_a_shard_gives_back_its_block(tmp_path, make_block, write) -> None:
 
 def test_names_tell_case_filters_and_runs_apart() -> None:
     names = {
-        shard_name("a" * 40, ("ekf",), range(4)),
-        shard_name("b" * 40, ("ekf",), range(4)),
-        shard_name("a" * 40, ("ukf",), range(4)),
-        shard_name("a" * 40, ("ekf",), range(5)),
-        shard_name("a" * 40, ("ekf",), (0, 1, 3)),
+        shard_name(1, "a" * 40, {"ekf": "0"}, range(4)),
+        shard_name(2, "a" * 40, {"ekf": "0"}, range(4)),
+        shard_name(1, "b" * 40, {"ekf": "0"}, range(4)),
+        shard_name(1, "a" * 40, {"ukf": "0"}, range(4)),
+        shard_name(1, "a" * 40, {"ekf": "1"}, range(4)),
+        shard_name(1, "a" * 40, {"ekf": "0"}, range(5)),
+        shard_name(1, "a" * 40, {"ekf": "0"}, (0, 1, 3)),
     }
-    assert len(names) == 5
-    assert shard_name("a" * 40, ("x", "y"), (0,)) == shard_name("a" * 40, ("y", "x"), (0,))
+    assert len(names) == 7
+    two = {"x": "0", "y": "1"}
+    assert shard_name(1, "a" * 40, two, (0,)) == shard_name(1, "a" * 40, dict(reversed(two.items())), (0,))
 
 
 def test_a_torn_shard_is_detected_wherever_it_ends(tmp_path, make_block, write) -> None:
@@ -103,7 +102,7 @@ def test_a_block_that_does_not_fit_is_refused_and_leaves_no_file(tmp_path, make_
         dataclasses.replace(one, runs=(0, 1, 2)),
     ):
         with pytest.raises(ValueError, match="shape"):
-            write_shard(tmp_path / "s.h5", bad, "h")
+            write_shard(tmp_path / "s.h5", bad, 1, dict.fromkeys(bad.filters, "0"))
     assert not list(tmp_path.iterdir())
 
 

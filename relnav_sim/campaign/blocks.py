@@ -1,0 +1,55 @@
+"""How a campaign's runs are cut into blocks: from its cost alone, so that no worker count shows in the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.options import Options
+
+MOST_RUNS = 200
+"""Larger blocks are no faster per run: the arrays leave the cache."""
+BLOCK_SECONDS = 20.0
+"""What a kill may cost, CPU seconds."""
+SIMULATION_US = 3.0
+"""Truth, sensors and statistics for one run and step, us, beside the filters."""
+
+
+MOST_SAMPLES = 1_000_000
+"""Samples or particles of one filter in a block: 48 MB for each array of their states."""
+
+
+def sample_count(entry: Options) -> int:
+    """Return how many samples or particles a filter carries for each run; 1 where it has none."""
+    return int(getattr(entry, "samples", None) or getattr(entry, "particles", None) or 1)
+
+
+def cost_us(config: CaseConfig) -> float:
+    """Return the rough CPU time of one run-step of a case with all its filters, us."""
+    return SIMULATION_US + sum(map(_filter_cost_us, config.filters.values()))
+
+
+def run_seconds(config: CaseConfig) -> float:
+    """Return the rough CPU time of one run of a case, s."""
+    return cost_us(config) * 1e-6 * (config.clock.epochs - 1)
+
+
+def block_size(runs: int, cases: Sequence[CaseConfig]) -> int:
+    """Return how many runs are computed together.
+
+    About 20 s of work, at least 1 and at most 200 runs, fewer where the filters carry many samples, and at least two
+    blocks in all.
+    """
+    longest = max(run_seconds(case) for case in cases)
+    samples = max(sample_count(entry) for case in cases for entry in case.filters.values())
+    size = max(1, min(MOST_RUNS, int(BLOCK_SECONDS / longest), MOST_SAMPLES // samples))
+    return size if len(cases) > 1 else min(size, ceil(runs / 2))
+
+
+def _filter_cost_us(entry: FilterEntry) -> float:
+    """Return the registered cost, in proportion to the samples where the campaign asks for another number."""
+    kind = filter_kinds()[entry.kind]
+    return kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())

@@ -1,0 +1,93 @@
+"""What must fit together across the sections of a case, beyond what each section checks by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
+from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.options import Options
+from relnav_sim.sensors import SensorsOptions
+from relnav_sim.truth import TruthOptions
+
+MOST_EPOCHS = 10_000_000
+LINEAR_ONLY = frozenset({"kf"})
+"""Filters whose measurement must be linear in the state."""
+RESERVED_NAMES = frozenset({"trajectory", "time", "component", "truth", "failures"})
+"""Names that stand beside the filters' in a results file."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a case that are valid by themselves."""
+
+    clock: Clock | None = None
+    truth: TruthOptions | None = None
+    sensors: SensorsOptions | None = None
+    start: Options | None = None
+    statistics: StatisticsOptions | None = None
+    filters: Mapping[str, FilterEntry] = field(default_factory=dict)
+
+
+def check_together(parts: Parts) -> Iterator[Problem]:
+    """Yield what does not fit together; a part that is missing or wrong is left out of the checks."""
+    if parts.clock is not None:
+        yield from _check_clock(parts.clock)
+        if parts.sensors is not None:
+            yield from _check_periods(parts.sensors, parts.clock, ("sensors",))
+        if parts.statistics is not None and parts.statistics.settle_s >= parts.clock.duration_s:
+            yield Problem(
+                ("statistics", "settle_s"),
+                f"{parts.statistics.settle_s:g} s leaves nothing of a run of {parts.clock.duration_s:g} s",
+            )
+    radar = parts.sensors.radar if parts.sensors is not None else None
+    if parts.sensors is not None and radar is None:
+        yield Problem(("sensors", "radar"), "the filters have nothing to go by: give the radar")
+    for name, entry in parts.filters.items():
+        if name in RESERVED_NAMES:
+            yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
+        if entry.kind in LINEAR_ONLY and entry.measurement != "cartesian":
+            yield Problem(
+                ("filters", name, "measurement"),
+                f"the {entry.kind} filter needs a linear measurement: cartesian (or leave this key out)",
+            )
+        elif entry.measurement == "cartesian" and radar is not None and radar.carrier == "deputy":
+            yield Problem(
+                ("filters", name, "measurement"),
+                "cartesian needs the radar on the chief: a deputy's orbit frame turns with the state",
+            )
+
+
+def _check_clock(clock: Clock) -> Iterator[Problem]:
+    yield from _check_multiple(clock.duration_s, clock.step_s, ("clock", "duration_s"))
+    yield from _check_multiple(clock.store_every_s, clock.step_s, ("clock", "store_every_s"))
+    if clock.epochs > MOST_EPOCHS:
+        yield Problem(("clock", "step_s"), f"makes {clock.epochs - 1} steps a run; at most {MOST_EPOCHS} are computed")
+    if clock.store_every_s > clock.duration_s:
+        yield Problem(
+            ("clock", "store_every_s"),
+            f"{clock.store_every_s:g} s is longer than the run of {clock.duration_s:g} s",
+        )
+
+
+def _check_periods(options: Options, clock: Clock, path: Path) -> Iterator[Problem]:
+    """Yield the sampling periods that are no whole number of steps."""
+    for key in type(options).model_fields:
+        value = getattr(options, key)
+        if isinstance(value, Options):
+            yield from _check_periods(value, clock, (*path, key))
+        elif key == "period_s" and isinstance(value, float):
+            yield from _check_multiple(value, clock.step_s, (*path, key))
+
+
+def _check_multiple(value: float, step_s: float, path: Path) -> Iterator[Problem]:
+    steps = exact(value) / exact(step_s)
+    if steps.denominator == 1:
+        return
+    near = [float(exact(step_s) * count) for count in (steps.__floor__(), steps.__ceil__()) if count > 0]
+    yield Problem(
+        path,
+        f"{value:g} s is no whole number of steps of {step_s:g} s; take {' or '.join(f'{x:.12g}' for x in near)}",
+    )

@@ -1,0 +1,119 @@
+"""A filter of a campaign: the keys that all kinds share and the kind's own options, in one model per kind."""
+
+from __future__ import annotations
+
+import functools
+import json
+import operator
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import Field, SerializeAsAny, TypeAdapter, create_model
+
+from relnav_sim.filters.registry import FilterKind, filter_kinds
+from relnav_sim.models.process_noise import ProcessNoiseOptions
+from relnav_sim.models.registry import dynamics_kinds
+from relnav_sim.options import Options
+
+MeasurementKind = Literal["polar", "cartesian"]
+AssumedNoise = Literal["nominal", "total", "mixture"]
+Registered = tuple[tuple[FilterKind, ...], tuple[tuple[str, type[Options]], ...]]
+
+_MEASUREMENT = (
+    "Form of the radar measurement that the filter takes: polar (range, azimuth, elevation) or cartesian (the fix "
+    "converted to a position in the orbit frame)"
+)
+
+
+class FilterEntry(Options):
+    """What every filter of a campaign says; the model of each kind adds that kind's options.
+
+    An entry is also an instance of its kind's options model, so a filter's factory takes it as it is.
+    """
+
+    kind: str = Field(description="The filter; `relnav list filters` shows the kinds")
+    dynamics: SerializeAsAny[Options] = Field(description="The relative motion that the filter believes in")
+    process_noise: ProcessNoiseOptions = Field(
+        default=ProcessNoiseOptions(acceleration_psd_m2_s3=1e-6),
+        description="What the filter adds to its covariance each step; default: white acceleration of 1e-6 m^2/s^3, "
+        "about what curvature and differential J2 leave out of cw dynamics at 12 km",
+    )
+    measurement: MeasurementKind = Field(description=_MEASUREMENT)
+    assumed_noise: AssumedNoise = Field(
+        default="total",
+        description="Measurement noise that the filter believes in: nominal (the sensors' sigmas, without outliers), "
+        "total (one Gaussian with the covariance of all white noise; default) or mixture (its components too, for "
+        "filters that use them). No filter is told of biases, correlated parts or outages",
+    )
+
+    def __reduce__(self) -> tuple[Callable[[dict[str, Any]], FilterEntry], tuple[dict[str, Any]]]:
+        """Pickle as plain data: the models of the kinds are made at run time and have no importable name."""
+        return entry_from, (self.model_dump(mode="json"),)
+
+
+def entry_from(data: dict[str, Any]) -> FilterEntry:
+    """Return a filter's entry from plain data, as `FilterEntry.model_dump(mode="json")` gives it."""
+    return entry_adapter().validate_json(json.dumps(data), strict=True)
+
+
+def registered() -> Registered:
+    """Return every filter and dynamics that is registered now; models made from them are kept by it."""
+    return tuple(filter_kinds().values()), tuple(dynamics_kinds().items())
+
+
+def entry_adapter() -> TypeAdapter[FilterEntry]:
+    """Return the validator of one filter entry over every kind registered now."""
+    return _entry_adapter(registered())
+
+
+def entry_type() -> Any:
+    """Return the discriminated union of every registered kind's entry."""
+    return _entry_type(registered())
+
+
+@functools.cache
+def _entry_adapter(known: Registered) -> TypeAdapter[FilterEntry]:
+    return TypeAdapter(_entry_type(known))
+
+
+@functools.cache
+def _entry_type(known: Registered) -> Any:
+    kinds, dynamics = known
+    motion = one_of([model for _, model in dynamics])
+    return one_of([_entry_model(kind, motion) for kind in kinds])
+
+
+def _entry_model(kind: FilterKind, motion: Any) -> type[FilterEntry]:
+    shared = FilterEntry.model_fields
+    clash = sorted(shared.keys() & kind.options_model.model_fields.keys())
+    if clash:
+        raise TypeError(f"filter {kind.name!r}: its options {clash} have the names of keys that all filters share")
+    fields: dict[str, Any] = {
+        "kind": (Literal[kind.name], Field(description=shared["kind"].description)),
+        "dynamics": (
+            motion,
+            Field(
+                default={"kind": "cw"},
+                validate_default=True,
+                description=f"{shared['dynamics'].description}; default cw",
+            ),
+        ),
+        "measurement": (
+            MeasurementKind,
+            Field(default=kind.measurement, description=f"{_MEASUREMENT}; default {kind.measurement}"),
+        ),
+    }
+    made = create_model(
+        f"{kind.name}_filter",
+        __base__=(kind.options_model, FilterEntry),
+        __doc__=kind.description.partition("\n\n")[0],
+        __module__=__name__,
+        **fields,
+    )
+    return cast(type[FilterEntry], made)
+
+
+def one_of(models: list[type[Any]]) -> Any:
+    """Return the union of options models that their `kind` tells apart."""
+    union = functools.reduce(operator.or_, models)
+    return union if len(models) == 1 else Annotated[union, Field(discriminator="kind")]

@@ -1,0 +1,158 @@
+"""The whole campaign file as one model, and the validators of its parts."""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+from typing import Annotated, Any, cast
+
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, WithJsonSchema, create_model
+
+from relnav_sim.campaign.entries import Registered, entry_adapter, entry_type, registered
+from relnav_sim.campaign.messages import explain
+from relnav_sim.campaign.models import (
+    LARGEST_SEED,
+    MOST_RUNS,
+    Clock,
+    FirstFixStart,
+    StartOptions,
+    StatisticsOptions,
+)
+from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.campaign.shape import Shape
+from relnav_sim.options import Options
+from relnav_sim.sensors import SensorsOptions
+from relnav_sim.truth import TruthOptions
+
+NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
+
+
+def check_name(name: str) -> str:
+    """Return a name of a campaign or a filter.
+
+    Raises:
+        ValueError: The name would not serve as part of a file's name.
+    """
+    if not re.fullmatch(NAME_PATTERN, name):
+        raise ValueError("a name has 1 to 64 letters, digits, '_', '-' or '.', and begins with a letter or a digit")
+    return name
+
+
+Name = Annotated[str, AfterValidator(check_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME_PATTERN}$"})]
+
+
+class Settings(Options):
+    """The keys of a campaign that hold for all its cases."""
+
+    name: Name = Field(
+        description="Name of the campaign, and of its result file unless `--out` says otherwise: letters, digits, "
+        "'_', '-', '.'"
+    )
+    seed: int = Field(
+        ge=0,
+        le=LARGEST_SEED,
+        description="Seed of all random numbers; the same seed gives the same numbers whatever is computed beside them",
+    )
+    runs: int = Field(
+        ge=1,
+        le=MOST_RUNS,
+        description="Monte Carlo runs of every case; raise it later and only the new runs are computed",
+    )
+    block_runs: int | None = Field(
+        default=None,
+        ge=1,
+        description="Runs that are computed together; default: from the cost of the filters, about 20 s a block. "
+        "Changes no result",
+    )
+
+
+SECTIONS: dict[str, tuple[Any, str]] = {
+    "clock": (Clock, "Length of a run, step, and what is stored"),
+    "truth": (TruthOptions, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
+    "sensors": (SensorsOptions, "What is measured, and how badly"),
+    "start": (StartOptions, "Where the filters start, all alike; default: at the first radar fix"),
+    "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
+}
+DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": StatisticsOptions()}
+"""What a section is where the file has none; the other sections must stand."""
+
+FILTERS = "The filters to compare, by names of your choice"
+GRID = "Paths with lists of values: a case for every combination"
+ZIP = "Paths with equally long lists of values: a case for each position, all lists moving together"
+
+TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip")
+
+
+def file_model() -> type[Options]:
+    """Return the model of a whole campaign file over everything that is registered now."""
+    lists = dict[str, Annotated[list[Any], Field(min_length=1)]]
+    sections: dict[str, Any] = {
+        key: (kind, Field(default=DEFAULTS[key], description=words) if key in DEFAULTS else Field(description=words))
+        for key, (kind, words) in SECTIONS.items()
+    }
+    entry: Any = entry_type()
+    made = create_model(
+        "Campaign",
+        __base__=Settings,
+        __doc__="A relnav campaign: what is simulated, which filters are compared and what is varied.",
+        __module__=__name__,
+        **sections,
+        filters=(dict[Name, entry], Field(min_length=1, description=FILTERS)),
+        grid=(lists, Field(default={}, description=GRID)),
+        zip=(lists, Field(default={}, description=ZIP)),
+    )
+    return cast(type[Options], made)
+
+
+def file_shape() -> Shape:
+    """Return what a campaign file may hold, for messages and documents."""
+    return _file_shape(registered())
+
+
+@functools.cache
+def _file_shape(_: Registered) -> Shape:
+    return Shape.of(file_model().model_json_schema())
+
+
+@functools.cache
+def _adapter(section: str) -> TypeAdapter[Any]:
+    return TypeAdapter(SECTIONS[section][0])
+
+
+class PartValidator:
+    """Validates the parts of a file one by one, each once: cases share the parts that they do not vary."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
+        self._whole: Shape | None = None
+
+    def settings(self, data: dict[str, Any]) -> tuple[Settings | None, list[Problem]]:
+        """Return the keys that hold for all cases."""
+        part = {key: data[key] for key in Settings.model_fields if key in data}
+        return self._validated(TypeAdapter(Settings), part, ())  # type: ignore[return-value]  # of the adapter's type
+
+    def part(self, path: Path, data: Any) -> tuple[Options | None, list[Problem]]:
+        """Return a section (`("clock",)`) or a filter (`("filters", name)`), or its problems."""
+        found = self._known.get((path, id(data)))
+        if found is None:
+            adapter: TypeAdapter[Any] = entry_adapter() if path[0] == "filters" else _adapter(str(path[0]))
+            # The data is kept with the answer, so that its id stays its own.
+            found = (data, *self._validated(adapter, data, path))
+            self._known[path, id(data)] = found
+        return found[1], found[2]
+
+    def _validated(self, adapter: TypeAdapter[Any], data: Any, path: Path) -> tuple[Options | None, list[Problem]]:
+        try:
+            # Through JSON in strict mode: no "7" as a number, no 1 as a boolean, but lists as tuples.
+            return adapter.validate_json(json.dumps(data), strict=True), []
+        except ValidationError as error:
+            whole = self.whole
+            return None, explain(error, data, whole.at(path, {}) or whole, path, whole)
+
+    @property
+    def whole(self) -> Shape:
+        """What the whole file may hold; made on the first problem."""
+        if self._whole is None:
+            self._whole = file_shape()
+        return self._whole

@@ -1,0 +1,54 @@
+"""What makes a campaign and a case the same: hashes of their validated content, not of their text."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from relnav_sim.campaign.entries import FilterEntry
+
+OUTSIDE_HASH = frozenset({"runs", "block_runs"})
+"""Keys that change how much is computed and in which pieces, but no number."""
+
+
+def campaign_hash(content: Mapping[str, Any]) -> str:
+    """Return the hash of a campaign's content, 64 hexadecimal digits."""
+    return _digest({key: value for key, value in content.items() if key not in OUTSIDE_HASH})
+
+
+def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
+    """Return the id of a case, 12 hexadecimal digits.
+
+    A case is what is simulated and scored; a filter belongs to it only by the values that the grid gives it, so
+    filters can be added to a result.
+
+    Args:
+        content: The case's sections as plain data.
+        variables: The values of the varied paths.
+    """
+    own = {key: value for key, value in content.items() if key != "filters"}
+    own["filters"] = {path: value for path, value in variables.items() if path.startswith("filters.")}
+    return _digest(own)[:12]
+
+
+def filter_id(entry: FilterEntry) -> str:
+    """Return the id of a filter's settings, 12 hexadecimal digits."""
+    return _digest(entry.model_dump(mode="json"))[:12]
+
+
+def _digest(content: Any) -> str:
+    text = json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """Return the value with numbers that compare equal (2 and 2.0, 0.0 and -0.0) made the same."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, int | float) and not isinstance(value, bool) and float(value) == value:
+        return float(value) + 0.0
+    return value

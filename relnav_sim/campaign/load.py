@@ -1,0 +1,170 @@
+"""A campaign file to a frozen, validated `Campaign`, or to every problem at once."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+from relnav_sim.campaign.blocks import block_size
+from relnav_sim.campaign.cases import ValidatedPoint, validated_points
+from relnav_sim.campaign.expand import read_variables
+from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Settings
+from relnav_sim.campaign.identity import campaign_hash, case_id
+from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
+from relnav_sim.campaign.messages import unknown_key
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.campaign.overrides import Source, apply_overrides
+from relnav_sim.campaign.paths import value_at
+from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
+
+
+@dataclass(frozen=True)
+class Case:
+    """One point of a campaign's grid.
+
+    Attributes:
+        id: Hash of everything that the case's truth, measurements and statistics depend on, and of the filter
+            options that the grid varies; filters that are added or removed leave it as it is.
+        label: The case's values in words.
+        variables: The values of the varied paths, with their defaults filled in.
+        config: The validated sections.
+    """
+
+    id: str
+    label: str
+    variables: Mapping[str, Any]
+    config: CaseConfig
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A validated campaign.
+
+    Attributes:
+        name: Its name.
+        seed: Seed of all random numbers.
+        runs: Runs of every case.
+        cases: The points of its grid, in order.
+        text: The file as it was read.
+        path: Where it was read from, if from a file.
+        content: The validated content as plain data in the file's own shape, defaults filled in; a varied value
+            stands there as in the first case.
+        hash: SHA-256 of the content without what changes no number.
+        block_runs: Runs that are computed together.
+    """
+
+    name: str
+    seed: int
+    runs: int
+    cases: tuple[Case, ...]
+    text: str
+    path: FilePath | None
+    content: Mapping[str, Any]
+    hash: str
+    block_runs: int
+
+
+def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
+    """Return the campaign of a file.
+
+    Args:
+        path: The YAML file.
+        overrides: Changes as ``PATH=VALUE``, each value read like one in the file.
+
+    Raises:
+        CampaignError: The file or an override cannot be used; lists every problem.
+        OSError: The file cannot be read.
+    """
+    with open(path, "rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    try:
+        text = read_text(content)
+    except ValueError as error:
+        raise CampaignError([f"{os.fspath(path)}:1: {error}"]) from None
+    return parse_campaign(text, overrides, FilePath(path))
+
+
+def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | None = None) -> Campaign:
+    """Return the campaign of a text; see `load_campaign`."""
+    document = load_document(text)
+    source = Source(str(path or "campaign"), document)
+    data, problems = apply_overrides(document.data, overrides, source)
+    problems = [*document.problems, *problems]
+    if not isinstance(data, dict):
+        if not problems:
+            what = "the file is empty" if data is None else "the file must hold keys such as 'name:' and 'clock:'"
+            problems = [Problem((), f"{what}; `relnav new FILE` writes one to start from")]
+        raise _error(problems, source)
+    validator = PartValidator()
+    problems += [
+        Problem((key,), unknown_key(key, validator.whole, validator.whole))
+        for key in itertools.islice((key for key in data if key not in TOP_KEYS), SHOWN + 1)
+    ]
+    settings, found = validator.settings(data)
+    problems += found
+    variables, unvaried = read_variables(data, (*SECTIONS, "filters"))
+    problems += unvaried
+    problems += source.swept_overrides(variables)
+    valid, found = validated_points(data, variables if not unvaried else (), validator)
+    problems += found
+    # What the loader has refused stands as nothing in the data; the second complaint would only confuse.
+    refused = [problem.path for problem in document.problems if problem.path]
+    kept = [p for p in problems if p in document.problems or not any(p.path[: len(r)] == r for r in refused)]
+    if kept or settings is None:
+        raise _error(kept, source)
+    cases = [_case(settings.name, case) for case in valid]
+    if repeated := _same_cases(cases):
+        raise _error(repeated, source)
+    content = _content(settings, valid, cases)
+    return Campaign(
+        name=settings.name,
+        seed=settings.seed,
+        runs=settings.runs,
+        cases=tuple(cases),
+        text=text,
+        path=path,
+        content=content,
+        hash=campaign_hash(content),
+        block_runs=settings.block_runs or block_size(settings.runs, [case.config for case in cases]),
+    )
+
+
+def _error(problems: Sequence[Problem], source: Source) -> CampaignError:
+    sentences = sorted({source.located(problem) for problem in problems})
+    shown = [text for _, text in sentences[:SHOWN]]
+    if len(sentences) > SHOWN:
+        shown.append(f"{source.name}:1: and more problems, not listed")
+    return CampaignError(shown)
+
+
+def _case(name: str, valid: ValidatedPoint) -> Case:
+    config = CaseConfig(name=name, **vars(valid.parts))
+    content = config.model_dump(mode="json", exclude={"name"})
+    variables = {variable.text: value_at(content, variable.path) for variable, _ in valid.point.choices}
+    return Case(case_id(content, variables), valid.point.label, variables, config)
+
+
+def _same_cases(cases: Sequence[Case]) -> list[Problem]:
+    """Return the cases that differ in spelling only."""
+    labels: dict[str, str] = {}
+    problems = []
+    for case in cases:
+        first = labels.setdefault(case.id, case.label)
+        if first != case.label:
+            problems.append(Problem((), f"the cases {first} and {case.label} mean the same; keep one"))
+    return problems
+
+
+def _content(settings: Settings, valid: Sequence[ValidatedPoint], cases: Sequence[Case]) -> dict[str, Any]:
+    """Return the campaign as plain data in the file's own shape, defaults filled in."""
+    content: dict[str, Any] = {**settings.model_dump(mode="json"), "grid": {}, "zip": {}}
+    content |= cases[0].config.model_dump(mode="json", exclude={"name"})
+    for given, case in zip(valid, cases, strict=True):
+        for variable, index in given.point.choices:
+            values = content[variable.section].setdefault(variable.text, [None] * len(variable.values))
+            values[index] = case.variables[variable.text]
+    return content

@@ -1,0 +1,139 @@
+"""The sections of a campaign file that belong to no other layer, and one validated case."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.options import Options
+from relnav_sim.sensors import SensorsOptions
+from relnav_sim.truth import TruthOptions
+
+LARGEST_SEED = 2**63 - 1
+MOST_RUNS = 1_000_000
+
+Vector = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0)]
+
+
+def _on_every_axis(value: object) -> object:
+    """Return one number as three, so that both spellings mean (and hash as) the same."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return (value,) * 3
+    return tuple(value) if isinstance(value, list) else value
+
+
+_SIGMA = {"type": "number", "exclusiveMinimum": 0}
+Sigmas = Annotated[
+    tuple[Positive, Positive, Positive],
+    BeforeValidator(_on_every_axis),
+    WithJsonSchema({"anyOf": [_SIGMA, {"type": "array", "prefixItems": [_SIGMA] * 3, "minItems": 3, "maxItems": 3}]}),
+]
+
+
+def exact(value: float) -> Fraction:
+    """Return the decimal number as written: 0.2 is one fifth, not the double nearest to it."""
+    return Fraction(repr(value))
+
+
+class Clock(Options):
+    """When things happen: every run starts at 0 and steps evenly to the end."""
+
+    duration_s: float = Field(gt=0, description="Length of a run, s; a whole number of steps")
+    step_s: float = Field(gt=0, description="Time between epochs, s: the filters predict and update once a step")
+    store_every_s: float = Field(
+        gt=0,
+        description="Time between stored points of the error series, s; a whole number of steps. Statistics use "
+        "every epoch whatever is stored",
+    )
+
+    @property
+    def epochs(self) -> int:
+        """Number of epochs, the start included: duration / step + 1."""
+        return round(exact(self.duration_s) / exact(self.step_s)) + 1
+
+    @property
+    def store_every(self) -> int:
+        """Every how many epochs one is stored."""
+        return round(exact(self.store_every_s) / exact(self.step_s))
+
+
+class FirstFixStart(Options):
+    """Every filter starts at the first radar measurement, converted to a position; needs the radar."""
+
+    kind: Literal["first_fix"] = Field(default="first_fix", description="Start at the first radar measurement")
+    velocity_m_s: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="Relative velocity assumed at the start, m/s, RTN (radial, along-track, normal); "
+        "default 0, as Shi et al. (2025) start",
+    )
+    velocity_sigma_m_s: Sigmas = Field(
+        default=(1.0, 1.0, 1.0),
+        description="Its standard deviation, m/s, one number or one for each axis; default 1, "
+        "large against relative orbital motion of some km",
+    )
+
+
+class DispersedStart(Options):
+    """Every filter starts at the true state plus a random error of the given size, drawn anew in each run."""
+
+    kind: Literal["dispersed"] = Field(description="Start at the truth plus a random error")
+    position_sigma_m: Sigmas = Field(
+        description="Standard deviation of the position error, m, RTN, one number or one for each axis; "
+        "also the filters' initial covariance"
+    )
+    velocity_sigma_m_s: Sigmas = Field(
+        description="Standard deviation of the velocity error, m/s, RTN, one number or one for each axis; "
+        "also the filters' initial covariance"
+    )
+
+
+class GivenStart(Options):
+    """Every filter starts at the same given state in all runs."""
+
+    kind: Literal["given"] = Field(description="Start at a given state")
+    position_m: Vector = Field(description="Relative position, m, RTN (radial, along-track, normal)")
+    velocity_m_s: Vector = Field(description="Relative velocity, m/s, RTN")
+    position_sigma_m: Sigmas = Field(
+        description="Standard deviation of the position in the filters' initial covariance, m, RTN"
+    )
+    velocity_sigma_m_s: Sigmas = Field(
+        description="Standard deviation of the velocity in the filters' initial covariance, m/s, RTN"
+    )
+
+
+StartOptions = Annotated[FirstFixStart | DispersedStart | GivenStart, Field(discriminator="kind")]
+
+
+class StatisticsOptions(Options):
+    """What the figures of the report are taken over."""
+
+    settle_s: float = Field(
+        default=500.0,
+        ge=0,
+        description="Figures named 'settled' leave out the time before this, s; default 500, about a twelfth of a "
+        "low orbit's period",
+    )
+    convergence_m: float = Field(
+        default=10.0,
+        gt=0,
+        description="A run has converged once its position error stays below this, m; default 10",
+    )
+    convergence_hold_s: float = Field(
+        default=50.0, ge=0, description="... for this long, s; default 50, so that a lucky crossing does not count"
+    )
+
+
+class CaseConfig(Options):
+    """One point of a campaign's grid: everything that a run needs but its number and the seed."""
+
+    name: str = Field(description="The campaign's name")
+    clock: Clock
+    truth: TruthOptions
+    sensors: SensorsOptions
+    start: StartOptions = FirstFixStart()
+    filters: dict[str, SerializeAsAny[FilterEntry]]
+    statistics: StatisticsOptions = StatisticsOptions()

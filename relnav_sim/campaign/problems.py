@@ -1,0 +1,73 @@
+"""What is wrong with a campaign file, as sentences that say where."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+Path = tuple[str | int, ...]
+"""Where a value stands in the file: keys and list positions from the top."""
+
+SHOWN = 100
+"""Problems listed at most: nobody reads on, and a hostile file must stay cheap."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a campaign.
+
+    Attributes:
+        path: Keys and list positions from the top of the file; empty for the file as a whole.
+        sentence: What is wrong and what to do about it, without the place.
+        line: Line number from 1, or None to take the line of the path.
+    """
+
+    path: Path
+    sentence: str
+    line: int | None = None
+
+
+class CampaignError(ValueError):
+    """A campaign file or an override that cannot be used.
+
+    Attributes:
+        problems: Every problem found, each as ``file:line: path: sentence``.
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = list(problems)
+
+    def __reduce__(self) -> tuple[type[CampaignError], tuple[list[str]]]:
+        """Rebuild from the problems, so that the error survives a trip between processes."""
+        return type(self), (self.problems,)
+
+
+def dotted(path: Path) -> str:
+    """Return a path as people write it: ``sensors.radar.noise[0].kind``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the nearest known word, or nothing."""
+    known = list(known)
+    begun = [name for name in known if len(word) > 2 and name.startswith(word)]
+    # Keys share their units' endings; a lower cutoff would offer i_deg for raan_deg.
+    near = begun or difflib.get_close_matches(word[:60], known, n=1, cutoff=0.65)
+    return f"; did you mean {quoted(near[0])}?" if near else ""
+
+
+def quoted(word: object) -> str:
+    """Return a word in quotes, shortened where it is long, safe to print."""
+    text = str(word)
+    text = text if len(text) <= 60 else text[:57] + "..."
+    return "'" + "".join(letter if letter.isprintable() else "?" for letter in text) + "'"
+
+
+def listed(words: Sequence[str], joint: str = "or") -> str:
+    """Return ``a, b or c``."""
+    return f" {joint} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

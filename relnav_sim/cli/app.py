@@ -1,0 +1,64 @@
+"""`relnav`: the commands in one place. Each loads what it needs when it runs, so that help comes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.export import export
+from relnav_sim.cli.failures import guarded
+from relnav_sim.cli.inspect import inspect
+from relnav_sim.cli.listing import list_names
+from relnav_sim.cli.new import new
+from relnav_sim.cli.report import report
+from relnav_sim.cli.run import run
+from relnav_sim.cli.schema import schema
+from relnav_sim.cli.show import show
+from relnav_sim.cli.validate import validate
+
+app = typer.Typer(
+    name="relnav",
+    help="Monte Carlo campaigns that tell which relative-navigation filter to fly.",
+    epilog="Start with: relnav new my.yaml, relnav run my.yaml, relnav report",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "run": run,
+    "report": report,
+    "validate": validate,
+    "list": list_names,
+    "show": show,
+    "new": new,
+    "schema": schema,
+    "inspect": inspect,
+    "export": export,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(guarded(command))
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from relnav_sim import __version__
+
+        typer.echo(f"relnav {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Monte Carlo campaigns that tell which relative-navigation filter to fly."""
+
+
+def main() -> None:
+    """Run the command line; the entry point `relnav`."""
+    app()

@@ -1,0 +1,45 @@
+"""`relnav export`: a result as CSV."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.failures import UserError
+
+
+class Format(StrEnum):
+    """File formats."""
+
+    CSV = "csv"
+
+
+class Part(StrEnum):
+    """What of a result is exported."""
+
+    SUMMARY = "summary"
+    SERIES = "series"
+
+
+def export(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="The result file.")],
+    to: Annotated[Format, typer.Option("--to", help="The format.")] = Format.CSV,
+    part: Annotated[
+        Part, typer.Option(help="summary: a row for each case, filter and run; series: for each stored epoch too.")
+    ] = Part.SUMMARY,
+    out: Annotated[Path | None, typer.Option(help="The file.", show_default="beside the result, NAME_PART.csv")] = None,
+) -> None:
+    """Write the numbers of a result to a file that other programs read."""
+    from relnav_sim.results import open_results
+    from relnav_sim.results.export import export_series, export_summary
+
+    path = out if out is not None else result.with_name(f"{result.stem}_{part.value}.{to.value}")
+    if path.exists() and path.samefile(result):
+        raise UserError(f"{path} is the result itself; give another --out")
+    write = export_series if part is Part.SERIES else export_summary
+    with open_results(result) as results:
+        write(results, path)
+    typer.echo(f"wrote {path}")

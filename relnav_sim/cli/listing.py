@@ -1,0 +1,52 @@
+"""`relnav list`: what campaigns can name."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.output import print_table
+
+
+class What(StrEnum):
+    """What can be listed."""
+
+    FILTERS = "filters"
+    SENSORS = "sensors"
+    DYNAMICS = "dynamics"
+    NOISE = "noise"
+    CAMPAIGNS = "campaigns"
+
+
+def list_names(
+    what: Annotated[What, typer.Argument(help="filters, sensors, dynamics, noise or campaigns.")],
+) -> None:
+    """List the filters, sensors, dynamics, kinds of noise, or the campaigns of this folder."""
+    if what is What.CAMPAIGNS:
+        rows = [(str(path), _first_words(path)) for path in campaign_files(Path())]
+    else:
+        from relnav_sim.cli.catalogue import entries
+
+        rows = [(entry.name, entry.summary) for entry in entries(what.value)]
+    if rows:
+        print_table(rows)
+    else:
+        typer.echo("there are none here; write one with: relnav new FILE")
+
+
+def campaign_files(folder: Path) -> list[Path]:
+    """Return the YAML files in a folder and in its `campaigns/`."""
+    return sorted(path for pattern in ("*.yaml", "campaigns/*.yaml") for path in folder.glob(pattern))
+
+
+def _first_words(path: Path) -> str:
+    """Return the first comment of a campaign file, which says what it is for."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for line, _ in zip(file, range(20), strict=False):
+            words = line.removeprefix("#").strip()
+            if line.startswith("#") and words and not words.startswith("yaml-language-server"):
+                return words
+    return ""

@@ -1,0 +1,34 @@
+"""`relnav new`: a campaign to start from."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.failures import UserError
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, for example my.yaml.")],
+) -> None:
+    """Write a small commented campaign to start from, with a schema beside it for editors."""
+    from relnav_sim.campaign.schema import schema_text
+    from relnav_sim.campaign.template import template_text
+
+    schema = file.with_name("schema.json")
+    try:
+        with open(file, "x", encoding="utf-8") as stream:
+            stream.write(template_text(_name_of(file)))
+    except FileExistsError:
+        raise UserError(f"{file} exists already; nothing was written") from None
+    if not schema.exists():
+        schema.write_text(schema_text(), encoding="utf-8")
+    typer.echo(f"wrote {file}; next: relnav validate {file}, then: relnav run {file}")
+
+
+def _name_of(file: Path) -> str:
+    """Return a campaign's name from its file's name."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", file.stem).lstrip("_.-")[:64] or "campaign"

@@ -1,0 +1,44 @@
+"""`relnav validate`: every problem of a campaign, or what it will take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.output import count_in_words, in_words, print_table, size_in_words
+
+CASES_SHOWN = 12
+
+
+def validate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign, a YAML file.")],
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Change a value, as clock.step_s=1; may be repeated."),
+    ] = None,
+) -> None:
+    """Check a campaign: print every problem, or the plan."""
+    from relnav_sim.campaign import load_campaign, plan_campaign
+
+    campaign = load_campaign(file, changes or [])
+    plan = plan_campaign(campaign)
+    typer.echo(f"{file} is a valid campaign")
+    config = campaign.cases[0].config
+    labels = [case.label for case in campaign.cases]
+    more = [f"and {len(labels) - CASES_SHOWN} more"] if len(labels) > CASES_SHOWN else []
+    print_table(
+        [
+            ("name", campaign.name),
+            ("hash", campaign.hash[:12]),
+            ("cases", "\n".join([str(len(labels)), *labels[:CASES_SHOWN], *more])),
+            ("filters", ", ".join(dict.fromkeys(name for case in campaign.cases for name in case.config.filters))),
+            ("runs", f"{campaign.runs} of each case, seed {campaign.seed}"),
+            ("time", f"{config.clock.duration_s:g} s in steps of {config.clock.step_s:g} s"),
+            ("work", f"{count_in_words(plan.blocks, 'block')} of at most {count_in_words(campaign.block_runs, 'run')}"),
+            ("", f"{plan.filter_steps:.3g} filter steps, about {in_words(plan.cpu_s)} of CPU time"),
+            ("disk", f"about {size_in_words(plan.disk_bytes)}"),
+            ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
+        ]
+    )

@@ -1,0 +1,181 @@
+"""Alpha-divergence Kalman filter with alpha found online, in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.special import chdtri
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.components import noise_components, normalised
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of, joseph_update
+from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.streams import RandomSource
+
+Array = NDArray[np.float64]
+
+
+class AdaptiveAlphaOptions(GaussianFilterOptions):
+    """Options of the adaptive alpha filter."""
+
+    scheme: Literal["gate", "student_t", "responsibilities", "windowed_nis"] = Field(
+        default="student_t",
+        description="How alpha_k follows from the residuals. gate, student_t, responsibilities: from this epoch's, "
+        "against outliers; windowed_nis: from the last `window` epochs, for a noise level that drifts. Default "
+        "student_t, which needs to know neither the mixture nor a threshold; take responsibilities where the "
+        "mixture is known (`assumed_noise: mixture`), and `assumed_noise: nominal` for the others",
+    )
+    alpha_min: float = Field(
+        default=1e-3, gt=0, le=1, description="Least alpha; default 1e-3: a deviation 30 times the nominal one"
+    )
+    alpha_max: float = Field(
+        default=1.0, ge=1, le=4, description="Largest alpha; above 1 (at most 4) where R may be stated too large"
+    )
+    gate_scheme_probability: float = Field(
+        default=0.95,
+        gt=0,
+        lt=1,
+        description="Scheme gate: alpha is lowered until the NIS is at most the chi-square quantile c of this "
+        "probability; default 0.95",
+    )
+    degrees_of_freedom: float = Field(
+        default=4.0, gt=0, description="Scheme student_t: of the noise; 3 to 5 suit glint, smaller trusts R less"
+    )
+    per_channel: bool = Field(
+        default=True,
+        description="Scheme student_t: an alpha for each channel, as range and angles glint by themselves; false: one "
+        "for all, better where one switch drives all channels",
+    )
+    iterations: int = Field(default=5, ge=1, le=50, description="Scheme student_t: variational steps; 3 to 5 settle")
+    window: int = Field(
+        default=100,
+        ge=10,
+        description="Scheme windowed_nis: epochs W; default 100, 20 s at 5 Hz, knows the deviation to 1 / sqrt(2 m W)",
+    )
+
+
+@register_filter("adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=8.0)
+class AdaptiveAlphaFilter(GaussianFilter):
+    """Adaptive alpha Kalman filter: R / alpha_k with alpha_k from the residuals.
+
+    What Shi et al. (J. Chinese Inertial Technology 33(10), 2025) leave to future work. With one fixed-point step a
+    Gaussian to the power alpha is a Gaussian with R / alpha, so nothing needs sampling: this is the extended Kalman
+    filter with a noise covariance of its own at each epoch.
+
+    `gate`: alpha = 1 while the NIS is at most c, else such that it is c; the influence of an outlier is bounded.
+    `student_t`: the expected precision of Student-t noise, by variational Bayes, as in the filter `student_t`, here
+    held in [alpha_min, alpha_max]. `responsibilities`: the precision of the mixture's components, averaged with
+    their probabilities given the innovation (mean-field; one component of `gaussian_sum` is the collapse of all the
+    updates). `windowed_nis`: the scale at which the window's mean NIS is m, Mehra (1970), frozen while the
+    innovations are correlated, because alpha and the process noise cannot be told apart from the NIS alone.
+
+    Use the first three against glint. The window is for a slow drift of the noise level and gains nothing against
+    single outliers: it only finds the total variance. None removes a constant bias.
+
+    nis is that of the innovation with the measurement's own R, log_likelihood likewise, except that
+    `responsibilities` gives the evidence of the mixture. Extras: `alpha` (of the least trusted channel where there
+    is one each), `nis_after` with R / alpha_k, and `white` for the window (1 where the innovations count as white).
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveAlphaOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        self._options = options
+        self._threshold = float(chdtri(measurement.dimension, 1 - options.gate_scheme_probability))
+        self._limits = 1 / options.alpha_max, 1 / options.alpha_min
+
+    def start(self, prior: Gaussian, source: RandomSource) -> Any:
+        """Return the prior, with an empty window where the scheme has one."""
+        if self._options.scheme == "windowed_nis":
+            return empty_window(prior, self._options.window, self.measurement.dimension)
+        return prior
+
+    def predict(self, belief: Any, step: Step) -> Any:
+        """Return the belief with mean f(m) and covariance F P F^T + Q; the window stays."""
+        predicted = super().predict(belief, step)
+        return replace(belief, mean=predicted.mean, covariance=predicted.covariance)
+
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
+        """Return the Kalman update with R / alpha_k."""
+        mean, epoch = belief.mean, step.epoch
+        nu = self.measurement.residual(z, self.measurement.predict(mean, epoch))
+        H = self.measurement.jacobian(mean, epoch)
+        M = H @ belief.covariance @ transpose(H)
+        R = np.broadcast_to(self.measurement.noise(mean, epoch), M.shape)
+        before = innovation_of(CholeskyFactor(M + R), nu)
+        log_likelihood, extras = before.log_likelihood, {}
+        match self._options.scheme:
+            case "gate":
+                alpha = self._gate_alpha(nu, M, R)
+                used = R / alpha[:, None, None]
+            case "windowed_nis":
+                alpha = 1 / belief.scale
+                used = R / alpha[:, None, None]
+                belief, extras["white"] = push(belief, nu, M, R, *self._limits)
+            case "student_t":
+                used, alpha = self._student_noise(belief, z, R, epoch)
+            case "responsibilities":
+                used, alpha, log_likelihood = self._mixture_noise(nu, M, mean, epoch)
+        posterior, after = joseph_update(belief, nu, H, used)
+        extras = {"alpha": alpha, "nis_after": after.nis, **extras}
+        return (
+            replace(belief, mean=posterior.mean, covariance=posterior.covariance),
+            Innovation(before.nis, log_likelihood, extras),
+        )
+
+    def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:
+        """Return 1 where the NIS is within the threshold, else the alpha that brings it there, (runs,)."""
+        s, d = modes(nu, M, R)
+        return 1 / scale_for(s, d, self._threshold, 1.0, self._limits[1])
+
+    def _student_noise(self, belief: Gaussian, z: Array, R: Array, epoch: int) -> tuple[Array, Array]:
+        """Return the noise covariance (runs, m, m) of the variational update, and the smallest alpha (runs,)."""
+        options = self._options
+        weights = np.ones(z.shape)
+
+        def weigh(e: Array, spread: Array) -> Array:
+            nonlocal weights
+            freedom, squared = options.degrees_of_freedom, np.square(e) + spread
+            if options.per_channel:
+                weights = (freedom + 1) / (freedom + squared)
+            else:
+                one = (freedom + e.shape[-1]) / (freedom + squared.sum(axis=-1, keepdims=True))
+                weights = np.broadcast_to(one, e.shape)
+            weights = np.clip(weights, options.alpha_min, options.alpha_max)
+            return weights
+
+        reweighted_update(belief, z, self.measurement, epoch, weigh, options.iterations)
+        L = cholesky(R)
+        return (L / weights[:, None, :]) @ transpose(L), weights.min(axis=-1)
+
+    def _mixture_noise(self, nu: Array, M: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return the covariance of the expected precision (runs, m, m), alpha (runs,), and the log evidence (runs,).
+
+        alpha is the m-th root of the determinants' ratio to the most precise component.
+        """
+        weights, covariances = noise_components(self.measurement, mean, epoch)
+        covariances = np.broadcast_to(covariances, (len(nu), *covariances.shape[-3:]))
+        components = [np.ascontiguousarray(covariances[:, j]) for j in range(len(weights))]
+        log_terms = [
+            np.log(weight) + innovation_of(CholeskyFactor(M + covariance), nu).log_likelihood
+            for weight, covariance in zip(weights, components, strict=True)
+        ]
+        responsibilities, evidence = normalised(np.stack(log_terms, axis=-1))
+        identity = np.broadcast_to(np.eye(nu.shape[-1]), M.shape)
+        precision = np.zeros(M.shape)
+        least_volume = np.full(len(nu), np.inf)
+        for j, covariance in enumerate(components):
+            factor = CholeskyFactor(covariance)
+            precision += responsibilities[:, j, None, None] * factor.solve(identity)
+            least_volume = np.minimum(least_volume, factor.log_determinant())
+        factor = CholeskyFactor(precision)
+        alpha = np.exp((factor.log_determinant() + least_volume) / nu.shape[-1])
+        return factor.solve(identity), alpha, evidence

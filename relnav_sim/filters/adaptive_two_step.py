@@ -1,0 +1,124 @@
+"""Two-step filter that estimates the measurement noise as it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOptions
+from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.streams import RandomSource
+
+Array = NDArray[np.float64]
+
+
+class AdaptiveTwoStepOptions(TwoStepOptions):
+    """Options of the adaptive two-step filter."""
+
+    forgetting: float = Field(
+        default=0.98,
+        gt=0,
+        lt=1,
+        description="Forgetting factor b of the noise estimate, 0.95 to 0.995: it remembers about 1 / (1 - b) updates; "
+        "default 0.98: a sigma is then known to 7 % and a step of it is followed within 100 updates",
+    )
+    initial_weight: float = Field(
+        default=20.0,
+        ge=0,
+        description="Updates that the measurement's own R counts for at the start; default 20, so that the first "
+        "residuals, which still hold the error of the start, do not take over",
+    )
+    channels: Literal["independent", "joint"] = Field(
+        default="independent",
+        description="independent: one variance a channel, in the axes in which the measurement's own R is white; "
+        "joint: a full matrix",
+    )
+    smallest: float = Field(default=0.1, gt=0, le=1, description="Least variance, in units of the measurement's own R")
+    largest: float = Field(default=100.0, ge=1, description="Greatest variance, in units of the measurement's own R")
+
+
+@dataclass(frozen=True)
+class AdaptiveTwoStepBelief(TwoStepBelief):
+    """A two-step belief with the noise estimate.
+
+    Args:
+        noise_ratio: The estimate R_k in the axes in which the measurement's own R is the identity, (runs, m, m).
+        memory: Sum of the weights b^j of the updates so far, (runs,).
+    """
+
+    noise_ratio: Array
+    memory: Array
+
+
+@register_filter("adaptive_two_step", AdaptiveTwoStepOptions, cost_us=25.0)
+class AdaptiveTwoStepFilter(TwoStepFilter):
+    """Two-step filter that estimates its measurement noise (Sage and Husa), positive definite at every step.
+
+    Sage and Husa, Joint Automatic Control Conference, 1969, with the forgetting factor usual since; on the two-step
+    filter after Zhou Di et al., JGCD 1999. With e = z - H y after the first step, R becomes
+    (1 - d) R + d (e e^T + H Py H^T), d the weight of the newest update: a sum of positive parts, where the form on
+    the innovation subtracts a covariance and may lose its sign. Use it when the sensor's noise is not known or drifts.
+
+    The ratio to the measurement's own R is what is estimated, so noise that depends on the state keeps its shape.
+    Extras: `noise_sigma_ratio_0` and so on, the estimated sigma of each channel in units of the nominal one.
+
+    Limits: no noise mean is estimated (it cannot be told from an angle bias) and Q is not adapted, whose errors
+    therefore show up as measurement noise. Glint averages into a wide Gaussian: robust filters do better there.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveTwoStepOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        self._adaptation = options
+
+    def start(self, prior: Gaussian, source: RandomSource) -> AdaptiveTwoStepBelief:
+        """Return the prior, with the measurement's own R as the first noise estimate."""
+        runs, m = len(prior.mean), self.measurement.dimension
+        return _with_noise(
+            super().start(prior, source),
+            np.tile(np.eye(m), (runs, 1, 1)),
+            np.full(runs, self._adaptation.initial_weight),
+        )
+
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[AdaptiveTwoStepBelief, Innovation]:
+        """Return the belief after both steps under the present noise estimate, and the estimate renewed."""
+        prior: AdaptiveTwoStepBelief = belief
+        nominal = self.measurement.noise(prior.mean, step.epoch)
+        nominal = np.broadcast_to(nominal, prior.noise_ratio.shape)
+        root = cholesky(nominal)
+        R = root @ prior.noise_ratio @ transpose(root)
+        corrected, (residual, covariance), innovation = self.two_steps(prior, z, R, step)
+        memory = self._adaptation.forgetting * prior.memory + 1
+        ratio = self._renewed(prior.noise_ratio, CholeskyFactor(nominal), residual, covariance, 1 / memory)
+        sigma = np.sqrt(np.einsum("bii->bi", ratio))
+        extras = {f"noise_sigma_ratio_{i}": np.ascontiguousarray(sigma[:, i]) for i in range(sigma.shape[1])}
+        return _with_noise(corrected, ratio, memory), replace(innovation, extras={**innovation.extras, **extras})
+
+    def _renewed(
+        self, ratio: Array, factor: CholeskyFactor, residual: Array, covariance: Array, weight: Array
+    ) -> Array:
+        """Return the noise estimate after a residual (runs, m) whose y has the given H Py H^T (runs, m, m)."""
+        options = self._adaptation
+        white = factor.whiten(residual)
+        half = factor.whiten_rows(covariance)
+        seen = white[:, :, None] * white[:, None, :] + factor.whiten_rows(transpose(half))
+        if options.channels == "independent":
+            seen = seen * np.eye(seen.shape[-1])
+        d = weight[:, None, None]
+        estimate = (1 - d) * ratio + d * seen
+        # The bounds rescale channels, so that the matrix stays positive definite.
+        variances = np.einsum("bii->bi", estimate)
+        scale = np.sqrt(np.clip(variances, options.smallest, options.largest) / variances)
+        return estimate * scale[:, :, None] * scale[:, None, :]
+
+
+def _with_noise(belief: TwoStepBelief, ratio: Array, memory: Array) -> AdaptiveTwoStepBelief:
+    own = {item.name: getattr(belief, item.name) for item in fields(TwoStepBelief)}
+    return AdaptiveTwoStepBelief(**own, noise_ratio=ratio, memory=memory)

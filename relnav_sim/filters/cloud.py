@@ -1,0 +1,220 @@
+"""The cloud of weighted particles that the particle filters carry, and the Gaussian arithmetic on it.
+
+States are stored component by component, (runs, n, particles): each component is contiguous, which makes everything
+elementwise fast, and products with n x n matrices are one matrix product per run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.linalg import (
+    LOG_TWO_PI,
+    cholesky,
+    factor,
+    forward,
+    log_determinant_of,
+    matrices_last,
+    mixture_log_density,
+    runs_first,
+    symmetric,
+    transpose,
+)
+from relnav_sim.models.measurement import Measurement, MeasurementDefaults
+from relnav_sim.streams import RandomSource, Streams
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class CloudStreams:
+    """The random streams of a particle filter, one kind of draw each."""
+
+    noise: Streams
+    resampling: Streams
+    jitter: Streams
+    moves: Streams
+    acceptance: Streams
+
+    @classmethod
+    def of(cls, source: RandomSource, kind: str) -> CloudStreams:
+        """Return the streams ``filter.<kind>.<draw>``."""
+        return cls(*(source.streams(f"filter.{kind}.{draw}") for draw in cls.__dataclass_fields__))
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Weighted particles.
+
+    `mean` and `covariance` are those of the weighted particles before resampling, which only adds noise to them.
+
+    Args:
+        components: Particles by component, (runs, n, N).
+        log_weights: Normalised, (runs, N).
+        mean: (runs, n).
+        covariance: (runs, n, n).
+        streams: Random streams of the runs.
+        centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update.
+        noise: The standard normal numbers that led from there to the particle, (runs, r, N), likewise.
+        root: What they were multiplied by, (n, r), (runs, n, r) or (runs, N, n, r), likewise.
+    """
+
+    components: Array
+    log_weights: Array
+    mean: Array
+    covariance: Array
+    streams: CloudStreams
+    centres: Array | None = None
+    noise: Array | None = None
+    root: Array | None = None
+
+    @property
+    def states(self) -> Array:
+        """The particles as a view (runs, N, n)."""
+        return transpose(self.components)
+
+    @property
+    def weights(self) -> Array:
+        """The normalised weights (runs, N)."""
+        return np.exp(self.log_weights)
+
+
+def chosen(streams: Streams, rows: Rows) -> Streams:
+    """Return the streams of some of the runs; drawing from them leaves the others' where they are."""
+    return Streams([streams.generators[row] for row in rows])
+
+
+def standard_normals(streams: Streams, *shape: int) -> Array:
+    """Return standard normal numbers (runs, *shape), at half the cost of the generator's own method.
+
+    Box and Muller (Ann. Math. Statist. 29, 1958) with the tangent of half the angle, because NumPy vectorises the
+    tangent and the logarithm, but neither sine nor cosine: cos a = (1 - t^2) / (1 + t^2), sin a = 2 t / (1 + t^2).
+    """
+    count = prod(shape)
+    pairs = ceil(count / 2)
+    numbers = streams.uniform(2, pairs)
+    at_once = max(1, 8192 // max(pairs, 1))  # temporaries that stay in the cache
+    for first in range(0, len(numbers), at_once):
+        radius, angle = numbers[first : first + at_once].swapaxes(0, 1)
+        np.subtract(1, radius, out=radius)  # in (0, 1]
+        np.log(radius, out=radius)
+        radius *= -2
+        np.sqrt(radius, out=radius)
+        angle -= 0.5
+        angle *= np.pi
+        np.tan(angle, out=angle)
+        square = angle * angle
+        radius /= 1 + square
+        angle *= radius
+        angle *= 2
+        np.subtract(1, square, out=square)
+        radius *= square
+    return numbers.reshape(len(numbers), 2 * pairs)[:, :count].reshape(len(numbers), *shape)
+
+
+def square_root(covariance: Array) -> Array:
+    """Return G with G G^T = Q: the Cholesky factor of the correlations times the standard deviations.
+
+    Scaling first keeps all digits where metres and metres per second, or tiny and large noises, share a matrix. A
+    matrix that is only semidefinite gets a factor from its eigenvectors; one (n, n) that all runs share then has as
+    many columns as its rank, so that no random number is drawn in vain.
+
+    Args:
+        covariance: Q, (n, n) or (..., n, n).
+    """
+    deviation = np.sqrt(np.einsum("...ii->...i", covariance))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    correlation = covariance / (scale[..., :, None] * scale[..., None, :])
+    L = cholesky(correlation)
+    # A pivot below 1e-6 is rounding, not variance.
+    regular = np.einsum("...ii->...i", L).min(axis=-1) > 1e-6
+    if not regular.all():
+        deficient = ~regular & np.isfinite(correlation).all(axis=(-1, -2))
+        values, vectors = np.linalg.eigh(correlation[deficient] if correlation.ndim > 2 else correlation[None])
+        values = np.where(values > 1e-12 * np.maximum(values[..., -1:], 0), values, 0.0)
+        root = vectors * np.sqrt(values)[..., None, :]
+        if correlation.ndim == 2:
+            L = root[0][:, values[0] > 0]
+        else:
+            L[deficient] = root
+    return np.asarray(L * scale[..., None])
+
+
+def spread(root: Array, noise: Array) -> Array:
+    """Return G xi for every particle, (runs, n, N).
+
+    Args:
+        root: G, (n, r), (runs, n, r) or (runs, N, n, r).
+        noise: xi, (runs, r, N).
+    """
+    if root.ndim == 4:
+        return np.einsum("bpij,bjp->bip", root, noise)
+    return root @ noise
+
+
+def moments(components: Array, weights: Array) -> tuple[Array, Array]:
+    """Return mean (runs, n) and covariance (runs, n, n) of particles (runs, n, N) with weights (runs, N)."""
+    mean = (components @ weights[:, :, None])[:, :, 0]
+    deviations = components - mean[:, :, None]
+    return mean, symmetric((deviations * weights[:, None]) @ transpose(deviations))
+
+
+def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Array, epoch: int) -> Array:
+    """Return log p(z | state) of particles (runs, N, n): (runs, N).
+
+    A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
+    cloud's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
+    """
+    if type(measurement).log_likelihood is not MeasurementDefaults.log_likelihood:
+        return measurement.log_likelihood(z, states, epoch)
+    residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
+    mixture = measurement.mixture(mean, epoch)
+    if mixture is not None:
+        return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
+    L = factor(matrices_last(measurement.noise(mean, epoch)))
+    m = len(L)
+    whitener = runs_first(forward(L, np.broadcast_to(np.eye(m)[:, :, None], L.shape)))
+    white = whitener @ transpose(residual)
+    result = np.einsum("bmp,bmp->bp", white, white)
+    result += (m * LOG_TWO_PI + log_determinant_of(L))[:, None]
+    result *= -0.5
+    return result
+
+
+def average(matrices: Array, weights: Array) -> Array:
+    """Return the weighted mean over particles of matrices (runs, N, n, n); fewer axes are returned as they are."""
+    if matrices.ndim < 4:
+        return matrices
+    return np.einsum("bp,bpij->bij", weights, matrices)
+
+
+def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:
+    """Return the entries of the chosen runs' ancestors, (chosen runs, ...).
+
+    Args:
+        array: Leads with all runs; one of its other axes is the particles'.
+        rows: The chosen runs.
+        ancestors: (chosen runs, N).
+        axis: The particles' axis within one run's entry.
+    """
+    picked = np.empty((len(rows), *array.shape[1:]))
+    for entry, row, ancestor in zip(picked, rows, ancestors, strict=True):
+        np.take(array[row], ancestor, axis=axis, out=entry, mode="clip")
+    return picked
+
+
+def put(array: Array, rows: Rows, entries: Array) -> Array:
+    """Return a copy of `array` with the chosen runs' entries replaced."""
+    changed = array.copy()
+    changed[rows] = entries
+    return changed
+
+
+def kernel_bandwidth(n: int, particles: int) -> float:
+    """Return Silverman's optimal width of a Gaussian kernel, in standard deviations of the cloud (1986, eq. 4.14)."""
+    return float((4 / (n + 2)) ** (1 / (n + 4)) * particles ** (-1 / (n + 4)))

@@ -1,0 +1,105 @@
+"""Damped Gauss-Newton search for every run of a block: the engine of the iterated and the two-step filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.models.measurement import Measurement
+
+Array = NDArray[np.float64]
+
+# Armijo's condition: accept a step that brings this part of the decrease which its slope promises
+# (Nocedal and Wright, Numerical Optimization, 2006, section 3.1).
+_SUFFICIENT = 1e-4
+_HALVINGS = 12
+# Near the minimum a step changes the cost by less than its rounding, which the scale of z / sigma sets; a rise
+# that small is accepted, as it is worth less than 1e-4 of a standard deviation.
+_COST_ROUNDING = 1e-9
+
+
+class IterationOptions(GaussianFilterOptions):
+    """Options of the filters that search the maximum of the posterior."""
+
+    max_iterations: int = Field(
+        default=20,
+        ge=1,
+        description="Most Gauss-Newton steps of an update; default 20: tracking takes 1 or 2, a prior as wide as the "
+        "range 4 to 8; 1 gives the extended Kalman filter's mean wherever that lowers the cost",
+    )
+    tolerance: float = Field(
+        default=1e-8,
+        gt=0,
+        description="A run stops when its next step is shorter than this, in standard deviations of the posterior",
+    )
+
+
+def gauss_newton(
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    find_step: Callable[[Array, Array], tuple[Array, Array]],
+    start: Array,
+    options: IterationOptions,
+) -> tuple[Array, Array]:
+    """Minimise a sum of squares for every run by Gauss-Newton steps with halving; return where, and the steps taken.
+
+    A run that has converged, or that no step takes lower, is frozen, so that its bits do not depend on how long the
+    others take.
+
+    Args:
+        evaluate: Deviation (runs, n) -> cost (runs,) and whatever array (runs, ...) the step needs again.
+        find_step: Deviation and that array -> the full step (runs, n), and its squared length in the metric of the
+            normal matrix (runs,), which is half the rate at which the cost falls along it.
+        start: Deviation to start from, (runs, n).
+        options: When to stop.
+
+    Returns:
+        The deviation (runs, n) and the number of steps (runs,).
+    """
+    x = start
+    cost, kept = evaluate(x)
+    active, iterations = np.ones(len(x), dtype=bool), np.zeros(len(x))
+    for _ in range(options.max_iterations):
+        dx, length = find_step(x, kept)
+        active = active & (length > options.tolerance**2)
+        if not active.any():
+            break
+        origin, before, pending = x, cost, active
+        for halving in range(_HALVINGS):
+            t = 0.5**halving
+            tried = origin + t * dx
+            cost_t, kept_t = evaluate(tried)
+            lower = cost_t <= before + _COST_ROUNDING * (1 + before) - 2 * _SUFFICIENT * t * length
+            taken = pending & lower
+            x, kept = _where(taken, tried, x), _where(taken, kept_t, kept)
+            cost = np.where(taken, cost_t, cost)
+            iterations += taken
+            pending = pending & ~lower
+            if not pending.any():
+                break
+        active = active & ~pending
+    return x, iterations
+
+
+def jacobian_of_runs(measurement: Measurement, x: Array, epoch: int) -> Array:
+    """Return dh/dx at x (runs, n) as (runs, m, n), also where the measurement gives one matrix for all."""
+    H = measurement.jacobian(x, epoch)
+    return np.broadcast_to(H, (len(x), *H.shape[-2:]))
+
+
+def times(A: Array, v: Array) -> Array:
+    """Return A v, (runs, p), for A (runs, p, q) and v (runs, q)."""
+    return np.einsum("bij,bj->bi", A, v)
+
+
+def squared(v: Array) -> Array:
+    """Return |v|^2, (runs,), for v (runs, p)."""
+    total: Array = np.square(v).sum(axis=-1)
+    return total
+
+
+def _where(condition: NDArray[np.bool_], chosen: Array, other: Array) -> Array:
+    return np.where(condition.reshape(-1, *[1] * (chosen.ndim - 1)), chosen, other)

@@ -1,0 +1,25 @@
+"""Moment-matching Kalman filter: the alpha-divergence filter at alpha = 1."""
+
+from __future__ import annotations
+
+from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions, ImportanceOptions
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.measurement import Measurement
+
+
+@register_filter("mkf", ImportanceOptions, cost_us=700.0)
+class MomentMatchingFilter(AlphaKalmanFilter):
+    """Moment-matching Kalman filter: the Gaussian with the posterior's own mean and covariance, KL(p|q).
+
+    Gultekin and Paisley (IEEE Trans. Signal Processing 65(23), 2017, algorithm 2), which is the Gaussian particle
+    filter of Kotecha and Djuric (IEEE Trans. Signal Processing 51(10), 2003): `alpha_kf` at alpha = 1, same options
+    and extras. It covers the whole posterior, also where that has two modes.
+
+    Use it where the measurement bends over the prediction's spread and the posterior still has one hump: it then
+    has no linearisation error. For a linear measurement it is the Kalman filter plus sampling noise. Samples of the
+    prediction are wasted where the prediction is much wider than the measurement; take `proposal: posterior`.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImportanceOptions) -> None:
+        super().__init__(dynamics, measurement, AlphaOptions(alpha=1.0, **options.model_dump()))

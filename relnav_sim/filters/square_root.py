@@ -1,0 +1,111 @@
+"""Square roots of covariances, one matrix per run, that also stand matrices without full rank."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+
+Array = NDArray[np.float64]
+
+# A correlation matrix's eigenvalue below minus this is an error, not rounding.
+_NEGATIVE = 1e-6
+
+
+def triangular_root(M: Array) -> Array:
+    """Return the lower-triangular L (runs, p, p), diagonal >= 0, with L L^T = M M^T, M (runs, p, q), q >= p.
+
+    By QR of M^T: M M^T, whose condition number is the square of M's, is never formed.
+    """
+    R: Array = np.linalg.qr(transpose(M), mode="r")  # type: ignore[assignment]  # mode "r" gives R alone
+    signs = np.where(np.einsum("bii->bi", R) < 0, -1.0, 1.0)
+    return transpose(R * signs[:, :, None])
+
+
+def semidefinite_root(P: Array) -> Array:
+    """Return a lower-triangular L with L L^T = P, (runs, n, n), P positive semidefinite.
+
+    Cholesky's factor where P has full rank. NaN where P has a negative eigenvalue beyond rounding.
+    """
+    L = cholesky(P)
+    poor = _poorly_determined(L, P)
+    if poor.any():
+        scale, values, vectors = _spectrum(P[poor])
+        L[poor] = triangular_root(scale[:, :, None] * vectors * np.sqrt(values)[:, None, :])
+    return L
+
+
+class SemidefiniteFactor:
+    """The Cholesky factor of one positive semidefinite matrix per run, to solve with where that has a meaning.
+
+    Directions without variance get no part of a solution, so that a state known exactly does no harm.
+
+    Args:
+        P: (runs, n, n). NaN results where it has a negative eigenvalue beyond rounding.
+    """
+
+    def __init__(self, P: Array) -> None:
+        self._factor = CholeskyFactor(P)
+        self._poor = _poorly_determined(np.moveaxis(self._factor.lower_last, -1, 0), P)
+        if self._poor.any():
+            self._scale, values, self._vectors = _spectrum(P[self._poor])
+            root = np.sqrt(np.where(values == 0, np.inf, values))
+            self._inverse_root = 1 / root
+
+    def solve(self, B: Array) -> Array:
+        """Return X (runs, n, p) with P X = B, columns of B (runs, n, p) in P's range."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            X = self._factor.solve(B)
+        if self._poor.any():
+            white = self._inverse_root[:, :, None] * self._white(B[self._poor])
+            X[self._poor] = self._vectors @ white / self._scale[:, :, None]
+        return X
+
+    def squared(self, v: Array) -> Array:
+        """Return v^T P^-1 v, (runs,), for v (runs, n) in P's range."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            total: Array = np.square(self._factor.whiten(v)).sum(axis=1)
+        if self._poor.any():
+            total[self._poor] = np.square(self._white(v[self._poor][:, :, None])).sum(axis=(1, 2))
+        return total
+
+    def _white(self, B: Array) -> Array:
+        """Return W B with W^T W the scaled inverse, for the poorly determined runs."""
+        return self._inverse_root[:, :, None] * (transpose(self._vectors) @ (B / self._scale[:, :, None]))
+
+
+def general_solve(A: Array, B: Array) -> Array:
+    """Return A^-1 B for square A (runs, m, m), B (runs, m, p); NaN where A is singular."""
+    try:
+        return np.asarray(np.linalg.solve(A, B), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        # One singular matrix must not end the other runs.
+        singular = np.linalg.det(A) == 0
+        return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, A), B), dtype=np.float64)
+
+
+def _poorly_determined(L: Array, P: Array) -> NDArray[np.bool_]:
+    """Return where a pivot of the factor L is within rounding of zero, or not a number, (runs,)."""
+    rounding = 8 * P.shape[-1] * np.finfo(float).eps * np.einsum("bii->bi", P)
+    clear: NDArray[np.bool_] = (np.square(np.einsum("bii->bi", L)) > rounding).all(axis=1)
+    return ~clear
+
+
+def _spectrum(P: Array) -> tuple[Array, Array, Array]:
+    """Return standard deviations (runs, n), eigenvalues (runs, n) and vectors (runs, n, n) of the correlations.
+
+    Scaled to correlations, so that metres and metres per second round alike. Eigenvalues within rounding of zero are
+    zero; a standard deviation of zero is returned as 1.
+    """
+    variances = np.einsum("bii->bi", P)
+    with np.errstate(invalid="ignore"):
+        scale = np.sqrt(np.where(variances == 0, 1.0, variances))
+    C = P / (scale[:, :, None] * scale[:, None, :])
+    # LAPACK refuses the whole stack for one matrix that is not finite.
+    finite = np.isfinite(C).all(axis=(1, 2))
+    values, vectors = np.linalg.eigh(np.where(finite[:, None, None], C, np.eye(P.shape[-1])))
+    rounding = 8 * P.shape[-1] * np.finfo(float).eps
+    values = np.where(np.abs(values) <= rounding, 0.0, values)
+    values = np.where(values < 0, np.where(values < -_NEGATIVE, np.nan, 0.0), values)
+    return scale, np.where(finite[:, None], values, np.nan), vectors

@@ -1,0 +1,282 @@
+"""Two-step filter of Haupt, Kasdin, Keiser and Parkinson."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
+from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
+from relnav_sim.filters.kalman import GaussianFilter, joseph_update
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.square_root import SemidefiniteFactor, general_solve
+from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
+from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.streams import RandomSource
+
+Array = NDArray[np.float64]
+
+
+class TwoStepOptions(IterationOptions):
+    """Options of the two-step filter."""
+
+    start: StartKind = Field(
+        default="unscented",
+        description="Covariance of the first-step state y = [x; g(x)] at the first measurement. unscented: sigma "
+        "points through g (Liu et al. 2011); closed_form: its exact value for quadratic g, from second derivatives; "
+        "linearised: F P F^T, the original, singular but for start_slack, and wrong when the prior is wide",
+    )
+    start_slack: float = Field(
+        default=1.0,
+        gt=0,
+        description="Extra variance of the g(x) block at the start, in units of R, without which the covariance of y "
+        "can be singular; default 1: what one measurement could tell",
+    )
+    start_kappa: float | None = Field(
+        default=None,
+        ge=0,
+        description="Spread kappa of the unscented start's 2 n + 1 points; default max(0, 3 - n), which gives a "
+        "Gaussian's fourth moment where that is possible without a negative weight",
+    )
+
+
+@dataclass(frozen=True)
+class TwoStepBelief(Gaussian):
+    """The second-step state x as a Gaussian, and what the first-step state y = [x; g(x)] holds beyond f(x).
+
+    With c = (y_g - g) - G (y_x - x), taken at the mean of the last update, y is a Gaussian of (y_x, c): c has
+    covariance `scatter`, and given c, y_x = x + regression c with x's covariance.
+
+    Args:
+        mean: (runs, n).
+        covariance: (runs, n, n).
+        offset: Mean of y less f(mean), (runs, n + m), angles wrapped.
+        regression: (runs, n, m).
+        scatter: (runs, m, m).
+        jacobian: G at the mean of the last update, (runs, m, n).
+        started: Whether the run has had a measurement, (runs,); the arrays above are zero before.
+    """
+
+    offset: Array
+    regression: Array
+    scatter: Array
+    jacobian: Array
+    started: NDArray[np.bool_]
+
+
+@register_filter("two_step", TwoStepOptions, cost_us=20.0)
+class TwoStepFilter(GaussianFilter):
+    """Two-step filter: a linear Kalman update of y = [x; g(x)], then x fitted to y by Gauss-Newton.
+
+    Haupt, Kasdin, Keiser and Parkinson, J. Guidance, Control, and Dynamics 19(3), 1996; the unscented start is that of
+    Liu et al. 2011. z = H y + v is linear, so the first step is exact; all nonlinearity is in the fit. For linear g
+    it equals the Kalman filter. Use it when a wide prior meets a precise measurement; the iterated filter does as well.
+
+    Everything depends on how far y may start off the manifold y = f(x). Not at all gives the extended Kalman filter;
+    without limit, the iterated one. The start is made at the first measurement, from the prediction there.
+
+    The covariance Py = N + F Px F^T is never formed: rounding would make its part N, found as Py - F Px F^T,
+    indefinite, and Py becomes singular as N shrinks. With c = (y_g - g) - G (y_x - x), what y_g departs from the
+    tangent, N is [K; I] V [K; I]^T in coordinates (x, c), where V is c's covariance and K the regression of y_x on
+    it. Both steps update c, then x given c, so every covariance is a sum of positive parts, for linear g the
+    covariance of x takes the very path of the Kalman filter, and a gap in the measurements leaves N alone.
+
+    Limits: the off-manifold part gets no process noise, as in the original. NIS and log-likelihood come from the
+    linear first step; those of the first measurement include the start's slack.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: TwoStepOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        self._options = options
+
+    def start(self, prior: Gaussian, source: RandomSource) -> TwoStepBelief:
+        """Return the prior; y comes with the first measurement."""
+        runs, n, m = *prior.mean.shape, self.measurement.dimension
+        return TwoStepBelief(
+            prior.mean,
+            prior.covariance,
+            offset=np.zeros((runs, n + m)),
+            regression=np.zeros((runs, n, m)),
+            scatter=np.zeros((runs, m, m)),
+            jacobian=np.zeros((runs, m, n)),
+            started=np.zeros(runs, dtype=bool),
+        )
+
+    def predict(self, belief: Any, step: Step) -> TwoStepBelief:
+        """Return the belief with x propagated; y follows it, y + f(x_new) - f(x), so nothing else changes."""
+        x = super().predict(belief, step)
+        carried: TwoStepBelief = replace(belief, mean=x.mean, covariance=x.covariance)
+        return carried
+
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[TwoStepBelief, Innovation]:
+        """Return the belief after both steps; the innovation is the first step's."""
+        corrected, _, innovation = self.two_steps(belief, z, self.measurement.noise(belief.mean, step.epoch), step)
+        return corrected, innovation
+
+    def two_steps(
+        self, belief: TwoStepBelief, z: Array, R: Array, step: Step
+    ) -> tuple[TwoStepBelief, tuple[Array, Array], Innovation]:
+        """Return the belief after both steps, the residual z - H y and its H Py H^T after the first, the innovation.
+
+        Args:
+            belief: The prediction.
+            z: (runs, m).
+            R: Measurement noise to assume, (m, m) or (runs, m, m).
+            step: The epoch.
+        """
+        measurement, epoch = self.measurement, step.epoch
+        g = measurement.predict(belief.mean, epoch)
+        G = jacobian_of_runs(measurement, belief.mean, epoch)
+        before = self._off_manifold(belief, G, R, epoch)
+        expected = g + before.mean_c + times(G, before.mean_x - belief.mean)
+        after, innovation = _first_step(before, measurement.residual(z, expected), G, R)
+        # y's mean; its angles are not wrapped, so that differences to it stay continuous.
+        y_g = g + after.mean_c + times(G, after.mean_x - belief.mean)
+
+        fit = _Fit(after)
+        evaluate, find_step = fit.search(measurement, belief.mean, y_g, G, epoch)
+        deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(belief.mean), self._options)
+        mean = belief.mean + deviation
+        jacobian = jacobian_of_runs(measurement, mean, epoch)
+        covariance, regression, scatter = fit.at(jacobian - G)
+        corrected = TwoStepBelief(
+            mean,
+            covariance,
+            offset=np.concatenate(
+                [after.mean_x - mean, measurement.residual(y_g, measurement.predict(mean, epoch))], axis=1
+            ),
+            regression=regression,
+            scatter=scatter,
+            jacobian=jacobian,
+            started=np.ones(len(z), dtype=bool),
+        )
+        B = np.eye(len(z[0])) + G @ after.regression
+        observed = G @ after.covariance @ transpose(G) + B @ after.scatter @ transpose(B)
+        return (
+            corrected,
+            (measurement.residual(z, y_g), observed),
+            Innovation(innovation.nis, innovation.log_likelihood, {"iterations": iterations}),
+        )
+
+    def _off_manifold(self, belief: TwoStepBelief, G: Array, R: Array, epoch: int) -> OffManifold:
+        """Return the Gaussian of (y_x, c) about the prediction, new for the runs that have had no measurement."""
+        started = belief.started
+        if started.all():
+            return _carried(belief, G)
+        options = self._options
+        kappa = max(0.0, 3.0 - belief.mean.shape[1]) if options.start_kappa is None else options.start_kappa
+        fresh = start_off_manifold(
+            options.start,
+            belief,
+            lambda x: self.measurement.predict(x, epoch),
+            self.measurement.residual,
+            lambda x: jacobian_of_runs(self.measurement, x, epoch),
+            options.start_slack * R,
+            kappa,
+        )
+        if not started.any():
+            return fresh
+        return where_runs(started, _carried(belief, G), fresh)
+
+
+def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
+    """Return what the last update left, seen from the tangent G at the prediction.
+
+    Where c was slack about the old tangent, it is (I + (G_old - G) K) c about the new one.
+    """
+    n = belief.mean.shape[1]
+    offset_x, offset_g = belief.offset[:, :n], belief.offset[:, n:]
+    turn = np.eye(offset_g.shape[1]) + (belief.jacobian - G) @ belief.regression
+    return OffManifold(
+        belief.mean + offset_x,
+        offset_g - times(G, offset_x),
+        belief.covariance,
+        transpose(general_solve(transpose(turn), transpose(belief.regression))),
+        symmetric(turn @ belief.scatter @ transpose(turn)),
+    )
+
+
+def _first_step(before: OffManifold, nu: Array, G: Array, R: Array) -> tuple[OffManifold, Innovation]:
+    """Return (y_x, c) after z = y_g + v, and the innovation.
+
+    Given c the measurement sees y_x through G; so c is updated with the noise G P G^T + R, then y_x given c with R.
+
+    Args:
+        before: The prediction.
+        nu: z less its expectation, (runs, m).
+        G: Jacobian at the prediction, (runs, m, n).
+        R: (m, m) or (runs, m, m).
+    """
+    K, P = before.regression, before.covariance
+    GP = G @ P
+    W = symmetric(GP @ transpose(G)) + R
+    B = np.eye(len(nu[0])) + G @ K
+    c, innovation = joseph_update(Gaussian(before.mean_c, before.scatter), nu, B, W)
+    moved = c.mean - before.mean_c
+    x, _ = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)
+    gain = transpose(CholeskyFactor(W).solve(GP))
+    return OffManifold(x.mean, c.mean, x.covariance, K - gain @ B, c.covariance), innovation
+
+
+class _Fit:
+    """The second step: x fitted to y, min |y - f(x)|^2 in Py^-1, as a sum over c and y_x given c.
+
+    With q(x) what f(x) departs from the tangent, less c's mean, and t(x) = x - mean_x - K q(x), the cost is
+    |q|^2 in V^-1 plus |t|^2 in P^-1. D = dq/dx is zero for linear g. The step comes from the update of t by q.
+    """
+
+    def __init__(self, y: OffManifold) -> None:
+        self._y = y
+        self._P, self._V = SemidefiniteFactor(y.covariance), SemidefiniteFactor(y.scatter)
+
+    def search(
+        self, measurement: Measurement, origin: Array, y_g: Array, G: Array, epoch: int
+    ) -> tuple[Callable[[Array], tuple[Array, Array]], Callable[[Array, Array], tuple[Array, Array]]]:
+        """Return cost and step for `gauss_newton`, in deviations from `origin`, where G is the Jacobian."""
+        y = self._y
+        centre = y.mean_x - origin
+
+        def evaluate(deviation: Array) -> tuple[Array, Array]:
+            beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
+            q = times(G, centre - deviation) - beyond
+            t = deviation - centre - times(y.regression, q)
+            return self._P.squared(t) + self._V.squared(q), np.concatenate([t, q], axis=1)
+
+        def find_step(deviation: Array, kept: Array) -> tuple[Array, Array]:
+            t, q = kept[:, : len(centre[0])], kept[:, len(centre[0]) :]
+            E, EP, S = self._linearised(jacobian_of_runs(measurement, origin + deviation, epoch) - G)
+            w = CholeskyFactor(S).solve((times(E, t) - q)[:, :, None])[:, :, 0]
+            move = times(transpose(EP), w) - t
+            along = times(E, move)
+            return move + times(y.regression, along), self._P.squared(move) + self._V.squared(along)
+
+        return evaluate, find_step
+
+    def at(self, D: Array) -> tuple[Array, Array, Array]:
+        """Return Px = (F^T Py^-1 F)^-1 where dq/dx = D, and the regression and scatter of y beyond f(x) from there."""
+        y = self._y
+        E, EP, S = self._linearised(D)
+        updated, _ = joseph_update(Gaussian(y.mean_x, y.covariance), y.mean_c, E, y.scatter)
+        spread = np.eye(D.shape[2]) + y.regression @ E
+        turn = np.eye(D.shape[1]) - D @ y.regression
+        cross = y.scatter @ transpose(y.regression) - EP
+        regression = transpose(general_solve(transpose(turn), CholeskyFactor(S).solve(cross)))
+        return (
+            symmetric(spread @ updated.covariance @ transpose(spread)),
+            regression,
+            symmetric(turn @ S @ transpose(turn)),
+        )
+
+    def _linearised(self, D: Array) -> tuple[Array, Array, Array]:
+        """Return E = dq/dt, E P, and the covariance S of q that P and V give."""
+        y = self._y
+        E = general_solve(np.eye(D.shape[1]) - D @ y.regression, D)
+        EP = E @ y.covariance
+        return E, EP, symmetric(EP @ transpose(E)) + y.scatter

@@ -1,0 +1,226 @@
+"""Unscented particle filter: every particle is drawn where the measurement points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.cloud import Cloud, chosen, pick, put, spread, standard_normals
+from relnav_sim.filters.particle import CloudFilter, CloudOptions, accept, weigh
+from relnav_sim.filters.registry import register_filter
+from relnav_sim.linalg import factor, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+class UnscentedParticleOptions(CloudOptions):
+    """Options of the unscented particle filter."""
+
+    mcmc_steps: int = Field(
+        default=1,
+        ge=0,
+        le=100,
+        description="Metropolis-Hastings moves of every particle after resampling, proposed from the ancestor's "
+        "own q; default 1, as van der Merwe et al. (2000)",
+    )
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Every particle's q, in the coordinates xi of its process noise, x = f(ancestor) + G xi, where p is N(0, I).
+
+    q = N(mean, A A^T), A = A_1 A_2 ... A_m with A_a = I - u_a u_a^T / (1 + s_a), one factor for each component of z.
+
+    Args:
+        centres: f(ancestor), (runs, n, N).
+        root: G, (n, r), (runs, n, r) or (runs, N, n, r).
+        mean: (runs, r, N).
+        directions: u, (runs, m, r, N).
+        shrinkage: s, (runs, m, N): A_a shortens u_a by this factor.
+    """
+
+    centres: Array
+    root: Array
+    mean: Array
+    directions: Array
+    shrinkage: Array
+
+    def draw(self, normals: Array) -> tuple[Array, Array]:
+        """Return particles (runs, n, N) from standard normals (runs, r, N), and the logarithm of p / q there."""
+        xi = normals
+        for a in reversed(range(self.directions.shape[1])):
+            u = self.directions[:, a]
+            along = np.einsum("brp,brp->bp", u, xi)
+            along /= 1 + self.shrinkage[:, a]
+            xi = xi - u * along[:, None]
+        xi = xi + self.mean
+        log_ratio = np.einsum("brp,brp->bp", normals, normals) - np.einsum("brp,brp->bp", xi, xi)
+        log_ratio *= 0.5
+        log_ratio += np.log(self.shrinkage).sum(axis=1)
+        components = spread(self.root, xi)
+        components += self.centres
+        return components, log_ratio
+
+    def of(self, rows: Rows, ancestors: Rows) -> Proposal:
+        """Return the proposals of the chosen runs' ancestors."""
+        root = self.root
+        if root.ndim == 3:
+            root = root[rows]
+        elif root.ndim == 4:
+            root = pick(root, rows, ancestors, axis=0)
+        return Proposal(
+            pick(self.centres, rows, ancestors),
+            root,
+            pick(self.mean, rows, ancestors),
+            pick(self.directions, rows, ancestors),
+            pick(self.shrinkage, rows, ancestors),
+        )
+
+
+@register_filter("unscented_particle", UnscentedParticleOptions, cost_us=1500.0)
+class UnscentedParticleFilter(CloudFilter):
+    """Unscented particle filter: each particle is drawn from an unscented Kalman update of its own, then weighed.
+
+    Van der Merwe, Doucet, de Freitas and Wan, The Unscented Particle Filter, Cambridge, CUED/F-INFENG/TR 380, 2000.
+    The proposal q of a particle starts from its own transition density N(f(ancestor), Q), whose sigma points go through
+    the measurement; weights p(z | x) p(x | ancestor) / q(x); resampling copies a particle together with its q, and a
+    Metropolis-Hastings move then draws it anew from there.
+
+    Use it where the measurement is precise against the process noise: `particle` then wastes most of its particles.
+    With a linear measurement q is the optimal proposal. The published filter carries a covariance with every particle
+    and adds it to Q, which in orbit, where Q is tiny, makes q far wider than p and leaves one particle with all the
+    weight; here that covariance is zero. All densities are taken in the coordinates of the process noise, so Q may be
+    as small as it likes, and singular. What the process noise does not reach, q cannot either: from a poor prior with a
+    small Q set `roughening` to 1.
+
+    `log_likelihood`, `nis`, `ess` and `resampled` as in `particle`; `accepted` is the share of accepted moves.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: UnscentedParticleOptions) -> None:
+        super().__init__(dynamics, measurement, options)
+        self._moves = options.mcmc_steps
+
+    def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
+        """Return the cloud drawn from the proposals, reweighted and, where few particles count, resampled and moved."""
+        assert belief.noise is not None
+        proposal = self._propose(belief, z, step)
+        components, log_ratio = proposal.draw(belief.noise)
+        score = self._log_likelihood(belief, components, z, step) + log_ratio
+        cloud, evidence, ess = weigh(replace(belief, components=components), score)
+        innovation = self._innovation(belief, z, step, evidence, ess)
+        accepted = np.full(len(z), np.nan)
+        rows = self._resampled_runs(ess)
+        if len(rows):
+            ancestors = self._ancestors(cloud, rows)
+            copies = pick(cloud.components, rows, ancestors)
+            cloud = replace(cloud, components=put(cloud.components, rows, copies))
+            if self._moves:
+                current = pick(score, rows, ancestors)
+                cloud, accepted[rows] = self._move(cloud, belief, proposal.of(rows, ancestors), current, rows, z, step)
+            cloud = self._settle(cloud, rows)
+        return cloud, replace(innovation, extras={**innovation.extras, "accepted": accepted})
+
+    def _propose(self, predicted: Cloud, z: Array, step: Step) -> Proposal:
+        """Return every particle's unscented update of its own transition density.
+
+        With sigma points +- sqrt(r) e_j in xi and images h(f + G xi), the covariance of xi and z has rows
+        C_j = (h+ - h-) / (2 sqrt r), and S = C^T C + M, M = R + the spread of the points' mid-images. Then
+        mean = C S^-1 nu and covariance I - C S^-1 C^T, whose square root is built up one component of the whitened
+        measurement at a time (Potter 1963; Bierman 1977). Its factors s_a are ratios of the diagonals of the Cholesky
+        factors of M and S, so a peaked likelihood costs no digits.
+        """
+        assert predicted.centres is not None and predicted.root is not None
+        centres, root, epoch = predicted.centres, predicted.root, step.epoch
+        runs, _, N = centres.shape
+        r, m = root.shape[-1], self.measurement.dimension
+        centre_image = self.measurement.predict(transpose(centres), epoch)
+        C = np.empty((m, runs, r, N))
+        middle = np.zeros((m, runs, N))
+        M = np.zeros((m, m, runs, N))
+        for j in range(r):
+            ahead, behind = (self._image(centres, side * _column(root, j), centre_image, epoch) for side in (1, -1))
+            C[:, :, j] = (ahead - behind) / (2 * np.sqrt(r))
+            mid = (ahead + behind) / 2
+            middle += mid / r
+            for a in range(m):
+                for b in range(a + 1):
+                    M[a, b] += mid[a] * mid[b] / r
+        noise = self.measurement.noise(predicted.mean, epoch)
+        S = np.empty_like(M)
+        for a in range(m):
+            for b in range(a + 1):
+                M[a, b] += np.expand_dims(noise[..., a, b], -1) - middle[a] * middle[b]
+                S[a, b] = M[a, b] + np.einsum("brp,brp->bp", C[a], C[b])
+        residual = self.measurement.residual(z[:, None], centre_image)
+        nu = np.moveaxis(residual, -1, 0) - middle
+        return _sequential_update(centres, root, C, nu, factor(S), factor(M))
+
+    def _image(self, centres: Array, offset: Array, centre_image: Array, epoch: int) -> Array:
+        """Return h(centre + offset) - h(centre), (m, runs, N)."""
+        image = self.measurement.predict(transpose(centres + offset), epoch)
+        return np.moveaxis(self.measurement.residual(image, centre_image), -1, 0)
+
+    def _move(
+        self, cloud: Cloud, predicted: Cloud, proposal: Proposal, current: Array, rows: Rows, z: Array, step: Step
+    ) -> tuple[Cloud, Array]:
+        """Return the cloud after Metropolis-Hastings moves in the chosen runs, and their share of accepted moves.
+
+        Args:
+            cloud: Resampled.
+            predicted: The cloud before the measurement.
+            proposal: The chosen runs' proposals, of the resampled particles' ancestors.
+            current: log p(z | x) p(x | ancestor) / q(x) of the chosen runs' particles.
+            rows: The chosen runs.
+            z: The measurement.
+            step: The epoch.
+        """
+        components = cloud.components
+        r = proposal.mean.shape[1]
+        share = np.zeros(len(rows))
+        for _ in range(self._moves):
+            drawn, log_ratio = proposal.draw(standard_normals(chosen(cloud.streams.moves, rows), r, self._particles))
+            proposed = put(components, rows, drawn)
+            new = self._log_likelihood(predicted, proposed, z, step)[rows] + log_ratio
+            accepted = accept(new - current, chosen(cloud.streams.acceptance, rows))
+            components = put(components, rows, np.where(accepted[:, None], drawn, components[rows]))
+            current = np.where(accepted, new, current)
+            share += accepted.mean(axis=1) / self._moves
+        return replace(cloud, components=components), share
+
+
+def _column(root: Array, j: int) -> Array:
+    """Return sqrt(r) times column j of G as offsets of particles (runs, n, N)."""
+    column = np.sqrt(root.shape[-1]) * root[..., j]
+    return transpose(column) if root.ndim == 4 else column[..., None]
+
+
+def _sequential_update(centres: Array, root: Array, C: Array, nu: Array, L_S: Array, L_M: Array) -> Proposal:
+    """Return the proposals from C (m, runs, r, N), nu (m, runs, N) and the Cholesky factors (m, m, runs, N)."""
+    m, runs, r, N = C.shape
+    mean = np.zeros((runs, r, N))
+    directions = np.empty((runs, m, r, N))
+    shrinkage = np.empty((runs, m, N))
+    white, white_nu = C.copy(), nu.copy()
+    for a in range(m):
+        for b in range(a):
+            white[a] -= L_S[a, b][:, None] * white[b]
+            white_nu[a] -= L_S[a, b] * white_nu[b]
+        white[a] /= L_S[a, a][:, None]
+        white_nu[a] /= L_S[a, a]
+        mean += white[a] * white_nu[a][:, None]
+        u = white[a]
+        for b in range(a):
+            # A_b^-1 = I + u_b u_b^T / (s_b (1 + s_b))
+            s = shrinkage[:, b]
+            along = np.einsum("brp,brp->bp", directions[:, b], u) / (s * (1 + s))
+            u = u + directions[:, b] * along[:, None]
+        directions[:, a] = u
+        shrinkage[:, a] = L_M[a, a] / L_S[a, a]
+    return Proposal(centres, root, mean, directions, shrinkage)

@@ -1,0 +1,129 @@
+"""What was run, as a report tells it: the campaign's settings, where the result came from, how to get it again."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from relnav_sim.report.tables import Column, Row, Table, Words
+from relnav_sim.report.wording import counted, figure
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+_SECTIONS = ("clock", "truth", "sensors", "start", "statistics")
+_HASH_SHOWN = 16
+
+
+def headline_facts(results: Results) -> tuple[str, ...]:
+    """Return the few facts that stand under the report's title."""
+    clock = results.campaign_content.get("clock", {})
+    facts = [
+        counted(results.planned_runs, "run"),
+        counted(len(results.headers), "case"),
+        f"{counted(len(results.filters), 'filter')}: {', '.join(results.filters)}",
+    ]
+    if {"duration_s", "step_s"} <= clock.keys():
+        facts.append(f"{clock['duration_s']:g} s in steps of {clock['step_s']:g} s")
+    return (*facts, f"seed {results.seed}", f"hash {results.campaign_hash[:_HASH_SHOWN]}")
+
+
+def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
+    """Return how the result came about, as names and values."""
+    origin = results.provenance
+    state = {1: ", with uncommitted changes", 0: ""}.get(origin.git_dirty, "")
+    varied = list(dict.fromkeys(path for header in results.headers for path in header.variables))
+    facts = {
+        "campaign": results.campaign_name,
+        "seed": str(results.seed),
+        "content hash": results.campaign_hash,
+        "varied": ", ".join(varied) or "nothing",
+        "runs": f"{results.planned_runs} of each case",
+        "result file": results.path.name,
+        "computed": f"{shown_time(origin.started)} to {shown_time(origin.finished)}, {figure(origin.wall_time_s)} s",
+        "source": f"{origin.git_commit}{state}" if origin.git_commit else "installed package",
+        "versions": ", ".join(f"{name} {version}" for name, version in origin.versions.items()),
+        "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
+    }
+    return tuple((name, value) for name, value in facts.items() if value)
+
+
+def reproduce_commands(results: Results) -> tuple[str, ...]:
+    """Return the commands that compute the result and its report again."""
+    recorded = results.provenance.command_line
+    try:
+        program = Path(shlex.split(recorded)[0]).name if recorded else ""
+    except ValueError:
+        program = ""
+    if program == "relnav":
+        return (recorded, f"relnav report {shlex.quote(str(results.path.name))}")
+    file = shlex.quote(f"{results.campaign_name}.yaml")
+    return (
+        f"relnav run {file} --runs {results.planned_runs}   # the campaign file below, saved as {file}",
+        f"relnav report {shlex.quote(results.path.name)}",
+    )
+
+
+def filters_table(results: Results) -> Table:
+    """Return what each filter was told to be; varied values stand as in the first case."""
+    entries = results.campaign_content.get("filters", {})
+    rows = []
+    for name in results.filters:
+        entry = entries.get(name, {}) if isinstance(entries, Mapping) else {}
+        settings = ", ".join(f"{path} = {value}" for path, value in flattened(entry) if path != "kind")
+        rows.append(Row(name, (Words(str(entry.get("kind", ""))), Words(settings))))
+    return Table(
+        name="filters",
+        title="Filters",
+        caption="Their settings, defaults filled in.",
+        corner="filter",
+        columns=(Column("kind", numeric=False), Column("settings", numeric=False)),
+        rows=tuple(rows),
+    )
+
+
+def settings_table(results: Results) -> Table:
+    """Return every other setting with its value, defaults filled in; varied values stand as in the first case."""
+    content = results.campaign_content
+    rows = [
+        Row(path, (Words(value),))
+        for section in _SECTIONS
+        if section in content
+        for path, value in flattened(content[section], section)
+    ]
+    return Table(
+        name="settings",
+        title="All settings",
+        caption="Defaults filled in; what the campaign varies stands as in the first case.",
+        corner="setting",
+        columns=(Column("value", numeric=False),),
+        rows=tuple(rows),
+    )
+
+
+def shown_time(moment: str) -> str:
+    """Return an ISO 8601 moment as people write it."""
+    return moment.replace("T", " ").replace("+00:00", " UTC")
+
+
+def flattened(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Yield every leaf of nested settings with its dotted path; what is not set is left out."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from flattened(inner, f"{path}.{key}" if path else str(key))
+    elif value is not None:
+        yield path, _shown(value)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_shown(inner) for inner in value) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {_shown(inner)}" for key, inner in value.items()) + "}"
+    return str(value)

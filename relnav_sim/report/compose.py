@@ -1,0 +1,109 @@
+"""From an opened result to a report as data: words, tables and drawn figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from relnav_sim.report import campaign_facts, captions, figures, html, layouts
+from relnav_sim.report.axes import Axes
+from relnav_sim.report.case_section import compose_case
+from relnav_sim.report.drawing import Picture, draw, within
+from relnav_sim.report.page import CaseSection, Page
+from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.summary import summarise
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+MOST_FIGURES = 72
+_LARGEST_HTML = 4_700_000
+_FIGURES_OF_A_CASE = 2  # and one per filter
+_WORTH_A_PROCESS = 12  # cases times filters, about 4 s of drawing: less than that, starting a process takes longer
+
+_READING = (
+    "Error is estimate minus truth. Mean and std are taken over the time of each run, as in Table 2 of Shi et al. "
+    "(2025); a table shows their means over runs. The rows r and v are those of the error's size.",
+    "RMS is taken over the time of each run, then averaged over runs.",
+    "Intervals are 95 % bootstrap intervals (BCa) over runs, because epochs of one run are correlated and runs are "
+    "not. They are not widened for the number of comparisons.",
+    "Filters of a campaign share their random numbers. They are compared run by run: not told apart means that the "
+    "95 % interval of the mean difference holds zero.",
+    "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
+    "more where it claims too much, less where it claims too little.",
+    "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
+    "CPU time is measured while blocks of runs are filtered together; it depends on the machine.",
+)
+_WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep this page small."
+
+
+def compose(
+    results: Results, figure_folder: Path, axes: Axes, most_figures: int = MOST_FIGURES, workers: int = 2
+) -> Page:
+    """Return the report of an opened result, its figures drawn into a folder.
+
+    Args:
+        results: An opened result.
+        figure_folder: An existing folder for the figures' files.
+        axes: The axes of tables and figures.
+        most_figures: How many figures to draw; the first case always gets its own.
+        workers: Processes that make the cases of a large campaign.
+    """
+    parts = _cases(results, figure_folder, axes, most_figures, workers)
+    rankings = [ranking for ranking, _ in parts]
+    page = _without_pictures(results, rankings, [replace(section, pictures=()) for _, section in parts])
+    left = _LARGEST_HTML - len(html.render(page).encode())
+    top, left = within(_overall_pictures(results, rankings, figure_folder), left)
+    sections = []
+    for _, section in parts:
+        pictures, left = within(section.pictures, left)
+        sections.append(replace(section, pictures=pictures))
+    return replace(page, pictures=top, cases=tuple(sections))
+
+
+def _cases(
+    results: Results, figure_folder: Path, axes: Axes, most_figures: int, workers: int
+) -> list[tuple[Ranking, CaseSection]]:
+    drawn: list[bool] = []
+    figures_left = most_figures
+    for header in results.headers:
+        figures_left -= _FIGURES_OF_A_CASE + len(header.filters)
+        drawn.append(not drawn or (figures_left >= 0 and drawn[-1]))
+    todo = [(results.path, index, axes, figure_folder, draw_it) for index, draw_it in enumerate(drawn)]
+    if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
+        return [compose_case(*arguments) for arguments in todo]
+    import joblib
+
+    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)))
+    return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
+
+
+def _without_pictures(results: Results, rankings: Sequence[Ranking], sections: Sequence[CaseSection]) -> Page:
+    version = results.provenance.versions.get("relnav", "")
+    finished = campaign_facts.shown_time(results.provenance.finished)
+    return Page(
+        name=results.campaign_name,
+        facts=campaign_facts.headline_facts(results),
+        summary=summarise(rankings),
+        overview=layouts.overview_table(rankings),
+        pictures=(),
+        cases=tuple(sections),
+        commands=campaign_facts.reproduce_commands(results),
+        settings=campaign_facts.provenance_facts(results),
+        filters=campaign_facts.filters_table(results),
+        all_settings=campaign_facts.settings_table(results),
+        campaign_text=results.campaign_text,
+        reading=(*_READING, _WHOLE_SPAN) if any(section.file_tables for section in sections) else _READING,
+        footer=f"Written by relnav from {results.path.name}, computed with relnav {version} on {finished}.",
+    )
+
+
+def _overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path) -> tuple[Picture, ...]:
+    cases = [ranking.case for ranking in rankings if ranking.standings]
+    if len(cases) < 2:
+        return ()
+    figure = figures.accuracy_by_case(results, cases)
+    caption, alt = captions.accuracy_caption(cases), captions.accuracy_alt(rankings)
+    return (draw(folder, "accuracy_by_case", figure, caption, alt),)

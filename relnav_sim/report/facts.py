@@ -1,0 +1,241 @@
+"""What a report needs to know of a case: per-run figures of every filter, in the axes of the report.
+
+Tables, summary and figures all start here, so that each of them counts failed runs, chooses the span and
+names the axes in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
+from relnav_sim.results import layout
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+Statistic = Literal["mean", "std", "rms"]
+Span = Literal["whole", "settled"]
+
+_SPANS: dict[Span, int] = {"whole": 0, "settled": 1}
+_ONLY_CASE = "base"
+
+
+@dataclass(frozen=True)
+class FailedRun:
+    """A run that failed: when, and why in words."""
+
+    run: int
+    filter: str
+    epoch: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class FilterFacts:
+    """One filter in one case; every array has its computed runs as the leading axis.
+
+    Attributes:
+        name: The filter's name in the campaign.
+        runs: Numbers of the runs (n,).
+        ok: Which of them did not fail (n,).
+        statistics: ``mean``, ``std`` and ``rms`` of the error over time (n, 2 spans, 8 components), in the
+            order of ``COMPONENTS``, in the axes of the report; m and m/s.
+        convergence_s: Time from which the position error stays small (n,), s; NaN where it never does.
+        anees: NEES / 6 over time (n, 2 spans).
+        nis: Mean NIS over time (n, 2 spans).
+        cpu_us: CPU time per filter step (n,), microseconds.
+    """
+
+    name: str
+    runs: NDArray[np.int64]
+    ok: NDArray[np.bool_]
+    statistics: Mapping[Statistic, Array]
+    convergence_s: Array
+    anees: Array
+    nis: Array
+    cpu_us: Array
+
+    @property
+    def failed(self) -> int:
+        """Number of failed runs."""
+        return int((~self.ok).sum())
+
+    @property
+    def completed(self) -> int:
+        """Number of runs that did not fail."""
+        return int(self.ok.sum())
+
+    @property
+    def never_converged(self) -> int:
+        """Number of completed runs that never converged."""
+        return int((self.ok & np.isnan(self.convergence_s)).sum())
+
+    def errors(self, statistic: Statistic, span: Span, component: str) -> Array:
+        """Return a statistic of one component, one figure for each computed run (n,)."""
+        return self.statistics[statistic][:, _SPANS[span], COMPONENTS.index(component)]
+
+    def consistency(self, which: Literal["anees", "nis"], span: Span) -> Array:
+        """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
+        return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
+
+    def median_row(self, span: Span) -> int:
+        """Return which of the completed runs has the median position RMS, the lower of two."""
+        sizes = self.errors("rms", span, "r")[self.ok]
+        return int(np.argsort(sizes, kind="stable")[(len(sizes) - 1) // 2])
+
+    def median_run(self, span: Span) -> int:
+        """Return the number of that run."""
+        return int(self.runs[self.ok][self.median_row(span)])
+
+
+@dataclass(frozen=True)
+class CaseFacts:
+    """One case.
+
+    Attributes:
+        number: Its number from 1.
+        index: Its number from 0, by which a result knows it.
+        label: What it varies, in words.
+        axes: The axes of every figure.
+        times_s: Stored epochs (K,), s; empty where no run has been computed.
+        settle_s: Start of the span ``settled``, s.
+        convergence_m: A run has converged once its position error stays below this, m ...
+        hold_s: ... for this long, s.
+        planned_runs: Runs that the campaign asked for.
+        filters: The filters that have runs.
+        waiting: Names of the filters that have none yet.
+        all_filters: Names of the filters of all cases, which set the colours.
+        failures: The failed runs.
+    """
+
+    number: int
+    index: int
+    label: str
+    axes: Axes
+    times_s: Array
+    settle_s: float
+    convergence_m: float
+    hold_s: float
+    planned_runs: int
+    filters: tuple[FilterFacts, ...]
+    waiting: tuple[str, ...]
+    all_filters: tuple[str, ...]
+    failures: tuple[FailedRun, ...]
+
+    @property
+    def span(self) -> Span:
+        """The span that headline figures are taken over: settled, unless nothing lies after settling."""
+        settled = any(np.isfinite(item.errors("rms", "settled", "r")[item.ok]).any() for item in self.filters)
+        return "settled" if settled else "whole"
+
+    @property
+    def when(self) -> str:
+        """The headline span in words."""
+        return f"t ≥ {self.settle_s:g} s" if self.span == "settled" else "all epochs"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the filters that have runs."""
+        return tuple(item.name for item in self.filters)
+
+    def filter(self, name: str) -> FilterFacts:
+        """Return the facts of one filter.
+
+        Raises:
+            KeyError: It has no run in this case.
+        """
+        for item in self.filters:
+            if item.name == name:
+                return item
+        raise KeyError(f"filter {name!r} has no run in case {self.label!r}; there are {', '.join(self.names)}")
+
+
+def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn") -> CaseFacts:
+    """Return what a report needs to know of a case.
+
+    Args:
+        results: An opened result.
+        case: Its number from 0, its label or its id; facts already read are returned as they are.
+        axes: The axes of the report.
+    """
+    if isinstance(case, CaseFacts):
+        return case
+    index = results.case_index(case)
+    header = results.headers[index]
+    held = [name for name in header.filters if len(results.case_runs(index, name))]
+    label = header.label
+    if len(results.headers) == 1 and label == _ONLY_CASE:
+        label = "all runs"
+    return CaseFacts(
+        number=index + 1,
+        index=index,
+        label=label,
+        axes=axes,
+        times_s=results.time_s(index) if held else np.empty(0),
+        settle_s=float(case_setting(results, index, "statistics.settle_s", 0.0)),
+        convergence_m=float(case_setting(results, index, "statistics.convergence_m", np.nan)),
+        hold_s=float(case_setting(results, index, "statistics.convergence_hold_s", np.nan)),
+        planned_runs=results.planned_runs,
+        filters=tuple(_filter_facts(results, index, name, axes) for name in held),
+        waiting=tuple(name for name in header.filters if name not in held),
+        all_filters=results.filters,
+        failures=tuple(
+            FailedRun(failure.run, failure.filter, failure.epoch, failure.reason)
+            for _, failure in results.failures(index)
+        ),
+    )
+
+
+def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
+    """Return a setting of a case: the varied value if the campaign varies it, else the campaign's own."""
+    keys = path.split(".")
+    varied = results.headers[index].variables
+    for length in range(len(keys), 0, -1):
+        start = ".".join(keys[:length])
+        if start in varied:
+            return _inside(varied[start], keys[length:], default)
+    return _inside(results.campaign_content, keys, default)
+
+
+def _inside(value: Any, keys: list[str], default: Any) -> Any:
+    for key in keys:
+        if not isinstance(value, Mapping) or value.get(key) is None:
+            return default
+        value = value[key]
+    return value
+
+
+def _filter_facts(results: Results, index: int, name: str, axes: Axes) -> FilterFacts:
+    def statistic(which: str) -> Array:
+        return np.asarray(results.statistic(index, name, which), dtype=float)
+
+    whole_state = layout.BLOCKS.index("full")
+    return FilterFacts(
+        name=name,
+        runs=results.case_runs(index, name),
+        ok=statistic("failed") == 0,
+        statistics={
+            "mean": _in_axes(statistic("mean"), axes, signed=True),
+            "std": _in_axes(statistic("std"), axes, signed=False),
+            "rms": _in_axes(statistic("rms"), axes, signed=False),
+        },
+        convergence_s=statistic("convergence"),
+        anees=statistic("anees")[..., whole_state],
+        nis=statistic("nis_mean"),
+        cpu_us=statistic("cpu_per_step"),
+    )
+
+
+def _in_axes(stored: Array, axes: Axes, signed: bool) -> Array:
+    """Return figures (n, spans, quantities of the layout) in the axes and order of the report."""
+    columns = []
+    for component in COMPONENTS:
+        source, sign = source_component(component, axes)
+        columns.append(stored[..., layout.QUANTITIES.index(source)] * (sign if signed else 1.0))
+    return np.stack(columns, axis=-1)

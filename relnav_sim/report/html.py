@@ -1,0 +1,31 @@
+"""A report as one HTML file that asks for nothing from anywhere: style, script and figures are inside."""
+
+from __future__ import annotations
+
+import functools
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from relnav_sim.report.page import Page
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+def render(page: Page) -> str:
+    """Return the report as HTML; every text in it is escaped."""
+    from markupsafe import Markup
+
+    return _template().render(page=page, style=Markup(_asset("page.css")), script=Markup(_asset("page.js")))
+
+
+@functools.cache
+def _template() -> Template:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_asset("page.html.j2"))
+
+
+def _asset(name: str) -> str:
+    return (files("relnav_sim.report") / "assets" / name).read_text(encoding="utf-8")

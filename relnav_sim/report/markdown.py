@@ -1,0 +1,43 @@
+"""A report as one Markdown file: the same words, tables and figures, the figures by their files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from relnav_sim.report.drawing import Picture
+from relnav_sim.report.page import Page
+from relnav_sim.report.tables import markdown as table_markdown
+from relnav_sim.report.tables import plain_markdown
+
+
+def render(page: Page) -> str:
+    """Return the report as Markdown; what the campaign's author wrote shows as written."""
+    parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts)), "## Summary"]
+    parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
+    parts += ["## Overview", table_markdown(page.overview), *_pictures(page.pictures)]
+    for case in page.cases:
+        parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")
+        parts += [plain_markdown(note) for note in case.notes]
+        parts += [table_markdown(case.table)] if case.table else []
+        parts += _pictures(case.pictures)
+        parts += [table_markdown(table) for table in case.more_tables]
+    parts += ["## Campaign", _code("\n".join(page.commands))]
+    parts.append("\n".join(f"- {plain_markdown(name)}: {plain_markdown(value)}" for name, value in page.settings))
+    parts += [table_markdown(page.filters), table_markdown(page.all_settings), _code(page.campaign_text)]
+    parts.append("## How to read the figures")
+    parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
+    return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
+
+
+def _pictures(pictures: Sequence[Picture]) -> list[str]:
+    return [
+        f"![{plain_markdown(picture.alt)}](figures/{picture.name}.png)\n\n{plain_markdown(picture.caption)}"
+        for picture in pictures
+    ]
+
+
+def _code(text: str) -> str:
+    fence = "```"
+    while fence in text:
+        fence += "`"
+    return f"{fence}\n{text.rstrip()}\n{fence}"

@@ -1,0 +1,49 @@
+"""A report as data: everything the HTML and Markdown forms show, in the order they show it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from relnav_sim.report.drawing import Picture
+from relnav_sim.report.tables import Table
+
+
+@dataclass(frozen=True)
+class CaseSection:
+    """One case: its table, its figures, tables that are folded away at first and tables only for files."""
+
+    number: int
+    label: str
+    notes: tuple[str, ...]
+    table: Table | None
+    pictures: tuple[Picture, ...]
+    more_tables: tuple[Table, ...]
+    file_tables: tuple[Table, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report."""
+
+    name: str
+    facts: tuple[str, ...]
+    summary: tuple[str, ...]
+    overview: Table
+    pictures: tuple[Picture, ...]
+    cases: tuple[CaseSection, ...]
+    commands: tuple[str, ...]
+    settings: tuple[tuple[str, str], ...]
+    filters: Table
+    all_settings: Table
+    campaign_text: str
+    reading: tuple[str, ...]
+    footer: str
+
+
+def page_tables(page: Page) -> Sequence[Table]:
+    """Return every table of a report, each of which is a CSV file too."""
+    tables = [page.overview]
+    for case in page.cases:
+        tables += [table for table in (case.table, *case.more_tables, *case.file_tables) if table is not None]
+    return [*tables, page.filters, page.all_settings]

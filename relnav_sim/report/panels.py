@@ -1,0 +1,85 @@
+"""What the figures draw more than once: time axes, logarithmic axes with readable numbers, boxes over runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from relnav_sim.report.axes import Array
+from relnav_sim.report.style import FAINT, INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Panel
+
+MOST_DOTS = 60
+_HOURS_FROM_S = 20_000.0
+_LOG_FROM_RATIO = 12.0
+_GOLDEN = 0.618034  # steps of the golden ratio spread dots evenly without a random number
+
+
+def time_unit(times_s: Array) -> tuple[str, float]:
+    """Return the unit of a time axis and its length in seconds."""
+    return ("h", 3600.0) if times_s[-1] > _HOURS_FROM_S else ("s", 1.0)
+
+
+def time_axis(panel: Panel, times: Array, unit: str) -> None:
+    """Name the time axis and let it fit the data."""
+    panel.set_xlabel(f"time [{unit}]")
+    panel.set_xlim(times[0], times[-1] if times[-1] > times[0] else times[0] + 1)
+
+
+def heading(panel: Panel, words: str) -> None:
+    """Put a heading over the left end of a panel, at a fixed place: matplotlib's search for one is slow."""
+    panel.set_title(words, loc="left", pad=2.0, y=1.0)
+
+
+def log_axis(panel: Panel, which: Literal["x", "y"]) -> None:
+    """Make an axis logarithmic, with plain numbers and enough of them to read a value."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    (panel.set_xscale if which == "x" else panel.set_yscale)("log")
+    low, high = panel.get_xlim() if which == "x" else panel.get_ylim()
+    axis = panel.xaxis if which == "x" else panel.yaxis
+    decades = np.log10(high / low)
+    subs = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.3 else (1.0, 2.0, 5.0)
+    axis.set_major_locator(LogLocator(subs=subs, numticks=12))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def boxes(panel: Panel, values: Sequence[Array], colours: Sequence[str]) -> None:
+    """Draw one horizontal box per row over the figures of its runs; few runs also show as dots."""
+    everything = np.concatenate(values) if values else np.empty(0)
+    if not everything.size:
+        say(panel, "no run has one")
+        return
+    rows = [row for row, figures in enumerate(values) if figures.size]
+    crowded = max(figures.size for figures in values) > MOST_DOTS
+    drawn = panel.boxplot(
+        [values[row] for row in rows],
+        positions=rows,
+        orientation="horizontal",
+        widths=0.6,
+        patch_artist=True,
+        manage_ticks=False,
+        showfliers=crowded,
+        flierprops={"marker": ".", "markersize": 2.5, "markeredgewidth": 0, "markerfacecolor": INK},
+        medianprops={"color": INK, "linewidth": 1.1},
+        whiskerprops={"linewidth": 0.7},
+        capprops={"linewidth": 0.7},
+    )
+    for row, box in zip(rows, drawn["boxes"], strict=True):
+        box.set(facecolor=colours[row] + "66", edgecolor=colours[row], linewidth=0.8)
+        if not crowded:
+            shift = 0.4 * (np.modf(np.arange(values[row].size) * _GOLDEN)[0] - 0.5)
+            panel.plot(values[row], row + shift, ".", color=INK, markersize=2.2, markeredgewidth=0, alpha=0.55)
+    if everything.min() > 0 and everything.max() > _LOG_FROM_RATIO * everything.min():
+        log_axis(panel, "x")
+    panel.grid(visible=False, axis="y")
+
+
+def say(panel: Panel, words: str) -> None:
+    """Write into a panel that has nothing to show why that is so."""
+    panel.text(0.5, 0.5, words, transform=panel.transAxes, ha="center", va="center", color=FAINT)

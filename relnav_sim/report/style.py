@@ -1,0 +1,178 @@
+"""One look for every figure: sizes, fonts, colours, and how a figure becomes a file.
+
+A figure is as wide as one column of a two-column page (89 mm), with 7 to 8 pt type at that size, so that
+it drops into an article or half a page of a review unscaled and is still readable on a telephone. Figures
+are plain ``matplotlib.figure.Figure`` objects on the Agg canvas: no window, no pyplot state.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH_INCH = 3.5
+PNG_DPI = 200
+_PNG_COLOURS = 64
+_LABEL_INCH = 0.16  # height of an axis label and its distance from the figure's edge
+
+# Okabe and Ito (2008), without its yellow, which is too pale on white paper.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
+INK = "#222222"
+FAINT = "#8a8a8a"
+ENVELOPE = PALETTE[1]
+ONE_RUN = PALETTE[0]
+
+_SETTINGS: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 7.5,
+    "axes.titlesize": 7.5,
+    "axes.labelsize": 7.5,
+    "axes.labelpad": 2.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.useoffset": False,
+    "grid.linewidth": 0.4,
+    "grid.color": "#dddddd",
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.8,
+    "legend.columnspacing": 1.2,
+    "legend.borderaxespad": 0.0,
+    "lines.linewidth": 1.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+    "path.simplify_threshold": 0.5,
+}
+
+
+@dataclass(frozen=True)
+class LineStyle:
+    """How the lines and boxes of one filter are drawn."""
+
+    colour: str
+    dashes: Any
+
+
+def line_styles(filters: Sequence[str]) -> dict[str, LineStyle]:
+    """Return one style per filter, the same in every figure; colours repeat with other dashes."""
+    return {
+        name: LineStyle(PALETTE[index % len(PALETTE)], _DASHES[index // len(PALETTE) % len(_DASHES)])
+        for index, name in enumerate(filters)
+    }
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw and save in the house style, leaving the caller's matplotlib settings as they were."""
+    from matplotlib import rc_context
+
+    with rc_context(cast(Any, _SETTINGS)):  # newer stubs list every key
+        yield
+
+
+def new_figure(height_inch: float, width_inch: float = WIDTH_INCH) -> Figure:
+    """Return an empty figure on the Agg canvas; call inside ``house_style``."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_inch, height_inch), facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def margins(figure: Figure, left: float, right: float, top: float, bottom: float, hspace: float, wspace: float) -> None:
+    """Set the margins, the gaps between panels and the places of the labels, in inches.
+
+    Far quicker than a layout engine, and panels of different figures line up.
+    """
+    width, height = figure.get_size_inches()
+    rows = columns = 1
+    if figure.axes and (grid := figure.axes[0].get_gridspec()) is not None:
+        rows, columns = grid.nrows, grid.ncols
+    panel_width = (width - left - right - (columns - 1) * wspace) / columns
+    panel_height = (height - top - bottom - (rows - 1) * hspace) / rows
+    figure.subplots_adjust(
+        left=left / width,
+        right=1 - right / width,
+        top=1 - top / height,
+        bottom=bottom / height,
+        hspace=hspace / panel_height,
+        wspace=wspace / panel_width,
+    )
+    # Labels at fixed places stand in line without the layout passes that find such places.
+    for panel in figure.axes:
+        panel.yaxis.set_label_coords((_LABEL_INCH - left) / panel_width, 0.5)
+        panel.xaxis.set_label_coords(0.5, (_LABEL_INCH - bottom) / panel_height)
+
+
+def legend_above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """Put the legend over the panels, where no data are."""
+    top = 1.0 - 0.03 / float(figure.get_size_inches()[1])
+    figure.legend(handles, labels, loc="upper center", ncols=legend_columns(labels), bbox_to_anchor=(0.5, top))
+
+
+def legend_columns(labels: Sequence[str]) -> int:
+    """Return how many of the labels fit side by side over a figure."""
+    room = WIDTH_INCH - 0.1
+    for columns in range(len(labels), 1, -1):
+        widths = [max(map(len, labels[start::columns])) * 0.053 + 0.4 for start in range(columns)]
+        if sum(widths) <= room:
+            return columns
+    return 1
+
+
+def legend_height(labels: Sequence[str]) -> float:
+    """Return the height in inches that ``legend_above`` takes."""
+    rows = -(-len(labels) // legend_columns(labels))
+    return 0.06 + 0.145 * rows
+
+
+def shown_name(name: str, longest: int = 22) -> str:
+    """Return a name as figure text: shortened, and a dollar sign is a dollar sign, not a formula."""
+    short = name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+    return short.replace("$", r"\$")
+
+
+def png(figure: Figure) -> bytes:
+    """Return the figure as PNG, reduced to a small palette: half the size, no visible loss."""
+    import numpy as np
+    from PIL import Image
+
+    canvas: Any = figure.canvas  # Agg, see new_figure; its methods have no annotations
+    with house_style():
+        figure.set_dpi(PNG_DPI)
+        canvas.draw()
+    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+    file = io.BytesIO()
+    reduced = picture.quantize(_PNG_COLOURS, method=Image.Quantize.FASTOCTREE)
+    reduced.save(file, format="png", dpi=(PNG_DPI, PNG_DPI))
+    return file.getvalue()
+
+
+def pdf(figure: Figure) -> bytes:
+    """Return the figure as vector PDF, without a date: the same result gives the same bytes."""
+    file = io.BytesIO()
+    with house_style():
+        figure.savefig(file, format="pdf", metadata={"CreationDate": None})
+    return file.getvalue()

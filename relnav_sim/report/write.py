@@ -1,0 +1,81 @@
+"""One call from a results file to a report on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from relnav_sim.report import html, markdown
+from relnav_sim.report.axes import checked_axes
+from relnav_sim.report.compose import MOST_FIGURES, compose
+from relnav_sim.report.page import page_tables
+from relnav_sim.report.tables import comma_separated
+from relnav_sim.results.atomic import written_whole
+
+FORMATS = ("html", "md", "csv")
+
+
+def write_report(
+    result_path: str | Path,
+    out_dir: str | Path | None = None,
+    formats: Iterable[str] = FORMATS,
+    axes: str = "rtn",
+    most_figures: int = MOST_FIGURES,
+    workers: int = 2,
+) -> Path:
+    """Write the report of a result.
+
+    ``index.html`` is one file that opens from disk and asks for nothing from anywhere; ``report.md`` and
+    ``tables/*.csv`` hold the same tables; ``figures/`` holds every figure as PNG and PDF.
+
+    Args:
+        result_path: The results file.
+        out_dir: Folder of the report; default: beside the result, with its name without the suffix.
+        formats: Any of ``html``, ``md`` and ``csv``.
+        axes: ``rtn`` (x radial out, y along-track, z orbit normal) or ``shi2025`` (x along-track, y minus orbit
+            normal, z nadir, as Shi et al. 2025 tabulate).
+        most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
+            the functions of ``relnav_sim.report.figures``.
+        workers: Processes that draw the cases of a large campaign.
+
+    Returns:
+        The HTML file; without ``html`` the first of the others: ``report.md`` or the folder ``tables``.
+
+    Raises:
+        ValueError: An unknown format or unknown axes.
+        ResultsError: The result can't be read.
+        OSError: The report can't be written.
+    """
+    from relnav_sim.results.read import open_results
+
+    wanted, turned = _checked_formats(formats), checked_axes(axes)
+    path = Path(result_path)
+    folder = Path(out_dir) if out_dir is not None else path.with_suffix("")
+    with open_results(path) as results:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+        page = compose(results, folder / "figures", turned, most_figures, workers)
+    written: dict[str, Path] = {}
+    if "html" in wanted:
+        written["html"] = _write(folder / "index.html", html.render(page))
+    if "md" in wanted:
+        written["md"] = _write(folder / "report.md", markdown.render(page))
+    if "csv" in wanted:
+        written["csv"] = folder / "tables"
+        written["csv"].mkdir(exist_ok=True)
+        for table in page_tables(page):
+            _write(written["csv"] / f"{table.name}.csv", comma_separated(table))
+    return next(iter(written.values()))
+
+
+def _checked_formats(formats: Iterable[str]) -> tuple[str, ...]:
+    wanted = tuple(dict.fromkeys(formats))
+    if not wanted or (unknown := sorted(set(wanted) - set(FORMATS))):
+        found = f"not {unknown[0]!r}" if wanted else "at least one"
+        raise ValueError(f"formats must be of {', '.join(FORMATS)}, {found}")
+    return tuple(form for form in FORMATS if form in wanted)
+
+
+def _write(path: Path, text: str) -> Path:
+    with written_whole(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return path

@@ -1,0 +1,136 @@
+"""What is left to compute: shards that verify count as done, the rest is cut into blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from relnav_sim.campaign import Campaign, Case
+from relnav_sim.campaign.identity import filter_id
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.shards import ShardInfo, read_shard, shard_name
+
+Key = tuple[str, str, str]
+"""Case id, filter name, filter id."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some runs of one case with some of its filters: the unit of work, and of what an interruption can cost.
+
+    Attributes:
+        seed: Seed of the campaign.
+        case_index: Number of the case in the campaign.
+        case: The case with the filters to compute.
+        runs: Numbers of the runs, ascending.
+        folder: Where its shard belongs.
+    """
+
+    seed: int
+    case_index: int
+    case: Case
+    runs: tuple[int, ...]
+    folder: Path
+
+    @property
+    def filter_ids(self) -> dict[str, str]:
+        """A hash of each filter's settings, by its name."""
+        return filter_ids(self.case)
+
+    @property
+    def path(self) -> Path:
+        """The shard's file."""
+        return self.folder / shard_name(self.seed, self.case.id, self.filter_ids, self.runs)
+
+    @property
+    def busy(self) -> Path:
+        """The marker that stands while a worker computes the block; it outlives a worker that is killed."""
+        return self.path.with_suffix(".busy")
+
+    def halves(self) -> tuple[Block, Block]:
+        """Return the block cut in two."""
+        middle = len(self.runs) // 2
+        return replace(self, runs=self.runs[:middle]), replace(self, runs=self.runs[middle:])
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The shards of a folder that belong to a campaign and verify.
+
+    Attributes:
+        shards: Their files.
+        runs: Runs that they hold, by case and filter.
+    """
+
+    shards: list[Path] = field(default_factory=list)
+    runs: dict[Key, set[int]] = field(default_factory=dict)
+
+    def add(self, info: ShardInfo) -> None:
+        """Count a shard."""
+        self.shards.append(info.path)
+        for name, identity in info.filter_ids.items():
+            self.runs.setdefault((info.case_id, name, identity), set()).update(info.runs)
+
+
+def filter_ids(case: Case) -> dict[str, str]:
+    """Return a hash of the settings of each filter of a case, by its name."""
+    return {name: filter_id(entry) for name, entry in case.config.filters.items()}
+
+
+def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) -> Finished:
+    """Return what the shards of a folder hold of a campaign. Shards of other cases or filters are left alone.
+
+    Args:
+        folder: The shards' folder.
+        campaign: The campaign.
+        say: Told of shards that are damaged and will be computed again.
+    """
+    finished = Finished()
+    known = {(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()}
+    for path in sorted(folder.glob("*.h5")):
+        try:
+            info, _ = read_shard(path)
+        except ResultsError as error:
+            say(f"{error}; computing it again")
+            path.unlink()
+            continue
+        if info.seed == campaign.seed and any((info.case_id, *item) in known for item in info.filter_ids.items()):
+            finished.add(info)
+    return finished
+
+
+def blocks_left(
+    campaign: Campaign, finished: Mapping[Key, set[int]], folder: Path, part: tuple[int, int] = (1, 1)
+) -> Iterator[Block]:
+    """Yield the blocks that are not finished: cases in order, then runs.
+
+    The cuts lie at multiples of the campaign's `block_runs`, whatever is finished.
+
+    Args:
+        campaign: The campaign.
+        finished: Finished runs by case and filter.
+        folder: The shards' folder.
+        part: (i, n): only every n-th stretch of runs, beginning with the i-th; for several machines.
+    """
+    number, parts = part
+    stretch = 0
+    for index, case in enumerate(campaign.cases):
+        ids = filter_ids(case)
+        for first in range(0, campaign.runs, campaign.block_runs):
+            stretch += 1
+            if (stretch - number) % parts:
+                continue
+            by_filters: dict[tuple[str, ...], list[int]] = {}
+            for run in range(first, min(first + campaign.block_runs, campaign.runs)):
+                absent = (name for name in ids if run not in finished.get((case.id, name, ids[name]), ()))
+                by_filters.setdefault(tuple(absent), []).append(run)
+            for names, runs in by_filters.items():
+                if names:
+                    yield Block(campaign.seed, index, with_filters(case, names), tuple(runs), folder)
+
+
+def with_filters(case: Case, names: Sequence[str]) -> Case:
+    """Return the case with some of its filters; its id does not depend on them."""
+    filters = {name: case.config.filters[name] for name in names}
+    return replace(case, config=case.config.model_copy(update={"filters": filters}))

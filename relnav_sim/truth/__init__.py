@@ -1,0 +1,20 @@
+"""What really happens: two spacecraft in Earth orbit under zonal gravity and drag."""
+
+from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
+from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.propagation import propagate
+from relnav_sim.truth.trajectory import Truth, TruthTrajectory, nominal_chief, truth_trajectory
+
+__all__ = [
+    "ExponentialAtmosphere",
+    "ForceModel",
+    "Truth",
+    "TruthOptions",
+    "TruthTrajectory",
+    "eci_from_rtn",
+    "nominal_chief",
+    "propagate",
+    "rtn_from_eci",
+    "truth_trajectory",
+]

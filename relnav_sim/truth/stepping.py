@@ -1,0 +1,223 @@
+"""Orbits of a batch on their way, every one at its own time and with its own step.
+
+An orbit's steps follow from its own state, its own error estimate and rtol, so that its bits never depend on which
+others share the batch. Speed comes from sharing nonetheless. All orbits advance in the same array expressions, and
+steps come from a coarse grid (a base with one of eight mantissas, times a power of two, starting at multiples of
+itself), so that similar orbits take the same steps and their output is one stacked matrix product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.truth import dop853
+from relnav_sim.truth.forces import ForceModel
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# Times are counted in ticks of 2^-24 base steps; an orbit that needs shorter steps is falling into a singularity.
+FINEST = 24
+# Steps may grow to 2^16 base steps: an escaping orbit needs ever longer ones.
+COARSEST = FINEST + 16
+# The error estimate of a step of s seconds on a circular orbit is (s n)^7 times this, measured; aim at half of rtol.
+CIRCULAR_ERROR = 9.5e-6
+AIM = 0.5
+# The estimate per unit time grows with the seventh power of the step.
+ERROR_RATIO_OF_DOUBLING = 2.0**7
+
+# OpenBLAS rounds the rows of an incomplete tile differently on some processors (measured on its Haswell, Nehalem and
+# Prescott kernels): with rows in multiples of 8, a time's bits do not depend on its neighbours. Up to 512 rows a
+# product never goes to several threads.
+TILE = 8
+LONGEST_PRODUCT = 512
+
+
+@dataclass(frozen=True)
+class Segments:
+    """One accepted step of some orbits: rows (n,) of the batch, start and length (n,) in s, terms (n, 8, 6)."""
+
+    rows: Integers
+    start_s: Array
+    step_s: Array
+    terms: Array
+
+    def write(self, times: Array, states: Array) -> None:
+        """Write the states at the times within the segments into `states` (rows, T, 6).
+
+        Up to seven later times of the same rows are overwritten, so segments must be written in order of time.
+        """
+        key = np.stack([self.start_s, self.step_s])
+        if (key == key[:, :1]).all():
+            self._write_group(slice(None), key[:, 0], times, states)
+            return
+        groups, member = np.unique(key, axis=1, return_inverse=True)
+        for i, group in enumerate(groups.T):
+            self._write_group(np.flatnonzero(member == i), group, times, states)
+
+    def _write_group(self, which: slice | Integers, group: Array, times: Array, states: Array) -> None:
+        """Write the segments `which`, which all have the same start and length."""
+        start, step = group
+        first, last = np.searchsorted(times, [start, start + step])
+        rows, terms = self.rows[which], self.terms[which]
+        together = rows[-1] - rows[0] == len(rows) - 1
+        for begin in range(first, last, LONGEST_PRODUCT):
+            count = min(last - begin, LONGEST_PRODUCT)
+            padded = -(-count // TILE) * TILE
+            weights = np.zeros((padded, dop853.COEFFICIENTS))
+            weights[:count] = dop853.weights((times[begin : begin + count] - start) / step)
+            if together and begin + padded <= len(times):
+                np.matmul(weights, terms, out=states[rows[0] : rows[-1] + 1, begin : begin + padded])
+            else:
+                states[rows, begin : begin + count] = np.matmul(weights, terms)[:, :count]
+
+
+class Batch:
+    """Some orbits on their way: components first (6, n), every orbit at its own time."""
+
+    def __init__(self, state0: Array, force: ForceModel, ballistic: Array, rtol: float, kept_bytes: int) -> None:
+        self._state0 = np.ascontiguousarray(state0.T)
+        self._force = force
+        self._ballistic = np.ascontiguousarray(ballistic)
+        self._rtol = rtol
+        self._everyone = np.arange(len(state0))
+        self._kept_bytes = kept_bytes
+        with np.errstate(all="ignore"):
+            self._base_s, self._first_level = base_step(self._state0, force.mu_m3_s2, rtol)
+        self._first_level += FINEST
+        self._restart()
+
+    def _restart(self) -> None:
+        self._states = self._state0.copy()
+        self._carry = np.zeros_like(self._states)
+        self._slope = np.empty_like(self._states)
+        with np.errstate(all="ignore"):
+            dop853.derivative(self._force, self._states, self._ballistic, self._slope)
+        self._ticks = np.zeros(len(self._everyone), dtype=np.int64)
+        self._level = self._first_level.copy()
+        # A state so large or small that its own scale overflows has no step at all.
+        self._failed = ~((self._base_s > 0) & np.isfinite(self._base_s))
+        self.failures = {int(row): 0.0 for row in np.flatnonzero(self._failed)}
+        self._segments: list[Segments] = []
+        self._forgotten_s = 0.0
+
+    def write(self, times: Array, states: Array) -> None:
+        """Write the states at the times into `states` (n, T, 6)."""
+        if times[0] < self._forgotten_s:
+            self._restart()
+        for segments in self._segments:
+            segments.write(times, states)
+        workspace = np.empty(dop853.ALL_STAGES * self._state0.size)
+        while len(rows := self._behind(times[-1])):
+            # A step into a singularity overflows; its error is then no number, and it is rejected.
+            with np.errstate(all="ignore"):
+                advanced = self._advance(rows, workspace)
+            if advanced is not None:
+                advanced.write(times, states)
+                self._segments.append(advanced)
+                self._forget(times[-1])
+        for row, time_s in self.failures.items():
+            states[row, np.searchsorted(times, time_s) :] = np.nan
+
+    def _behind(self, time_s: float) -> Integers:
+        """Return the rows whose segments do not cover the time yet."""
+        return np.flatnonzero((self._time(self._ticks, self._everyone) <= time_s) & ~self._failed)
+
+    def _time(self, ticks: Integers, rows: Integers) -> Array:
+        # Exact: the base has four significant bits, so a double holds the product up to 2^49 ticks (3e7 base steps).
+        time_s: Array = np.ldexp(self._base_s[rows], -FINEST) * ticks
+        return time_s
+
+    def _advance(self, rows: Integers, workspace: Array) -> Segments | None:
+        """Attempt one step of the rows; return the segments of those for which it succeeds.
+
+        Args:
+            rows: (n,) rows of the batch, in order.
+            workspace: Room for the stages of all rows.
+        """
+        states, carry, slope = (_take(a, rows) for a in (self._states, self._carry, self._slope))
+        ballistic, ticks, level = self._ballistic[rows], self._ticks[rows], self._level[rows]
+        step_s = np.ldexp(self._base_s[rows], level - FINEST)
+        stages = workspace[: dop853.ALL_STAGES * states.size].reshape(dop853.ALL_STAGES, *states.shape)
+        stages[0] = slope
+        increment, error = dop853.attempt(self._force, states, ballistic, step_s, stages)
+        ends, carry = _add(states, increment + carry)
+        good = np.flatnonzero((error <= self._rtol) & np.isfinite(ends).all(axis=0))
+        if len(good) < len(rows):
+            self._halve(np.delete(rows, good))
+            if not len(good):
+                return None
+            states, ends, carry, stages = (_take(a, good) for a in (states, ends, carry, stages))
+            rows, ballistic, step_s, error = rows[good], ballistic[good], step_s[good], error[good]
+            ticks, level = ticks[good], level[good]
+        terms = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
+        start_s = self._time(ticks, rows)
+        self._states[:, rows], self._carry[:, rows] = ends, carry
+        self._slope[:, rows] = stages[dop853.STAGES]
+        ticks = ticks + (np.int64(1) << level)
+        # A double step must start at a multiple of itself, or orbits would drift apart on the grid.
+        aligned = ticks & ((np.int64(2) << level) - 1) == 0
+        grows = aligned & (error * ERROR_RATIO_OF_DOUBLING <= AIM * self._rtol) & (level < COARSEST)
+        self._ticks[rows], self._level[rows] = ticks, level + grows
+        return Segments(rows, start_s, step_s, terms)
+
+    def _halve(self, rows: Integers) -> None:
+        self._level[rows] -= 1
+        lost = rows[self._level[rows] < 0]
+        self._failed[lost] = True
+        self.failures |= dict(zip(lost.tolist(), self._time(self._ticks[lost], lost).tolist(), strict=True))
+
+    def _forget(self, time_s: float) -> None:
+        """Drop the oldest segments that end before the time while there are more than the kept bytes."""
+        size = sum(segments.terms.nbytes for segments in self._segments)
+        while size > self._kept_bytes:
+            oldest = self._segments[0]
+            end_s = float((oldest.start_s + oldest.step_s).max())
+            if end_s > time_s:
+                return
+            self._forgotten_s = max(self._forgotten_s, end_s)
+            size -= oldest.terms.nbytes
+            del self._segments[0]
+
+
+def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:
+    """Return the base step (n,) in s of states (6, n), and by how many doublings (n,) to start above it.
+
+    The base guesses the longest step at perigee, rounded down to four significant bits. There the error is made, so
+    there the step must follow rtol closely; elsewhere doubling and halving are fine enough.
+    """
+    x, y, z, vx, vy, vz = states
+    r = np.sqrt(x * x + y * y + z * z)
+    speed2 = vx * vx + vy * vy + vz * vz
+    radial = x * vx + y * vy + z * vz
+    momentum2 = np.maximum(r * r * speed2 - radial * radial, 0.0)
+    eccentricity = np.sqrt(np.maximum(1 + (speed2 - 2 * mu / r) * momentum2 / (mu * mu), 0.0))
+    # A fall straight to the centre has its perigee there; an orbit's step must start from something.
+    perigee = np.maximum(momentum2 / (mu * (1 + eccentricity)), r / 64)
+    radian_s = np.sqrt(perigee * perigee * perigee / (mu * (1 + eccentricity)))
+    guess = radian_s * (AIM * rtol / CIRCULAR_ERROR) ** (1 / 7)
+    mantissa, exponent = np.frexp(guess)
+    base_s = np.ldexp(np.floor(16 * mantissa) / 16, exponent)
+    _, doublings = np.frexp(np.sqrt(r * r * r / mu) / radian_s)
+    return base_s, np.maximum(doublings.astype(np.int64) - 1, 0)
+
+
+def _take(array: Array, rows: Integers) -> Array:
+    """Return the rows of the last axis in C order, which fancy indexing would not give.
+
+    The loop that einsum picks depends on the order in memory, and may round differently.
+    """
+    return array if len(rows) == array.shape[-1] else np.take(array, rows, axis=-1)
+
+
+def _add(a: Array, b: Array) -> tuple[Array, Array]:
+    """Return the rounded sum and its rounding error (Knuth, TAOCP 2, 4.2.2, theorem B).
+
+    Carrying the error into the next step keeps the rounding of thousands of steps from adding up.
+    """
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)

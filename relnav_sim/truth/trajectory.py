@@ -1,0 +1,165 @@
+"""The truth of a block of runs: both spacecraft, their relative state, and what varies between runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
+from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
+from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.propagation import DenseTrajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True states at some epochs; b is the number of runs, or 1 where all runs share the truth.
+
+    A state is NaN from the time on at which the trajectory ended (`TruthTrajectory.failures`).
+
+    Attributes:
+        times_s: Epochs (K,), s.
+        chief: ECI state of the chief (b, K, 6), m and m/s.
+        deputy: ECI state of the deputy (b, K, 6), m and m/s.
+        relative: State of the deputy relative to the chief (b, K, 6), RTN, m and m/s.
+    """
+
+    times_s: Array
+    chief: Array
+    deputy: Array
+    relative: Array
+
+
+class TruthTrajectory:
+    """The truth of a block of runs, evaluated a stretch of epochs at a time.
+
+    Attributes:
+        force: The force model of both craft.
+        ballistic_m2_kg: Cd A / m times the density's factor, (2, b): chief and deputy.
+        failures: Why the truth of a run of the block (its index, from 0) ends before the run does.
+    """
+
+    def __init__(self, options: TruthOptions, duration_s: float, source: RandomSource) -> None:
+        runs = len(source.runs) if options.is_dispersed else 1
+        dispersions = options.dispersions
+        # The density is a factor on the drag of both craft, as their own ballistic coefficients are.
+        density = _factors(dispersions.density, "truth.density", source, runs)
+        chief_factor = _factors(dispersions.chief_ballistic, "truth.chief_ballistic", source, runs)
+        deputy_factor = _factors(dispersions.deputy_ballistic, "truth.deputy_ballistic", source, runs)
+        self.force = force_model(options)
+        self.ballistic_m2_kg = np.stack(
+            [
+                options.chief.ballistic_m2_kg * chief_factor * density,
+                options.deputy.ballistic_m2_kg * deputy_factor * density,
+            ]
+        )
+        self.failures: dict[int, str] = {}
+        self._duration_s = duration_s
+        self._ends = np.full((2, runs), np.inf)
+
+        chief = np.broadcast_to(options.chief.orbit.state(self.force.mu_m3_s2), (runs, 6))
+        relative = np.tile(nominal_relative(options), (runs, 1))
+        relative[:, :3] += _offsets(dispersions.relative_position, "truth.relative_position", source, runs)
+        relative[:, 3:] += _offsets(dispersions.relative_velocity, "truth.relative_velocity", source, runs)
+        normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0])
+        deputy = eci_from_rtn(chief, relative, normal)
+        self._both = DenseTrajectory(np.concatenate([chief, deputy]), self.force, self.ballistic_m2_kg.ravel())
+
+    def at(self, times_s: ArrayLike) -> Truth:
+        """Return the truth at times (K,) in s, increasing, from 0 to the duration.
+
+        Raises:
+            ValueError: The times are not increasing, negative or beyond the duration.
+        """
+        times = np.asarray(times_s, dtype=float)
+        # Epochs are multiples of a step, so the last may round past the duration.
+        if times.size and times.max() > self._duration_s * (1 + 1e-9):
+            raise ValueError(f"times_s goes to {times.max():g} s; the truth ends at {self._duration_s:g} s")
+        states = self._both.at(times).reshape(2, -1, len(times), 6)
+        self._note_ends(times, states)
+        chief, deputy = states
+        normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0, :, None])
+        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
+
+    def _note_ends(self, times: Array, states: Array) -> None:
+        """Set states after a craft reached the surface, or could not be integrated further, to NaN, and say so."""
+        r2 = states[..., 0] * states[..., 0] + states[..., 1] * states[..., 1] + states[..., 2] * states[..., 2]
+        # NaN compares false: a trajectory that integration gave up counts as ended too.
+        down = ~(r2 >= self.force.radius_m**2)
+        if not down.any() and np.isinf(self._ends).all():
+            return
+        first = np.where(down.any(axis=2), times[down.argmax(axis=2)], np.inf)
+        self._ends = np.minimum(self._ends, first)
+        states[times >= self._ends[..., None]] = np.nan
+        for run in np.flatnonzero(np.isfinite(self._ends).any(axis=0)):
+            craft = "chief" if self._ends[0, run] <= self._ends[1, run] else "deputy"
+            self.failures[int(run)] = f"the {craft} falls to the Earth at {self._ends[:, run].min():g} s"
+
+
+def truth_trajectory(options: TruthOptions, duration_s: float, source: RandomSource) -> TruthTrajectory:
+    """Return the truth of the runs of `source`; where nothing is dispersed, one that all share.
+
+    Args:
+        options: The `truth:` section of a campaign.
+        duration_s: Length of a run, s.
+        source: Seed and run numbers; a run's truth does not depend on the other runs.
+    """
+    return TruthTrajectory(options, duration_s, source)
+
+
+def force_model(options: TruthOptions) -> ForceModel:
+    """Return the force model that the options describe."""
+    values, air = options.constants, options.forces.atmosphere
+    atmosphere = ExponentialAtmosphere(air.base_altitude_m, air.density_kg_m3, air.scale_height_m)
+    return ForceModel(
+        mu_m3_s2=values.mu_m3_s2,
+        radius_m=values.radius_m,
+        zonals=(values.j2, values.j3, values.j4)[: max(options.forces.zonals - 1, 0)],
+        atmosphere=atmosphere if options.forces.drag == "exponential" else None,
+        rotation_rad_s=values.rotation_rad_s,
+    )
+
+
+def nominal_chief(options: TruthOptions) -> ChiefOrbit:
+    """Return what a filter is told of the chief's orbit: the nominal one, the same in all runs."""
+    orbit = options.chief.orbit
+    return ChiefOrbit(
+        semi_major_axis_m=orbit.a_km * 1e3,
+        eccentricity=orbit.e,
+        inclination_rad=radians(orbit.i_deg),
+        raan_rad=radians(orbit.raan_deg),
+        argument_of_perigee_rad=radians(orbit.argp_deg),
+        true_anomaly_rad=radians(orbit.ta_deg),
+        mu_m3_s2=options.constants.mu_m3_s2,
+        equatorial_radius_m=options.constants.radius_m,
+        j2=options.constants.j2,
+    )
+
+
+def nominal_relative(options: TruthOptions) -> Array:
+    """Return the deputy's nominal state relative to the chief at the start, (6,), RTN, m and m/s."""
+    if options.deputy.orbit is None:
+        assert options.deputy.relative is not None  # the options hold exactly one of the two
+        return options.deputy.relative.rtn
+    force = force_model(options)
+    chief = options.chief.orbit.state(force.mu_m3_s2)
+    normal = force.normal_acceleration(chief, options.chief.ballistic_m2_kg)
+    return rtn_from_eci(chief, options.deputy.orbit.state(force.mu_m3_s2), normal)
+
+
+def _factors(dispersion: FactorDispersion | None, name: str, source: RandomSource, runs: int) -> Array:
+    return np.ones(runs) if dispersion is None else dispersion.draw(source.streams(name))
+
+
+def _offsets(
+    dispersion: PositionDispersion | VelocityDispersion | None, name: str, source: RandomSource, runs: int
+) -> Array:
+    return np.zeros((runs, 3)) if dispersion is None else dispersion.draw(source.streams(name))

@@ -1,0 +1,49 @@
+import pytest
+
+from relnav_sim.campaign import parse_campaign, plan_campaign
+from relnav_sim.campaign.blocks import MOST_RUNS
+
+
+def blocks_of(text, *overrides):
+    campaign = parse_campaign(text, overrides)
+    return campaign.block_runs, plan_campaign(campaign).blocks
+
+
+def test_a_small_campaign_is_a_block_for_each_case(demo):
+    assert blocks_of(demo) == (MOST_RUNS, 2)
+
+
+def test_one_case_has_two_blocks(demo):
+    assert blocks_of(demo, "grid={}") == (20, 2)
+    assert blocks_of(demo, "grid={}", "runs=1") == (1, 1)
+
+
+def test_a_block_takes_about_twenty_seconds(demo):
+    long = ["clock.duration_s=60000", "clock.step_s=0.1", "runs=100"]
+    size, blocks = blocks_of(demo, *long)
+    plan = plan_campaign(parse_campaign(demo, long))
+    assert 10 < plan.cpu_s / blocks < 25
+    assert blocks == 2 * -(-100 // size)
+
+
+def test_a_run_that_takes_longer_is_a_block_of_its_own(demo):
+    assert blocks_of(demo, "clock.duration_s=6000000", "runs=3") == (1, 6)
+
+
+def test_many_samples_make_blocks_short(demo):
+    sampled = "filters.kf={kind: alpha_kf, samples: 100000}"
+    assert blocks_of(demo, sampled, "clock.duration_s=10", "statistics.settle_s=1")[0] == 10
+    few = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 100}"]))
+    many = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 10000}"]))
+    assert many.cpu_s > 20 * few.cpu_s
+
+
+def test_the_campaign_may_say_how_many(demo):
+    assert blocks_of(demo, "block_runs=7") == (7, 12)
+
+
+def test_the_plan_counts_steps(demo):
+    plan = plan_campaign(parse_campaign(demo))
+    assert plan.filter_steps == 2 * 40 * 600 * 3
+    assert plan.disk_bytes == pytest.approx(2 * 40 * (121 * (3 * 56 + 48) + 3 * 1600))
+    assert 150e6 < plan.memory_bytes < 1e9

@@ -1,0 +1,227 @@
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from relnav_sim.campaign import load_campaign
+from relnav_sim.campaign.schema import schema_text
+from relnav_sim.cli.app import COMMANDS, app
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.models.registry import dynamics_kinds
+from relnav_sim.sensors import sensor_kinds
+from relnav_sim.sensors.noise import noise_kinds
+
+ROOT = Path(__file__).parents[2]
+TINY = [
+    *["--set", "clock.duration_s=20", "--set", "clock.store_every_s=5", "--set", "statistics.settle_s=10"],
+    *["--runs", "4", "--backend", "sequential"],
+]
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def succeeds(*arguments):
+    result = invoke(*arguments)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def fails(code, *arguments):
+    result = invoke(*arguments)
+    assert result.exit_code == code, result.output
+    assert isinstance(result.exception, SystemExit)
+    return result.stderr
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def demo(here):
+    (here / "demo.yaml").write_text((ROOT / "campaigns" / "demo.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    return Path("demo.yaml")
+
+
+def test_help_names_every_command():
+    words = succeeds("--help")
+    assert all(f" {name} " in words for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name):
+    assert "Usage" in succeeds(name, "--help")
+
+
+def test_help_imports_nothing_heavy():
+    program = (
+        "import sys\n"
+        "from relnav_sim.cli.app import app\n"
+        "try: app(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'yaml'}\n"
+        "print('loaded', sorted(heavy & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded []"
+
+
+def test_version():
+    from relnav_sim import __version__
+
+    assert succeeds("--version") == f"relnav {__version__}\n"
+
+
+def test_an_unknown_command_or_option_is_a_bad_argument():
+    assert invoke("rnu").exit_code == 2
+    assert invoke("run", "x.yaml", "--worker", "2").exit_code == 2
+    assert invoke("run", "x.yaml", "--workers", "0").exit_code == 2
+
+
+class TestValidate:
+    def test_prints_the_plan(self, demo):
+        words = succeeds("validate", demo)
+        assert words.startswith("demo.yaml is a valid campaign\n")
+        for part in ("sensors.radar.noise.kind=mixture", "kf, ekf, ukf", "40 of each case", "CPU time", "MB"):
+            assert part in words
+
+    def test_takes_changes(self, demo):
+        assert "7 of each case" in succeeds("validate", demo, "--set", "runs=7")
+        assert fails(2, "validate", demo, "--set", "runs=0") == "--set runs=0: runs: must be at least 1, not 0\n"
+
+    def test_a_missing_file_is_an_input_error(self, here):
+        assert fails(3, "validate", "missing.yaml") == "relnav: missing.yaml: No such file or directory\n"
+        assert fails(3, "validate", ".").startswith("relnav: .: ")
+
+
+class TestNew:
+    def test_writes_a_valid_campaign_and_a_schema(self, here):
+        succeeds("new", "my first.yaml")
+        assert load_campaign("my first.yaml").name == "my_first"
+        assert Path("schema.json").read_text(encoding="utf-8") == schema_text()
+
+    def test_never_overwrites(self, here):
+        Path("mine.yaml").write_text("precious")
+        Path("schema.json").write_text("own")
+        assert "nothing was written" in fails(2, "new", "mine.yaml")
+        assert Path("mine.yaml").read_text() == "precious"
+        succeeds("new", "other.yaml")
+        assert Path("schema.json").read_text() == "own"
+
+    def test_an_unwritable_place_is_an_output_error(self, here):
+        assert "No such file" in fails(3, "new", "no/such/folder.yaml")
+
+
+class TestNames:
+    @pytest.mark.parametrize(
+        ("what", "kinds"),
+        [
+            ("filters", filter_kinds()),
+            ("sensors", sensor_kinds()),
+            ("dynamics", dynamics_kinds()),
+            ("noise", noise_kinds()),
+        ],
+    )
+    def test_everything_registered_is_listed_and_shown(self, what, kinds):
+        listed = succeeds("list", what)
+        for name in kinds:
+            line = next(line for line in listed.splitlines() if line.split()[:1] == [name])
+            assert len(line.split()) > 3, f"{name} has no description"
+            assert f"{name}: " in succeeds("show", what.removesuffix("s") if what != "dynamics" else what, name)
+
+    def test_a_filter_is_shown_with_source_and_options(self):
+        words = succeeds("show", "filter", "ukf")
+        assert "Julier" in words
+        for key in ("kind", "dynamics", "process_noise", "alpha", "redraw"):
+            assert any(line.startswith(f"{key} ") for line in words.splitlines())
+
+    def test_an_unknown_name_is_a_bad_argument(self):
+        assert "did you mean 'ukf'?" in fails(2, "show", "filter", "ufk")
+        assert invoke("show", "wheel", "ukf").exit_code == 2
+        assert invoke("list", "wheels").exit_code == 2
+
+    def test_campaigns_of_the_folder_are_listed(self, demo):
+        assert "A small campaign to start with" in succeeds("list", "campaigns")
+
+    def test_no_campaigns(self, here):
+        assert "relnav new" in succeeds("list", "campaigns")
+
+
+def test_schema(here):
+    assert json.loads(succeeds("schema")) == json.loads(schema_text())
+    succeeds("schema", "--out", "s.json")
+    assert Path("s.json").read_text(encoding="utf-8") == schema_text()
+
+
+class TestResults:
+    @pytest.fixture
+    def result(self, demo):
+        words = succeeds("run", demo, *TINY)
+        assert words.startswith("wrote results/demo.h5; next: relnav report results/demo.h5")
+        return Path("results/demo.h5")
+
+    def test_run_report_inspect_export(self, result):
+        page = Path(succeeds("report", "--format", "html,csv").removeprefix("wrote ").strip())
+        assert page.parent == Path("results/demo")
+        assert "<html" in page.read_text(encoding="utf-8")
+        words = succeeds("inspect", result)
+        for part in ("demo", "4 of 4", "sensors.radar.noise.kind=mixture", "kf, ekf, ukf", "relnav"):
+            assert part in words
+        succeeds("export", result)
+        rows = Path("results/demo_summary.csv").read_text(encoding="utf-8").splitlines()
+        assert len(rows) == 1 + 2 * 3 * 4
+        succeeds("export", result, "--part", "series", "--out", "series.csv")
+        assert len(Path("series.csv").read_text(encoding="utf-8").splitlines()) == 1 + 2 * 3 * 4 * 5
+
+    def test_a_result_of_another_campaign_is_left_alone(self, demo, result):
+        before = result.read_bytes()
+        words = fails(2, "run", demo, *TINY, "--set", "seed=2")
+        assert "another campaign" in words
+        assert result.read_bytes() == before
+
+    def test_the_result_itself_is_never_exported_over(self, result):
+        before = result.read_bytes()
+        fails(2, "export", result, "--out", result)
+        assert result.read_bytes() == before
+
+    def test_a_chosen_place(self, demo):
+        succeeds("run", demo, *TINY, "--out", "elsewhere/mine.h5", "--set", "grid={}")
+        assert Path("elsewhere/mine.h5").exists()
+        assert not Path("results").exists()
+
+    def test_unknown_formats_and_axes_are_bad_arguments(self, result):
+        assert "--format takes" in fails(2, "report", result, "--format", "docx")
+        assert invoke("report", result, "--axes", "xyz").exit_code == 2
+
+
+def test_no_result_to_report(here):
+    assert "there is no result in results/" in fails(2, "report")
+
+
+@pytest.mark.parametrize("command", ["report", "inspect", "export"])
+def test_a_file_that_is_no_result_is_an_input_error(command, here):
+    assert "missing.h5" in fails(3, command, "missing.h5")
+    Path("text.h5").write_text("no result")
+    assert "text.h5" in fails(3, command, "text.h5")
+    assert sorted(os.listdir()) == ["text.h5"]
+
+
+def test_an_unwritable_output_is_an_output_error(demo):
+    Path("blocked").write_text("a file, no folder")
+    assert "blocked" in fails(3, "run", demo, *TINY, "--out", "blocked/result.h5")
+
+
+def test_an_interruption_says_how_to_continue(demo, monkeypatch):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("relnav_sim.runner.run.run_campaign", interrupted)
+    assert "the same command continues" in fails(130, "run", demo)
