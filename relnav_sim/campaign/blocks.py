@@ -10,14 +10,17 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 
-MOST_RUNS = 200
-"""Larger blocks are no faster per run: the arrays leave the cache."""
+SIZES = (1, 2, 5, 10, 20, 25, 50, 100, 200)
+"""Sizes of blocks: round, so that usual numbers of runs divide evenly and most blocks stay when runs are added.
+
+Larger blocks are no faster per run: the arrays leave the cache.
+"""
 BLOCK_SECONDS = 20.0
 """What a kill may cost, CPU seconds."""
-SIMULATION_US = 3.0
-"""Truth, sensors and statistics for one run and step, us, beside the filters."""
-
-
+SIMULATION_US = 5.0
+"""Truth and sensors for one run and step, us."""
+STATISTICS_US = 2.0
+"""Errors, consistency and quantiles of one filter for one run and step, us."""
 MOST_SAMPLES = 1_000_000
 """Samples or particles of one filter in a block: 48 MB for each array of their states."""
 
@@ -29,7 +32,7 @@ def sample_count(entry: Options) -> int:
 
 def cost_us(config: CaseConfig) -> float:
     """Return the rough CPU time of one run-step of a case with all its filters, us."""
-    return SIMULATION_US + sum(map(_filter_cost_us, config.filters.values()))
+    return SIMULATION_US + sum(STATISTICS_US + _filter_cost_us(entry) for entry in config.filters.values())
 
 
 def run_seconds(config: CaseConfig) -> float:
@@ -45,8 +48,10 @@ def block_size(runs: int, cases: Sequence[CaseConfig]) -> int:
     """
     longest = max(run_seconds(case) for case in cases)
     samples = max(sample_count(entry) for case in cases for entry in case.filters.values())
-    size = max(1, min(MOST_RUNS, int(BLOCK_SECONDS / longest), MOST_SAMPLES // samples))
-    return size if len(cases) > 1 else min(size, ceil(runs / 2))
+    most = min(BLOCK_SECONDS / longest, MOST_SAMPLES / samples)
+    if len(cases) == 1:
+        most = min(most, ceil(runs / 2))
+    return max(size for size in SIZES if size <= max(most, 1))
 
 
 def _filter_cost_us(entry: FilterEntry) -> float:

@@ -126,8 +126,9 @@ def renewed(text: str) -> str:
 def _headed(place: str, whole: Shape) -> str:
     """Return a section's heading, what it is, and its table."""
     shape = shape_at(place, whole)
-    heading = place.rpartition(".")[2].replace("kind=", "kind: ") if shape.kind else place
-    return f"### `{heading}`\n\n{shape.model_description}\n\n{markdown_table(keys_of(shape))}"
+    section = re.sub(r"\.kind=[^.]+", "", place)
+    heading = f"`{section}`" + (f" of `kind: {shape.kind}`" if shape.kind else "")
+    return f"### {heading}\n\n{shape.model_description}\n\n{markdown_table(keys_of(shape))}"
 
 
 def _one_line(text: str) -> str:

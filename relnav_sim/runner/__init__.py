@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from relnav_sim.runner.block import simulate_block
     from relnav_sim.runner.run import run_campaign
-    from relnav_sim.runner.simulate import Simulation, simulate
+    from relnav_sim.runner.simulation import Simulation, simulate
 
 __all__ = ["Simulation", "run_campaign", "simulate", "simulate_block"]
 
-_HOME = {"Simulation": "simulate", "simulate": "simulate", "run_campaign": "run", "simulate_block": "block"}
+_HOME = {"Simulation": "simulation", "simulate": "simulation", "run_campaign": "run", "simulate_block": "block"}
 
 
 def __getattr__(name: str) -> Any:

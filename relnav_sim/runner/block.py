@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.models.radar import PolarRadar
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
-from relnav_sim.runner.simulate import Stretch, stretches
+from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import starting_belief
 from relnav_sim.sensors import measurement_model
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
@@ -26,6 +26,9 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
+
+
+NO_FIX = "no radar measurement at the start, which is at the first fix"
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,11 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
         stored = _stored(config, stretch)
         times.append(stretch.truth.times_s[stored])
         relative.append(stretch.truth.relative[:, stored])
+    fallen = dict(stretch.fallen)
+    if not config.truth.is_dispersed and fallen:
+        fallen = dict.fromkeys(range(len(runs)), fallen[0])
+    no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
+    reasons = fallen | {int(place): NO_FIX for place in no_fix}
     sound = [track for track in tracks if track.broken is None]
     result = BlockResult(
         case_index=case_index,
@@ -74,7 +82,7 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
         time_s=np.concatenate(times),
         relative=np.concatenate(relative, axis=1),
         filters={track.name: track.result() for track in sound},
-        failures=tuple(failure for track in sound for failure in track.failures(runs)),
+        failures=tuple(failure for track in sound for failure in _explained(track.failures(runs), runs, reasons)),
         shared_truth=not config.truth.is_dispersed,
     )
     return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
@@ -162,6 +170,12 @@ def scoring_rules(config: CaseConfig) -> ScoringRules:
         convergence_m=statistics.convergence_m,
         convergence_hold_s=statistics.convergence_hold_s,
     )
+
+
+def _explained(failures: Sequence[Failure], runs: Sequence[int], causes: Mapping[int, str]) -> list[Failure]:
+    """Return failures with the true cause, by place in the block, where no filter is to blame."""
+    reasons = {runs[place]: reason for place, reason in causes.items()}
+    return [replace(failure, reason=reasons.get(failure.run, failure.reason)) for failure in failures]
 
 
 def _radar(config: CaseConfig) -> PolarRadar | None:

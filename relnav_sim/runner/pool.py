@@ -95,4 +95,3 @@ def _computed_alone(block: Block, timeout_s: float | None) -> Iterator[Done]:
         result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index)
         write_shard(block.path, result, block.seed, block.filter_ids)
         yield Done(block, len(result.failures))
-

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.models.radar import PolarRadar, first_fix
-from relnav_sim.runner.simulate import Stretch
+from relnav_sim.runner.simulation import Stretch
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]

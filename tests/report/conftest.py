@@ -74,7 +74,7 @@ def invented_result(
     )
     shards = []
     for index, case in enumerate(cases):
-        truth = np.zeros((1, times, 6)) + [0, 12000, 0, 0, 0, 0]
+        truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (1, times, 1))
         results = {
             name: _filter_result(index, size, time_s, runs, failed.get(name, ()), settle_s)
             for name, size in sizes.items()

@@ -29,12 +29,14 @@ class Stretch:
         truth: True states; the leading axis is 1 where all runs share them.
         z: Raw measurements of each sensor, (runs, K, m).
         inputs: What the front end hands to filters, ``polar`` and ``cartesian``, (runs, K, 3); NaN = missing.
+        fallen: Why the truth of a run has ended by now, by the run's place in the block.
     """
 
     first_epoch: int
     truth: Truth
     z: Mapping[str, Array]
     inputs: Mapping[str, Array]
+    fallen: Mapping[int, str]
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
         epochs = np.arange(first, min(first + STRETCH_EPOCHS, clock.epochs))
         truth = trajectory.at(epochs * clock.step_s)
         z = suite.measure(truth, first)
-        yield Stretch(first, truth, z, filter_inputs(config.sensors, z, truth))
+        yield Stretch(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
 
 
 def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) -> Simulation:
