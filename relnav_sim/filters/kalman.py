@@ -60,7 +60,8 @@ class GaussianFilter:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
         F = matrices_last(self.dynamics.transition(belief.mean, step))
         Q = matrices_last(self.dynamics.process_noise(belief.mean, step))
-        P = product(product(F, runs_last(belief.covariance)), F.swapaxes(0, 1)) + Q
+        FP = product(F, runs_last(belief.covariance))
+        P = product(F, FP.swapaxes(0, 1)) + Q  # F (F P)^T, because P is symmetric
         return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(P))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:

@@ -6,12 +6,14 @@ import difflib
 import importlib
 import inspect
 import json
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Literal, TypeVar
 
+import numpy as np
 from pydantic import ValidationError
 
 from relnav_sim.filters.belief import Filter
@@ -100,7 +102,13 @@ def _load_all() -> None:
     for module in _BUILT_IN:
         importlib.import_module(f"relnav_sim.filters.{module}")
     for entry in entry_points(group="relnav.filters"):
-        entry.load()
+        try:
+            entry.load()
+        except Exception as error:
+            # One broken package must not take all other filters with it.
+            package = entry.dist.name if entry.dist else entry.value
+            problem = f"{type(error).__name__}: {error}"
+            warnings.warn(f"the filters of {package} are left out; importing {entry.value}: {problem}", stacklevel=2)
 
 
 def filter_kinds() -> dict[str, FilterKind]:
@@ -129,10 +137,17 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
     kind = kinds[name]
     try:
         # Through JSON, so that lists become tuples as they do in a campaign file.
-        checked = kind.options_model.model_validate_json(json.dumps(options))
+        checked = kind.options_model.model_validate_json(json.dumps(options, default=_plain))
     except ValidationError as error:
         problems = "; ".join(
             f"{'.'.join(map(str, item['loc'])) or 'options'}: {item['msg']}" for item in error.errors()
         )
         raise ValueError(f"filter {name!r}: {problems}") from None
     return kind.factory(dynamics, measurement, checked)
+
+
+def _plain(value: object) -> object:
+    """Return a NumPy number or array as plain Python."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise ValueError(f"{value!r} is no number, text, list or section")

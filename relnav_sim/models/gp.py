@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import sin
-from typing import Literal, Protocol
+from math import sin, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.cw import CwOptions
+from relnav_sim.models.cw import CwOptions, cw_system
 from relnav_sim.models.dynamics import Dynamics, LinearDynamics, Step
 from relnav_sim.models.gaussian_process import GaussianProcess
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
@@ -21,18 +21,8 @@ from relnav_sim.options import Options
 Array = NDArray[np.float64]
 Target = Literal["absolute", "difference", "residual"]
 Variance = Literal["exact", "cloud_mean", "inducing"]
-
-
-@dataclass(frozen=True)
-class PhaseClock:
-    """The chief's argument of latitude, in rad, where the step towards an epoch begins: initial + rate (epoch - 1)."""
-
-    initial_rad: float
-    rate_rad: float
-
-    def __call__(self, epoch: int) -> float:
-        """Return the angle at which the step towards `epoch` begins."""
-        return self.initial_rad + self.rate_rad * (epoch - 1)
+# What the learned part is added to: dynamics, the state itself, or nothing.
+Base = Dynamics | Literal["state"] | None
 
 
 class GpDynamics:
@@ -57,7 +47,7 @@ class GpDynamics:
     def __init__(
         self,
         process: GaussianProcess,
-        base: Dynamics | Literal["state"] | None,
+        base: Base,
         calibration: Array,
         variance: Variance = "exact",
         uncertainty: GaussianProcess | None = None,
@@ -136,3 +126,162 @@ def straight_line(dimension: int, step_s: float) -> LinearDynamics:
         raise ValueError(f"the residual target of {dimension} states needs base dynamics")
     F = np.eye(dimension) + step_s * np.eye(dimension, k=dimension // 2)
     return LinearDynamics(F, np.zeros((dimension, dimension)))
+
+
+@dataclass(frozen=True)
+class PhaseClock:
+    """The chief's argument of latitude, in rad, where the step towards an epoch begins: initial + rate (epoch - 1)."""
+
+    initial_rad: float
+    rate_rad: float
+
+    def __call__(self, epoch: int) -> float:
+        """Return the angle at which the step towards `epoch` begins."""
+        return self.initial_rad + self.rate_rad * (epoch - 1)
+
+
+def phase_clock(orbit: ChiefOrbit, step_s: float) -> PhaseClock:
+    """Return the mean argument of latitude of the nominal orbit with J2's secular rates; epoch 0 is the orbit's own.
+
+    Vallado, Fundamentals of Astrodynamics, 4th ed., section 9.6. Good to 0.1 rad a day, the nominal elements being
+    osculating ones.
+    """
+    e, sine = orbit.eccentricity, sin(orbit.inclination_rad)
+    parameter = orbit.semi_major_axis_m * (1 - e**2)
+    drift = 1.5 * orbit.j2 * (orbit.equatorial_radius_m / parameter) ** 2
+    perigee, anomaly = 2 - 2.5 * sine**2, sqrt(1 - e**2) * (1 - 1.5 * sine**2)
+    rate = orbit.mean_motion_rad_s * (1 + drift * (perigee + anomaly))
+    return PhaseClock(orbit.argument_of_perigee_rad + orbit.true_anomaly_rad, rate * step_s)
+
+
+@dataclass(frozen=True)
+class TrainingTrack:
+    """A stretch of the relative motion, step by step, to learn from.
+
+    Args:
+        states: (S, 6), RTN m and m/s, one step apart.
+        time_s: Their times after the campaign's start, (S,); negative before it.
+    """
+
+    states: Array
+    time_s: Array
+
+
+class GpOptions(Options):
+    """Learned dynamics: a Gaussian process for one step of the relative motion (Wei, Song and Zhang 2012).
+
+    Whoever runs the campaign makes the training track; a process trained on the truth knows what no flight filter
+    can know before flight.
+    """
+
+    kind: Literal["gp"] = Field(default="gp", description="Dynamics learned by Gaussian-process regression")
+    target: Target = Field(
+        default="residual",
+        description="What is learned: residual (what the base dynamics leave over: an error of a micrometre a step), "
+        "difference (next state less this one: centimetres) or absolute (the next state, as the paper does: half a "
+        "metre and more)",
+    )
+    base: CwOptions | None = Field(
+        default=None, description="Dynamics that the residual is taken from; default: Clohessy-Wiltshire"
+    )
+    training: Literal["smoothed_radar", "truth"] = Field(
+        default="smoothed_radar",
+        description="Where training states come from: smoothed_radar (a smoothed track of the campaign's own radar) or "
+        "truth (error-free states, as the paper; reports call it leakage)",
+    )
+    training_points: int = Field(
+        default=500, ge=50, le=5000, description="Training points S; default 500, as the paper; fitting costs S^3"
+    )
+    selection: Literal["random", "consecutive"] = Field(
+        default="random",
+        description="Which steps of the training span are learned: random (spread over all of it, half the error) or "
+        "consecutive (its first S)",
+    )
+    training_span_s: float | None = Field(
+        default=None,
+        gt=0,
+        description="Part of the track that is learned, from its beginning, s; what follows calibrates the variance; "
+        "default: one revolution of the chief",
+    )
+    argument_of_latitude: bool = Field(
+        default=False,
+        description="Take sine and cosine of twice the chief's argument of latitude as inputs: what differential J2 "
+        "depends on, so that the process holds on other relative orbits; default: states alone, as the paper",
+    )
+    variance: Variance = Field(
+        default="exact",
+        description="Where the process's variance is taken: exact (at every particle: nearly all of the cost), "
+        "cloud_mean (once a run, at the mean of its particles) or inducing (at every particle, from few points)",
+    )
+    inducing_points: int = Field(
+        default=100, ge=5, description="Training points that the inducing variance uses, the most informative ones"
+    )
+    add_process_noise: bool = Field(
+        default=False,
+        description="Add the filter's process_noise to the process's variance; default: the variance alone, as the "
+        "paper",
+    )
+    restarts: int = Field(
+        default=2, ge=0, le=100, description="Further starts of the maximisation of the marginal likelihood"
+    )
+
+    @model_validator(mode="after")
+    def _base_has_a_use(self) -> GpOptions:
+        if self.base is not None and self.target != "residual":
+            raise ValueError(f"base is for the residual target; the {self.target} target learns without one")
+        return self
+
+    def build(
+        self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float, track: TrainingTrack | None = None
+    ) -> GpDynamics:
+        """Return the dynamics learned from a track, for steps of `step_s` seconds.
+
+        Args:
+            orbit: The chief's nominal orbit.
+            noise: What `add_process_noise` adds.
+            step_s: The step.
+            track: States to learn from; what exceeds `training_span_s` calibrates the variance, without such an excess
+                the last fifth of the training rows does.
+
+        Raises:
+            ValueError: There is no track.
+        """
+        if track is None:
+            raise ValueError("learned dynamics need a training track")
+        from relnav_sim.models.gp_fit import Transitions, fit_gp_dynamics  # which needs GpDynamics from here
+
+        clock = phase_clock(orbit, step_s) if self.argument_of_latitude else None
+
+        def transitions(rows: NDArray[np.intp]) -> Transitions:
+            phase = None if clock is None else clock.initial_rad + clock.rate_rad * track.time_s[rows] / step_s
+            return Transitions(track.states[rows], track.states[rows + 1], phase)
+
+        learned, later = self._split(track, 2 * np.pi / orbit.mean_motion_rad_s)
+        training = transitions(learned)
+        added = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
+        return fit_gp_dynamics(
+            training.now,
+            training.next,
+            step_s,
+            (self.base or CwOptions()).build(orbit, noise, step_s) if self.target == "residual" else None,
+            self.target,
+            variance=self.variance,
+            inducing_points=self.inducing_points,
+            phase_rad=training.phase_rad,
+            phase=clock,
+            held_out=transitions(later) if len(later) >= 10 else None,
+            added_noise=added if self.add_process_noise else None,
+            restarts=self.restarts,
+        )
+
+    def _split(self, track: TrainingTrack, period_s: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the rows to learn from and the rows after them; the row after a row is its next state."""
+        end = track.time_s[0] + (self.training_span_s or period_s)
+        rows = np.arange(len(track.states) - 1)
+        within = rows[track.time_s[:-1] < end]
+        count = min(self.training_points, len(within))
+        if self.selection == "random":
+            learned = np.sort(np.random.default_rng(0).choice(within, count, replace=False))
+        else:
+            learned = within[:count]
+        return learned, rows[len(within) :]

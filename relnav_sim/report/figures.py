@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 1200
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
+_ZERO_RATIO = 1e-5
 _SLOW_M_S = 0.2  # below this, axes of velocity are in mm/s
 
 
@@ -116,16 +117,21 @@ def rms_over_time(results: Results, case: int | str | CaseFacts) -> Figure:
         figure = new_figure(2.8 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
         handles: list[Any] = []
-        for item in facts.filters:
+        for place, item in enumerate(facts.filters):
             look = styles[item.name]
+            # Filters that coincide stay visible: each line is thinner than the one below it.
+            width = 2.4 - 1.5 * place / max(1, len(facts.filters) - 1)
             errors = results.error(facts.index, item.name)[:, keep][item.ok]
             sigmas = results.sigma(facts.index, item.name)[:, keep][item.ok]
             for panel, part in zip(panels, (slice(0, 3), slice(3, 6)), strict=True):
-                (line,) = panel.plot(times, _rms(errors[..., part]), color=look.colour, linestyle=look.dashes)
+                (line,) = panel.plot(
+                    times, _rms(errors[..., part]), color=look.colour, linestyle=look.dashes, linewidth=width
+                )
                 panel.plot(times, _rms(sigmas[..., part]), color=look.colour, linestyle=":", linewidth=0.9)
             handles.append(line)
         for panel, label in zip(panels, ("position RMS [m]", "velocity RMS [m/s]"), strict=True):
             if any(item.completed for item in facts.filters):
+                _leave_out_zeros(panel)
                 log_axis(panel, "y")
             else:
                 say(panel, "every run failed")
@@ -216,6 +222,14 @@ def _headline(case: CaseFacts, name: str) -> tuple[float, float, float]:
     item = case.filter(name)
     found = bootstrap_interval(item.errors("rms", case.span, "r")[item.ok])
     return found.estimate, found.low, found.high
+
+
+def _leave_out_zeros(panel: Panel) -> None:
+    """Keep a start without error, 1e-13 and the like after rounding, from stretching the axis."""
+    sizes = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in panel.lines])
+    shown = sizes[sizes > _ZERO_RATIO * np.max(sizes, initial=0.0, where=np.isfinite(sizes))]
+    if shown.size:
+        panel.set_ylim(0.8 * shown.min(), 1.25 * shown.max())
 
 
 def _velocities(figures: list[Array]) -> tuple[str, list[Array]]:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 MOST_DOTS = 60
 _HOURS_FROM_S = 20_000.0
 _LOG_FROM_RATIO = 12.0
+_LINEAR_TO_RATIO = 4.0
 _GOLDEN = 0.618034  # steps of the golden ratio spread dots evenly without a random number
 
 
@@ -36,9 +37,15 @@ def heading(panel: Panel, words: str) -> None:
 
 
 def log_axis(panel: Panel, which: Literal["x", "y"]) -> None:
-    """Make an axis logarithmic, with plain numbers and enough of them to read a value."""
+    """Make an axis logarithmic, with plain numbers and enough of them to read a value.
+
+    An axis that spans less than a factor of 4 stays linear: it would show a single power of ten.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    low, high = panel.get_xlim() if which == "x" else panel.get_ylim()
+    if low > 0 and high < _LINEAR_TO_RATIO * low:
+        return
     (panel.set_xscale if which == "x" else panel.set_yscale)("log")
     low, high = panel.get_xlim() if which == "x" else panel.get_ylim()
     axis = panel.xaxis if which == "x" else panel.yaxis

@@ -10,9 +10,11 @@ import numpy as np
 from relnav_sim.report.facts import FilterFacts, Span
 from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.report.wording import between, counted, figure, listed
-from relnav_sim.statistics.intervals import bootstrap_interval
+from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
 _MOST_CASES_IN_WORDS = 6
+_SMALLEST_PERCENT = 0.1
+_MANY_RUNS = 100_000
 _SIGMA_MARGIN = 0.05
 """A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
 
@@ -38,18 +40,38 @@ def verdict(ranking: Ranking) -> str:
     """Return which filter of a case has the smallest position error, by how much, and whether that is decided."""
     best, runs = ranking.best, ranking.best.position.runs
     size = f"{figure(best.position.estimate)} m{between(best.position.low, best.position.high)}"
+    lost = (
+        f" ({best.facts.failed} of its {len(best.facts.runs)} runs failed and do not count)"
+        if best.facts.failed
+        else ""
+    )
     if len(ranking.standings) == 1:
-        return f"{best.name}: position RMS {size}, velocity RMS {figure(best.velocity.estimate)} m/s over {counted(runs, 'run')}."
+        velocity = f"velocity RMS {figure(best.velocity.estimate)} m/s"
+        return f"{best.name}: position RMS {size}, {velocity} over {counted(runs, 'run')}{lost}."
     if runs == 1:
         sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in ranking.standings])
         return f"One run decides nothing. Its position RMS: {sizes}."
     told_apart = [item for item in ranking.standings[1:] if item.told_apart]
     behind = f"; {_behind(told_apart)}" if told_apart else ""
     if not ranking.undecided:
-        return f"{best.name} has the smallest position error, RMS {size}{behind}."
+        return f"{best.name} has the smallest position error, RMS {size}{lost}{behind}."
     tied = [best, *ranking.undecided]
+    names = listed([item.name for item in tied])
     sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in tied])
-    return f"{listed([item.name for item in tied])} can't be told apart in position error at {counted(runs, 'run')} (RMS {sizes}{_to_decide(ranking)}){behind}."
+    undecided = f"{names} can't be told apart in position error at {counted(runs, 'run')}"
+    return f"{undecided}: RMS {sizes}{_largest_difference(ranking)}{behind}."
+
+
+def _largest_difference(ranking: Ranking) -> str:
+    """Return what the intervals still allow, and at how many runs the answer would be known."""
+    ends = [abs(end) for item in ranking.undecided for end in (item.percent.low, item.percent.high)]
+    most = max([*ends, _SMALLEST_PERCENT])
+    text = f", any difference below {figure(most, 2)} %" if np.isfinite(ends).all() else ""
+    first = ranking.undecided[0].against_best
+    if len(ranking.undecided) > 1 or first is None or first.runs_to_decide is None:
+        return text
+    worth_saying = first.difference.runs < first.runs_to_decide < _MANY_RUNS
+    return f"{text}; about {figure(first.runs_to_decide, 2)} runs would decide" if worth_saying else text
 
 
 def _behind(standings: Sequence[Standing]) -> str:
@@ -63,41 +85,28 @@ def _behind(standings: Sequence[Standing]) -> str:
     return listed(parts)
 
 
-def _to_decide(ranking: Ranking) -> str:
-    comparison = ranking.undecided[0].against_best
-    if len(ranking.undecided) > 1 or comparison is None or comparison.runs_to_decide is None:
-        return ""
-    difference = comparison.difference
-    text = f"; paired difference {figure(difference.estimate)} m{between(difference.low, difference.high)}"
-    needed = comparison.runs_to_decide
-    return f"{text}, about {figure(needed)} runs would decide" if difference.runs < needed < 100_000 else text
-
-
 def _across_cases(rankings: Sequence[Ranking]) -> str:
-    alone: dict[str, int] = {}
-    open_cases = 0
-    for ranking in rankings:
-        if len(ranking.standings) > 1 and (ranking.undecided or ranking.best.position.runs < 2):
-            open_cases += 1
-        else:
-            alone[ranking.best.name] = alone.get(ranking.best.name, 0) + 1
     total = len(rankings)
     if all(len(ranking.standings) == 1 for ranking in rankings):
         sizes = [ranking.best.position.estimate for ranking in rankings]
-        return f"{rankings[0].best.name}: position RMS between {figure(min(sizes))} and {figure(max(sizes))} m over {counted(total, 'case')}."
-    parts = [
-        f"{name} has the smallest position error in {_of_all(count, total)}{_margin(name, rankings)}"
-        for name, count in sorted(alone.items(), key=lambda item: -item[1])
-    ]
-    if open_cases:
-        parts.append(f"in {_of_all(open_cases, total)} the best filter can't be told apart from the next")
-    text = "; ".join(parts)
-    return f"{text if alone else text[:1].upper() + text[1:]}."
+        name, low, high = rankings[0].best.name, figure(min(sizes)), figure(max(sizes))
+        return f"{name}: position RMS between {low} and {high} m over {counted(total, 'case')}."
+    winners: dict[tuple[str, ...], list[Ranking]] = {}
+    for ranking in rankings:
+        ahead = {ranking.best.name, *(item.name for item in ranking.undecided)}
+        winners.setdefault(tuple(name for name in ranking.case.names if name in ahead), []).append(ranking)
+    parts = []
+    for names, won in sorted(winners.items(), key=lambda item: -len(item[1])):
+        where = _of_all(len(won), total)
+        if len(names) == 1:
+            parts.append(f"{names[0]} has the smallest position error in {where}{_margin(won)}")
+        else:
+            parts.append(f"{listed(names)} can't be told apart in {where}")
+    return f"{'; '.join(parts)}."
 
 
-def _margin(name: str, rankings: Sequence[Ranking]) -> str:
-    """Return by how much the next filter is worse where this one is best beyond doubt."""
-    won = [ranking for ranking in rankings if ranking.best.name == name and not ranking.undecided]
+def _margin(won: Sequence[Ranking]) -> str:
+    """Return by how much the next filter is worse in the cases that a filter wins beyond doubt."""
     margins = [ranking.standings[1].percent.estimate for ranking in won if len(ranking.standings) > 1]
     if not margins or not np.isfinite(margins).all():
         return ""
@@ -112,32 +121,32 @@ def _of_all(count: int, total: int) -> str:
 
 
 def _consistency(rankings: Sequence[Ranking]) -> list[str]:
-    """Return whether the filters' errors match their covariances: sqrt(ANEES) is how many times too small a sigma is."""
-    consistent, wrong = [], []
-    for name, sizes in _per_filter(rankings):
-        intervals = [bootstrap_interval(item.consistency("anees", span)[item.ok]) for item, span in sizes]
+    """Return whether the errors match the covariances: sqrt(ANEES) is how many times too small a sigma is."""
+    said: dict[tuple[str, str], list[str]] = {}
+    for name, parts in _per_filter(rankings):
+        intervals = [bootstrap_interval(item.consistency("anees", span)[item.ok]) for item, span in parts]
         known = [found for found in intervals if math.isfinite(found.estimate) and found.estimate > 0]
         if not known:
             continue
         factors = [math.sqrt(found.estimate) for found in known]
-        fits = [
-            found.low <= 1 <= found.high or abs(factor - 1) <= _SIGMA_MARGIN
-            for found, factor in zip(known, factors, strict=True)
-        ]
-        if all(fits):
-            consistent.append(name)
+        if all(map(_is_consistent, known)):
+            words = ("is consistent (ANEES near 1)", "are consistent (ANEES near 1)")
         elif max(factors) < 1:
-            wrong.append(
-                f"{name} claims {_factor([1 / factor for factor in factors])} times larger errors than it makes"
+            size = _factor([1 / factor for factor in factors])
+            words = (
+                f"claims {size} times larger errors than it makes",
+                f"claim {size} times larger errors than they make",
             )
         else:
-            wrong.append(f"{name} errs {_factor(factors)} times as much as it claims")
-    parts = (
-        [f"{listed(consistent)} {'is' if len(consistent) == 1 else 'are'} consistent (ANEES near 1)"]
-        if consistent
-        else []
-    ) + wrong
-    return [f"Consistency: {'; '.join(parts)}."] if parts else []
+            size = _factor(factors)
+            words = (f"errs {size} times as much as it claims", f"err {size} times as much as they claim")
+        said.setdefault(words, []).append(name)
+    parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
+    return [f"Consistency: {'; '.join(parts_said)}."] if parts_said else []
+
+
+def _is_consistent(anees: Interval) -> bool:
+    return anees.low <= 1 <= anees.high or abs(math.sqrt(anees.estimate) - 1) <= _SIGMA_MARGIN
 
 
 def _factor(factors: Sequence[float]) -> str:
@@ -146,23 +155,22 @@ def _factor(factors: Sequence[float]) -> str:
 
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
-    parts, never = [], []
-    for name, sizes in _per_filter(rankings):
-        times = np.concatenate([item.convergence_s[item.ok] for item, _ in sizes])
-        missed = int(np.isnan(times).sum())
-        if missed < times.size:
-            parts.append(f"{name} {figure(float(np.nanmedian(times)))} s")
-        if missed:
-            never.append(f"{name} in {missed} of {counted(times.size, 'run')}")
-    if not parts and not never:
+    medians: dict[str, list[str]] = {}
+    never = []
+    for name, parts in _per_filter(rankings):
+        times = np.concatenate([item.convergence_s[item.ok] for item, _ in parts])
+        reached = times[~np.isnan(times)]
+        if reached.size:
+            medians.setdefault(f"{figure(float(np.median(reached)))} s", []).append(name)
+        if reached.size < times.size:
+            never.append(f"{name} in {times.size - reached.size} of {counted(times.size, 'run')}")
+    if not medians and not never:
         return []
-    case = rankings[0].case
-    text = (
-        f"Median time to a position error below {case.convergence_m:g} m: {listed(parts)}"
-        if parts
-        else "No run converged"
-    )
-    return [text + (f"; never reached by {listed(never)}." if never and parts else ".")]
+    level = f"a position error below {rankings[0].case.convergence_m:g} m"
+    if not medians:
+        return [f"No run reached {level}."]
+    text = f"Median time to {level}: {listed([f'{listed(names)} {time}' for time, names in medians.items()])}"
+    return [f"{text}; never reached by {listed(never)}." if never else f"{text}."]
 
 
 def _cost(rankings: Sequence[Ranking]) -> list[str]:

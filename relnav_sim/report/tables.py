@@ -62,7 +62,6 @@ class Number:
 class Words:
     """A cell that is text; ``order`` is what a sort goes by, where that is not the text itself.
 
-
     ``mark`` (here and in ``Number``) is how the page colours it: ``best``, ``failed`` or nothing.
     """
 

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from relnav_sim.report.tables import shown_number
 
 
-def figure(value: float) -> str:
-    """Return a number for a sentence: three significant digits, no exponent unless it is huge or tiny."""
+def figure(value: float, digits: int = 3) -> str:
+    """Return a number for a sentence: so many significant digits, no exponent unless it is huge or tiny."""
     if not math.isfinite(value) or value == 0:
         return shown_number(value, 0)
-    decimals = max(0, 2 - math.floor(math.log10(abs(value))))
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
     return f"{value:.2e}" if decimals > 7 else shown_number(value, decimals)
 
 

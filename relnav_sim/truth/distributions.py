@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 
 
 def _on_every_axis(value: object) -> object:
-    """Return one number as three, so that both spellings mean (and hash as) the same."""
+    """Return one number as three, so that both spellings mean (and hash as) the same; and a list as a tuple."""
+    if isinstance(value, list):
+        return tuple(value)
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 

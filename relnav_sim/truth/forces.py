@@ -75,11 +75,12 @@ class ForceModel:
             states: Position and velocity (..., 6) in m and m/s, ECI.
             ballistic_m2_kg: Cd A / m in m^2/kg, broadcast against the leading axes of `states`.
         """
-        states = np.asarray(states, dtype=float)
-        components = np.ascontiguousarray(np.moveaxis(states, -1, 0))
-        acceleration = np.empty((3, *components.shape[1:]))
-        self.accelerate(components, np.asarray(ballistic_m2_kg, dtype=float), acceleration)
-        return np.ascontiguousarray(np.moveaxis(acceleration, 0, -1))
+        states, ballistic = np.asarray(states, dtype=float), np.asarray(ballistic_m2_kg, dtype=float)
+        leading = np.broadcast_shapes(states.shape[:-1], ballistic.shape)
+        components = np.ascontiguousarray(np.broadcast_to(states, (*leading, 6)).reshape(-1, 6).T)
+        acceleration = np.empty((3, components.shape[1]))
+        self.accelerate(components, np.broadcast_to(ballistic, leading).ravel(), acceleration)
+        return np.ascontiguousarray(acceleration.T).reshape(*leading, 3)
 
     def normal_acceleration(self, states: ArrayLike, ballistic_m2_kg: ArrayLike = 0.0) -> Array:
         """Return the acceleration along the orbit normal r x v, (...) in m/s^2: what turns the orbit plane.
@@ -96,7 +97,7 @@ class ForceModel:
         return normal
 
     def accelerate(self, components: Array, ballistic_m2_kg: Array, out: Array) -> None:
-        """Write the acceleration of the states `components` (6, ...) into `out` (3, ...).
+        """Write the acceleration of the states `components` (6, n) into `out` (3, n); ballistic (n,).
 
         Components come first and every operation is elementwise, so that a state's bits do not depend on the
         other states in the array.

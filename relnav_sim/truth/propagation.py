@@ -44,13 +44,14 @@ def propagate(
         ValueError: An argument has the wrong shape or a value that makes no sense; the message says which.
 
     Warns:
-        RuntimeWarning: An orbit could not be continued (it fell into the centre); its states are NaN from there on.
+        RuntimeWarning: An orbit could not be continued; its states are NaN from the named time on. Either it fell into
+            the centre, or (with an atmosphere) it went below the surface.
     """
     trajectory = DenseTrajectory(state0, force, ballistic_m2_kg, rtol)
     states = trajectory.at(times_s)
     for row, time_s in sorted(trajectory.failures.items()):
         warnings.warn(
-            f"orbit {row} cannot be continued beyond t = {time_s:.6g} s: no step is short enough there",
+            f"orbit {row} ends at t = {time_s:.6g} s: it goes below the surface or into the centre",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -64,7 +65,7 @@ class DenseTrajectory:
     memory; a time before those is integrated again from the start and gives the same bits.
 
     Attributes:
-        failures: Time in s at which an orbit could not be continued, by its row in the batch.
+        failures: Time in s from which on an orbit could not be continued, by its row in the batch.
     """
 
     def __init__(

@@ -123,8 +123,17 @@ class Batch:
             states[row, np.searchsorted(times, time_s) :] = np.nan
 
     def _behind(self, time_s: float) -> Integers:
-        """Return the rows whose segments do not cover the time yet."""
-        return np.flatnonzero((self._time(self._ticks, self._everyone) <= time_s) & ~self._failed)
+        """Return the rows to advance: those whose segments do not cover the time yet, the hindmost first.
+
+        Waiting for the others keeps the segments in order of time, so that old ones can be forgotten.
+        """
+        reached = self._time(self._ticks, self._everyone)
+        behind = np.flatnonzero((reached <= time_s) & ~self._failed)
+        if not len(behind):
+            return behind
+        next_end = (reached[behind] + np.ldexp(self._base_s[behind], self._level[behind] - FINEST)).min()
+        hindmost: Integers = behind[reached[behind] <= next_end]
+        return hindmost
 
     def _time(self, ticks: Integers, rows: Integers) -> Array:
         # Exact: the base has four significant bits, so a double holds the product up to 2^49 ticks (3e7 base steps).
@@ -153,22 +162,28 @@ class Batch:
             states, ends, carry, stages = (_take(a, good) for a in (states, ends, carry, stages))
             rows, ballistic, step_s, error = rows[good], ballistic[good], step_s[good], error[good]
             ticks, level = ticks[good], level[good]
-        terms = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
+        terms, end_slope = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
         start_s = self._time(ticks, rows)
         self._states[:, rows], self._carry[:, rows] = ends, carry
-        self._slope[:, rows] = stages[dop853.STAGES]
+        self._slope[:, rows] = end_slope
         ticks = ticks + (np.int64(1) << level)
         # A double step must start at a multiple of itself, or orbits would drift apart on the grid.
         aligned = ticks & ((np.int64(2) << level) - 1) == 0
         grows = aligned & (error * ERROR_RATIO_OF_DOUBLING <= AIM * self._rtol) & (level < COARSEST)
         self._ticks[rows], self._level[rows] = ticks, level + grows
+        if self._force.atmosphere is not None:
+            # Below the surface an exponential atmosphere grows without bound, and steps shrink as it does.
+            self._end(rows[_radius(ends) < self._force.radius_m])
         return Segments(rows, start_s, step_s, terms)
 
     def _halve(self, rows: Integers) -> None:
         self._level[rows] -= 1
-        lost = rows[self._level[rows] < 0]
-        self._failed[lost] = True
-        self.failures |= dict(zip(lost.tolist(), self._time(self._ticks[lost], lost).tolist(), strict=True))
+        self._end(rows[self._level[rows] < 0])
+
+    def _end(self, rows: Integers) -> None:
+        """Give the rows up at the time that they have reached."""
+        self._failed[rows] = True
+        self.failures |= dict(zip(rows.tolist(), self._time(self._ticks[rows], rows).tolist(), strict=True))
 
     def _forget(self, time_s: float) -> None:
         """Drop the oldest segments that end before the time while there are more than the kept bytes."""
@@ -190,7 +205,7 @@ def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:
     there the step must follow rtol closely; elsewhere doubling and halving are fine enough.
     """
     x, y, z, vx, vy, vz = states
-    r = np.sqrt(x * x + y * y + z * z)
+    r = _radius(states)
     speed2 = vx * vx + vy * vy + vz * vz
     radial = x * vx + y * vy + z * vz
     momentum2 = np.maximum(r * r * speed2 - radial * radial, 0.0)
@@ -203,6 +218,12 @@ def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:
     base_s = np.ldexp(np.floor(16 * mantissa) / 16, exponent)
     _, doublings = np.frexp(np.sqrt(r * r * r / mu) / radian_s)
     return base_s, np.maximum(doublings.astype(np.int64) - 1, 0)
+
+
+def _radius(states: Array) -> Array:
+    x, y, z = states[:3]
+    radius: Array = np.sqrt(x * x + y * y + z * z)
+    return radius
 
 
 def _take(array: Array, rows: Integers) -> Array:

@@ -184,7 +184,8 @@ class TestResults:
     def test_a_result_of_another_campaign_is_left_alone(self, demo, result):
         before = result.read_bytes()
         words = fails(2, "run", demo, *TINY, "--set", "seed=2")
-        assert "another campaign" in words
+        assert "results/demo.h5 holds results of other" in words
+        assert "--fresh" in words
         assert result.read_bytes() == before
 
     def test_the_result_itself_is_never_exported_over(self, result):

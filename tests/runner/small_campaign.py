@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from relnav_sim.results import open_results, layout
+from relnav_sim.results import layout, open_results
 
 TEXT = """
 name: small

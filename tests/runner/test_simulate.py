@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from relnav_sim import simulate
 import relnav_sim.runner.simulation as module
+from relnav_sim import simulate
 from relnav_sim.streams import RandomSource
 
 
