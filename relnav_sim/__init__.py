@@ -25,6 +25,8 @@ _HOME = {
     "register_filter": "filters.registry",
     "run_filter": "filters.run",
     "FilterHistory": "filters.run",
+    "smooth": "filters.smoother",
+    "SmoothedHistory": "filters.smoother",
     "LinearDynamics": "models.dynamics",
     "LinearMeasurement": "models.measurement",
     "FunctionMeasurement": "models.measurement",

@@ -34,7 +34,8 @@ class IterationOptions(GaussianFilterOptions):
     tolerance: float = Field(
         default=1e-8,
         gt=0,
-        description="A run stops when its next step is shorter than this, in standard deviations of the posterior",
+        description="A run stops when its next step is, or will be at the rate of the last two, shorter than this, in "
+        "standard deviations of the posterior",
     )
 
 
@@ -62,9 +63,13 @@ def gauss_newton(
     x = start
     cost, kept = evaluate(x)
     active, iterations = np.ones(len(x), dtype=bool), np.zeros(len(x))
+    previous = np.zeros(len(x))
     for _ in range(options.max_iterations):
         dx, length = find_step(x, kept)
         active = active & (length > options.tolerance**2)
+        # The steps shrink geometrically or faster: the next is shorter by the factor of the last, at least.
+        ahead = length * length > options.tolerance**2 * previous
+        previous = length
         if not active.any():
             break
         origin, before, pending = x, cost, active
@@ -80,7 +85,9 @@ def gauss_newton(
             pending = pending & ~lower
             if not pending.any():
                 break
-        active = active & ~pending
+        active = active & ~pending & ahead
+        if not active.any():
+            break
     return x, iterations
 
 
@@ -93,12 +100,6 @@ def jacobian_of_runs(measurement: Measurement, x: Array, epoch: int) -> Array:
 def times(A: Array, v: Array) -> Array:
     """Return A v, (runs, p), for A (runs, p, q) and v (runs, q)."""
     return np.einsum("bij,bj->bi", A, v)
-
-
-def squared(v: Array) -> Array:
-    """Return |v|^2, (runs,), for v (runs, p)."""
-    total: Array = np.square(v).sum(axis=-1)
-    return total
 
 
 def _where(condition: NDArray[np.bool_], chosen: Array, other: Array) -> Array:

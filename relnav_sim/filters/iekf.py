@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, squared, times
+from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import SemidefiniteFactor
+from relnav_sim.filters.square_root import Whitener
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
@@ -37,12 +37,12 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
         """Return the mode of the posterior, the covariance of its linearisation there, and the innovation."""
         measurement, epoch, m, P = self.measurement, step.epoch, belief.mean, belief.covariance
         R = measurement.noise(m, epoch)
-        prior, noise = SemidefiniteFactor(P), CholeskyFactor(np.broadcast_to(R, (len(m), *R.shape[-2:])))
+        prior, noise = Whitener(P), Whitener(np.broadcast_to(R, (len(m), *R.shape[-2:])))
 
         # All in deviations from m: a tight prior needs their digits.
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             residual = measurement.residual(z, measurement.predict(m + deviation, epoch))
-            return prior.squared(deviation) + squared(noise.whiten(residual)), residual
+            return prior.squared(deviation) + noise.squared(residual), residual
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
             H = jacobian_of_runs(measurement, m + deviation, epoch)
@@ -50,7 +50,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
             nu = residual + times(H, deviation)
             w = CholeskyFactor(HP @ transpose(H) + R).solve(nu[:, :, None])[:, :, 0]
             move = times(transpose(HP), w) - deviation
-            return move, prior.squared(move) + squared(noise.whiten(times(H, move)))
+            return move, prior.squared(move) + noise.squared(times(H, move))
 
         residual = measurement.residual(z, measurement.predict(m, epoch))
         _, innovation = joseph_update(belief, residual, measurement.jacobian(m, epoch), R)

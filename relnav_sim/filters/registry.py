@@ -39,6 +39,7 @@ _BUILT_IN = (
     "adaptive_two_step",
     "particle",
     "unscented_particle",
+    "gp_presets",
     "huber",
     "mckf",
     "student_t",

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.filters.run import FilterHistory
-from relnav_sim.filters.square_root import SemidefiniteFactor
+from relnav_sim.filters.square_root import Whitener
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 
@@ -63,7 +63,7 @@ def smooth(history: FilterHistory, dynamics: Dynamics, step_s: float = 1.0, firs
             F = dynamics.transition(m, step)
             Q = dynamics.process_noise(m, step)
             FP = F @ P
-            C = transpose(SemidefiniteFactor(symmetric(FP @ transpose(F)) + Q).solve(FP))
+            C = transpose(Whitener(symmetric(FP @ transpose(F)) + Q).solve(FP))
             change = mean[:, k + 1] - dynamics.propagate(m, step)
             mean[:, k] = m + np.einsum("bij,bj->bi", C, change)
             rest = np.eye(n) - C @ F

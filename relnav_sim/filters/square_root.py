@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
+from relnav_sim.linalg import cholesky, factor, forward, runs_first, runs_last, transpose
 
 Array = NDArray[np.float64]
 
@@ -36,8 +36,8 @@ def semidefinite_root(P: Array) -> Array:
     return L
 
 
-class SemidefiniteFactor:
-    """The Cholesky factor of one positive semidefinite matrix per run, to solve with where that has a meaning.
+class Whitener:
+    """W with W^T W = P^-1 for one positive semidefinite matrix per run.
 
     Directions without variance get no part of a solution, so that a state known exactly does no harm.
 
@@ -46,33 +46,24 @@ class SemidefiniteFactor:
     """
 
     def __init__(self, P: Array) -> None:
-        self._factor = CholeskyFactor(P)
-        self._poor = _poorly_determined(np.moveaxis(self._factor.lower_last, -1, 0), P)
-        if self._poor.any():
-            self._scale, values, self._vectors = _spectrum(P[self._poor])
-            root = np.sqrt(np.where(values == 0, np.inf, values))
-            self._inverse_root = 1 / root
+        L = factor(runs_last(P))
+        identity = np.broadcast_to(np.eye(P.shape[-1])[:, :, None], L.shape)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            self._W = runs_first(forward(L, identity))
+        poor = _poorly_determined(runs_first(L), P)
+        if poor.any():
+            scale, values, vectors = _spectrum(P[poor])
+            roots = np.sqrt(np.where(values == 0, np.inf, values))
+            self._W[poor] = transpose(vectors) / (roots[:, :, None] * scale[:, None, :])
 
     def solve(self, B: Array) -> Array:
         """Return X (runs, n, p) with P X = B, columns of B (runs, n, p) in P's range."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            X = self._factor.solve(B)
-        if self._poor.any():
-            white = self._inverse_root[:, :, None] * self._white(B[self._poor])
-            X[self._poor] = self._vectors @ white / self._scale[:, :, None]
-        return X
+        return transpose(self._W) @ (self._W @ B)
 
     def squared(self, v: Array) -> Array:
         """Return v^T P^-1 v, (runs,), for v (runs, n) in P's range."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            total: Array = np.square(self._factor.whiten(v)).sum(axis=1)
-        if self._poor.any():
-            total[self._poor] = np.square(self._white(v[self._poor][:, :, None])).sum(axis=(1, 2))
+        total: Array = np.square(np.einsum("bij,bj->bi", self._W, v)).sum(axis=1)
         return total
-
-    def _white(self, B: Array) -> Array:
-        """Return W B with W^T W the scaled inverse, for the poorly determined runs."""
-        return self._inverse_root[:, :, None] * (transpose(self._vectors) @ (B / self._scale[:, :, None]))
 
 
 def general_solve(A: Array, B: Array) -> Array:
@@ -81,7 +72,8 @@ def general_solve(A: Array, B: Array) -> Array:
         return np.asarray(np.linalg.solve(A, B), dtype=np.float64)
     except np.linalg.LinAlgError:
         # One singular matrix must not end the other runs.
-        singular = np.linalg.det(A) == 0
+        with np.errstate(invalid="ignore"):
+            singular = np.linalg.det(A) == 0
         return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, A), B), dtype=np.float64)
 
 
@@ -105,7 +97,8 @@ def _spectrum(P: Array) -> tuple[Array, Array, Array]:
     # LAPACK refuses the whole stack for one matrix that is not finite.
     finite = np.isfinite(C).all(axis=(1, 2))
     values, vectors = np.linalg.eigh(np.where(finite[:, None, None], C, np.eye(P.shape[-1])))
-    rounding = 8 * P.shape[-1] * np.finfo(float).eps
-    values = np.where(np.abs(values) <= rounding, 0.0, values)
-    values = np.where(values < 0, np.where(values < -_NEGATIVE, np.nan, 0.0), values)
-    return scale, np.where(finite[:, None], values, np.nan), vectors
+    values = np.where(finite[:, None], values, np.nan)
+    # A negative eigenvalue shows how much rounding the matrix holds; whatever is as small is no variance either.
+    rounding = np.maximum(8 * P.shape[-1] * np.finfo(float).eps, -4 * values[:, :1])
+    values = np.where(rounding > 4 * _NEGATIVE, np.nan, np.where(values <= rounding, 0.0, values))
+    return scale, values, vectors

@@ -14,7 +14,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import SemidefiniteFactor, general_solve
+from relnav_sim.filters.square_root import Whitener, general_solve
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -30,7 +30,8 @@ class TwoStepOptions(IterationOptions):
     start: StartKind = Field(
         default="unscented",
         description="Covariance of the first-step state y = [x; g(x)] at the first measurement. unscented: sigma "
-        "points through g (Liu et al. 2011); closed_form: its exact value for quadratic g, from second derivatives; "
+        "points through g (Liu et al. 2011), the diagonal of what they find beyond the tangent counted twice because "
+        "they miss the curvature across axes; closed_form: exact for quadratic g, from second derivatives; "
         "linearised: F P F^T, the original, singular but for start_slack, and wrong when the prior is wide",
     )
     start_slack: float = Field(
@@ -135,10 +136,10 @@ class TwoStepFilter(GaussianFilter):
         g = measurement.predict(belief.mean, epoch)
         G = jacobian_of_runs(measurement, belief.mean, epoch)
         before = self._off_manifold(belief, G, R, epoch)
-        expected = g + before.mean_c + times(G, before.mean_x - belief.mean)
+        expected = g + before.mean_c + times(G, before.mean_x)
         after, innovation = _first_step(before, measurement.residual(z, expected), G, R)
         # y's mean; its angles are not wrapped, so that differences to it stay continuous.
-        y_g = g + after.mean_c + times(G, after.mean_x - belief.mean)
+        y_g = g + after.mean_c + times(G, after.mean_x)
 
         fit = _Fit(after)
         evaluate, find_step = fit.search(measurement, belief.mean, y_g, G, epoch)
@@ -150,7 +151,7 @@ class TwoStepFilter(GaussianFilter):
             mean,
             covariance,
             offset=np.concatenate(
-                [after.mean_x - mean, measurement.residual(y_g, measurement.predict(mean, epoch))], axis=1
+                [after.mean_x - deviation, measurement.residual(y_g, measurement.predict(mean, epoch))], axis=1
             ),
             regression=regression,
             scatter=scatter,
@@ -195,7 +196,7 @@ def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
     offset_x, offset_g = belief.offset[:, :n], belief.offset[:, n:]
     turn = np.eye(offset_g.shape[1]) + (belief.jacobian - G) @ belief.regression
     return OffManifold(
-        belief.mean + offset_x,
+        offset_x,
         offset_g - times(G, offset_x),
         belief.covariance,
         transpose(general_solve(transpose(turn), transpose(belief.regression))),
@@ -234,23 +235,22 @@ class _Fit:
 
     def __init__(self, y: OffManifold) -> None:
         self._y = y
-        self._P, self._V = SemidefiniteFactor(y.covariance), SemidefiniteFactor(y.scatter)
+        self._P, self._V = Whitener(y.covariance), Whitener(y.scatter)
 
     def search(
         self, measurement: Measurement, origin: Array, y_g: Array, G: Array, epoch: int
     ) -> tuple[Callable[[Array], tuple[Array, Array]], Callable[[Array, Array], tuple[Array, Array]]]:
         """Return cost and step for `gauss_newton`, in deviations from `origin`, where G is the Jacobian."""
-        y = self._y
-        centre = y.mean_x - origin
+        y, n = self._y, origin.shape[1]
 
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
-            q = times(G, centre - deviation) - beyond
-            t = deviation - centre - times(y.regression, q)
+            q = times(G, y.mean_x - deviation) - beyond
+            t = deviation - y.mean_x - times(y.regression, q)
             return self._P.squared(t) + self._V.squared(q), np.concatenate([t, q], axis=1)
 
         def find_step(deviation: Array, kept: Array) -> tuple[Array, Array]:
-            t, q = kept[:, : len(centre[0])], kept[:, len(centre[0]) :]
+            t, q = kept[:, :n], kept[:, n:]
             E, EP, S = self._linearised(jacobian_of_runs(measurement, origin + deviation, epoch) - G)
             w = CholeskyFactor(S).solve((times(E, t) - q)[:, :, None])[:, :, 0]
             move = times(transpose(EP), w) - t

@@ -30,7 +30,7 @@ class OffManifold:
     """A Gaussian of (x, c): c ~ N(mean_c, scatter), and x given c ~ N(mean_x + regression (c - mean_c), covariance).
 
     Args:
-        mean_x: (runs, n).
+        mean_x: Deviation from the point of the tangent, (runs, n).
         mean_c: (runs, m).
         covariance: (runs, n, n).
         regression: (runs, n, m).
@@ -74,7 +74,7 @@ def start_off_manifold(
     scatter = curvature + floor
     regression = transpose(CholeskyFactor(scatter).solve(cross))
     explained = regression @ scatter @ transpose(regression)
-    return OffManifold(prior.mean, mean, symmetric(prior.covariance - explained), regression, scatter)
+    return OffManifold(np.zeros((runs, n)), mean, symmetric(prior.covariance - explained), regression, scatter)
 
 
 def _unscented(
