@@ -17,7 +17,7 @@ $(VENV)/installed: pyproject.toml
 setup: $(VENV)/installed  ## Create .venv and install relnav with its development tools
 
 demo: setup  ## Run the demo campaign and write its report
-	$(BIN)/relnav run campaigns/demo.yaml --fresh
+	$(BIN)/relnav run campaigns/demo.yaml
 	$(BIN)/relnav report results/demo.h5
 
 test: setup  ## Lint, check types and import rules, run the tests
@@ -34,8 +34,9 @@ bench: setup  ## Measure the published speed figures beside other libraries
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
-schema: setup  ## Write campaigns/schema.json from the models
-	$(BIN)/relnav schema > campaigns/schema.json
+schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models
+	$(BIN)/relnav schema --out campaigns/schema.json
+	$(BIN)/python -m relnav_sim.campaign.reference docs/campaign-file.md
 
 clean:  ## Remove the virtual environment and caches, keep results
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -7,8 +7,6 @@ inner loop runs along components and orbits. Each orbit is then computed by the 
 
 from __future__ import annotations
 
-from math import fsum
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +23,6 @@ COEFFICIENTS = 8  # of the dense output: the state and seven terms
 def _dense_row(row: tableau.Row, length: int) -> Array:
     weights = np.zeros(length)
     weights[list(row)] = list(row.values())
-    weights[0] = fsum(row.values())
     return weights
 
 
@@ -60,7 +57,6 @@ def attempt(force: ForceModel, states: Array, ballistic: Array, step_s: Array, s
     for i in range(1, STAGES):
         at_stage = states + step_s * _sum(STAGE_WEIGHTS[i], stages[:i])
         derivative(force, at_stage, ballistic, stages[i])
-        stages[i] -= stages[0]
     increment = step_s * _sum(END_WEIGHTS, stages[:STAGES])
 
     errors = np.einsum("es,scn->ecn", ERROR_WEIGHTS, stages[:STAGES])
@@ -86,22 +82,19 @@ def interpolant(force: ForceModel, states: Array, ends: Array, ballistic: Array,
         step_s: (n,) step of each orbit, s.
         stages: (16, 6, n) as `attempt` left them; the rest is written, stage 12 with the derivative at the end.
     """
-    slopes = np.empty_like(ends)
-    derivative(force, ends, ballistic, slopes)
-    np.subtract(slopes, stages[0], out=stages[STAGES])
+    derivative(force, ends, ballistic, stages[STAGES])
     for i in range(STAGES + 1, ALL_STAGES):
         at_stage = states + step_s * _sum(STAGE_WEIGHTS[i], stages[:i])
         derivative(force, at_stage, ballistic, stages[i])
-        stages[i] -= stages[0]
     terms = np.empty((COEFFICIENTS, *states.shape))
     change = ends - states
     start_slope = step_s * stages[0]
     terms[0] = states
     terms[1] = change
     terms[2] = start_slope - change
-    terms[3] = 2 * change - (step_s * slopes + start_slope)
+    terms[3] = 2 * change - (step_s * stages[STAGES] + start_slope)
     terms[4:] = step_s * np.einsum("ds,scn->dcn", DENSE_WEIGHTS, stages)
-    return np.ascontiguousarray(terms.transpose(2, 0, 1)), slopes
+    return np.ascontiguousarray(terms.transpose(2, 0, 1))
 
 
 def weights(fraction: Array) -> Array:

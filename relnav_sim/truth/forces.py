@@ -127,7 +127,7 @@ class ForceModel:
     def _zonal_sums(self, z: Array, inverse_r2: Array) -> tuple[Array, Array]:
         """Return sum J_n W_{n+1} and sum J_n W_n, where W_n = (R/r)^(n-1) P_n'(z/r).
 
-        The gradient of the potential mu/r (1 - sum J_n (R/r)^n P_n(s)), s = z/r (Vallado, 4th ed., eq. 8-19),
+        The gradient of the potential mu/r (1 - sum J_n (R/r)^n P_n(s)), s = z/r (Vallado, 4th ed., section 8.6),
         collected along the radius and the axis with (n+1) P_n + s P_n' = P_{n+1}', is
         -(mu/r^3) [r (1 - sum J_n W_{n+1}) + R e_z sum J_n W_n].
         W follows from n P_{n+1}' = (2n+1) s P_n' - (n+1) P_{n-1}'.

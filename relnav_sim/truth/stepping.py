@@ -162,10 +162,10 @@ class Batch:
             states, ends, carry, stages = (_take(a, good) for a in (states, ends, carry, stages))
             rows, ballistic, step_s, error = rows[good], ballistic[good], step_s[good], error[good]
             ticks, level = ticks[good], level[good]
-        terms, end_slope = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
+        terms = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
         start_s = self._time(ticks, rows)
         self._states[:, rows], self._carry[:, rows] = ends, carry
-        self._slope[:, rows] = end_slope
+        self._slope[:, rows] = stages[dop853.STAGES]
         ticks = ticks + (np.int64(1) << level)
         # A double step must start at a multiple of itself, or orbits would drift apart on the grid.
         aligned = ticks & ((np.int64(2) << level) - 1) == 0

@@ -66,7 +66,7 @@ def test_degenerate_angles_have_fixed_values(e, i):
     )
 
 
-def test_a_hyperbola(orbits=None):
+def test_a_hyperbola():
     state = state_from_elements(Elements(-2e7, 1.5, 0.6, 1.0, 2.0, -1.2), MU)
     elements = elements_from_state(state, MU)
     assert float(elements.semi_major_axis_m) == pytest.approx(-2e7)

@@ -39,7 +39,7 @@ def test_kepler_motion_on_an_irregular_grid(orbits, e):
 
 
 def test_against_scipy_with_every_force(orbits):
-    """scipy's DOP853 with the independent right-hand side of the tests; its own error is about 1e-6 m."""
+    """scipy's DOP853 with short steps on the same accelerations; its own error is about 1e-6 m."""
     force, state = orbits.force(), orbits.orbit(e=0.01)
 
     def slope(t, y):
