@@ -16,10 +16,10 @@ class FadingMemoryOptions(GaussianFilterOptions):
     """Options of the fading-memory filter; those of every Gaussian filter (the innovation gate) come with the base."""
 
     memory_s: float = Field(
-        default=600.0,
+        default=100.0,
         gt=0,
-        description="tau, s: what was measured tau ago counts 1/e of what is measured now; default 600, about a tenth "
-        "of a low orbit's period; very long: the extended Kalman filter",
+        description="tau, s: what was measured tau ago counts 1/e of what is measured now; default 100, long enough "
+        "to average a radar, short against an orbit; very long: the extended Kalman filter",
     )
 
 
@@ -27,7 +27,7 @@ class FadingMemoryOptions(GaussianFilterOptions):
 class FadingMemoryFilter(ExtendedKalmanFilter):
     """Fading-memory filter: an extended Kalman filter that forgets old measurements exponentially.
 
-    Sorenson and Sacks, Information Sciences 3(2), 1971. Each step of length T multiplies the covariance by
+    Sorenson and Sacks, Information Sciences 3, 1971. Each step of length T multiplies the covariance by
     exp(T / tau) before the prediction, P = exp(T / tau) F P F^T + Q, so that information ages with time constant tau.
     Use it when the dynamics are known to drift away from the model but no process noise can be named. It never becomes
     surer than about tau of measurements allows, and a long outage inflates all states alike.

@@ -73,9 +73,15 @@ def normalised(log_weights: Array) -> tuple[Array, Array]:
     return np.exp(log_weights - total[..., None]), total
 
 
+def mixture_mean(weights: Array, means: Array) -> Array:
+    """Return the mean (..., n) of mixtures: (..., c), (..., c, n)."""
+    mean: Array = np.einsum("...c,...cn->...n", weights, means)
+    return mean
+
+
 def moment_match(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
     """Return mean (..., n) and covariance (..., n, n) of mixtures: (..., c), (..., c, n), (..., c, n, n)."""
-    mean = np.einsum("...c,...cn->...n", weights, means)
+    mean = mixture_mean(weights, means)
     spread = means - mean[..., None, :]
     covariance = np.einsum("...c,...cij->...ij", weights, covariances)
     return mean, covariance + np.einsum("...c,...ci,...cj->...ij", weights, spread, spread)

@@ -32,7 +32,7 @@ class HuberOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("huber", HuberOptions, cost_us=9.0)
+@register_filter("huber", HuberOptions, cost_us=7.0)
 class HuberFilter(GaussianFilter):
     """Huber filter: residuals beyond a threshold count linearly instead of quadratically.
 

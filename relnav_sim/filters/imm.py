@@ -11,6 +11,7 @@ from pydantic import Field
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.components import (
     component_updates,
+    mixture_mean,
     moment_match,
     noise_components,
     nominal_nis,
@@ -50,7 +51,7 @@ class ModelBank:
     @property
     def mean(self) -> Array:
         """Mean over the models (runs, n)."""
-        return moment_match(np.exp(self.log_weights), self.means, self.covariances)[0]
+        return mixture_mean(np.exp(self.log_weights), self.means)
 
     @property
     def covariance(self) -> Array:
@@ -58,7 +59,7 @@ class ModelBank:
         return moment_match(np.exp(self.log_weights), self.means, self.covariances)[1]
 
 
-@register_filter("imm", ImmOptions, cost_us=12.0)
+@register_filter("imm", ImmOptions, cost_us=5.0)
 class InteractingModelsFilter:
     """Interacting multiple models: one extended Kalman filter per component of the measurement noise.
 
@@ -95,9 +96,10 @@ class InteractingModelsFilter:
         predicted = mixing.sum(axis=1)
         share = transpose(mixing / predicted[:, None])
         means, covariances = moment_match(share, belief.means[:, None], belief.covariances[:, None])
-        middle = means.mean(axis=1)
-        F = self.dynamics.transition(middle, step)
-        Q = self.dynamics.process_noise(middle, step)
+        # Mixing leaves the overall mean as it is.
+        mean = belief.mean
+        F = self.dynamics.transition(mean, step)
+        Q = self.dynamics.process_noise(mean, step)
         if F.ndim == 3:
             F = F[:, None]
         if Q.ndim == 3:
@@ -107,8 +109,8 @@ class InteractingModelsFilter:
     def update(self, belief: ModelBank, z: Array, step: Step) -> tuple[ModelBank, Innovation]:
         """Return every model's update, reweighted by its likelihood.
 
-        The NIS is that of the narrowest component before the update; `outlier_probability` is one minus the first
-        component's posterior probability.
+        The NIS is that of the first component, the nominal noise, before the update; `outlier_probability` is one
+        minus its posterior probability.
         """
         _, noises = noise_components(self.measurement, belief.means[:, 0], step.epoch)
         # Each model is updated with its own noise only.

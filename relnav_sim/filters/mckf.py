@@ -28,17 +28,21 @@ class CorrentropyOptions(GaussianFilterOptions):
     )
     iterations: int = Field(default=4, ge=1, le=50, description="Steps of the fixed point; it settles within 3 to 5")
     weigh_prior: bool = Field(
-        default=True, description="Reweight the prediction too, as the paper does; false: the measurement only"
+        default=False,
+        description="Reweight the prediction too and begin the fixed point there, as the paper does. Default false, "
+        "the measurement only: a prediction that is far off, at the start say, is then corrected all the same",
     )
 
 
-@register_filter("mckf", CorrentropyOptions, cost_us=11.0)
+@register_filter("mckf", CorrentropyOptions, cost_us=7.0)
 class CorrentropyFilter(GaussianFilter):
     """Maximum-correntropy filter: a Gaussian kernel of the residuals replaces the square.
 
-    Chen, Liu, Zhao and Principe, Automatica 76, 2017. Prediction and measurement, both whitened, are weighted by
-    exp(-e^2 / (2 sigma^2)) in a fixed-point iteration. A large residual is ignored altogether, so it forgives huge
-    outliers, and for the same reason a poor start: widen the bandwidth, or use Huber's filter, until it has converged.
+    Chen, Liu, Zhao and Principe, Automatica 76, 2017. Each whitened channel of the measurement is weighted by
+    exp(-e^2 / (2 sigma^2)) in a fixed-point iteration. A large residual is ignored altogether: use it against rare and
+    huge outliers. The paper weighs the prediction alike and begins at it (`weigh_prior: true`); from a prior much wider
+    than the measurement, or with large process noise, that filter takes good measurements for outliers and never
+    converges. The covariance is that of the reweighted update, not Joseph's form with the nominal P and R as published.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: CorrentropyOptions) -> None:

@@ -39,8 +39,10 @@ def reweighted_update(
         measurement: Its model.
         epoch: Its epoch.
         weigh: Weights from whitened residuals.
-        iterations: Updates after the first, unweighted one.
-        weigh_prior: Reweight the prediction's covariance as well, by L_P^-1 dx.
+        iterations: Reweighted updates.
+        weigh_prior: Reweight the prediction's covariance as well, by L_P^-1 dx. The first residuals are then taken at
+            the prediction, not after an unweighted update: where an outlier has drawn that half way, both sides look
+            equally bad and the weights cannot tell which is wrong.
     """
     mean, P = belief.mean, belief.covariance
     runs = len(mean)
@@ -52,15 +54,15 @@ def reweighted_update(
     L_P = cholesky(P) if weigh_prior else None
     posterior, innovation = joseph_update(belief, nu, H, R)
     prior = belief
-    weights = np.ones_like(nu)
+    shift = np.zeros_like(mean) if weigh_prior else posterior.mean - mean
     for _ in range(iterations):
-        shift = posterior.mean - mean
         e = white_nu - np.einsum("bmn,bn->bm", white_H, shift)
         spread = np.einsum("bmn,bmn->bm", white_H @ posterior.covariance, white_H)
         weights = weigh(e, spread)
         if L_P is not None:
             prior = Gaussian(mean, _scaled(L_P, weigh(whiten(L_P, shift), np.zeros_like(shift))))
         posterior, _ = joseph_update(prior, nu, H, _scaled(L, weights))
+        shift = posterior.mean - mean
     extras = {"lowest_weight": weights.min(axis=-1)}
     return posterior, Innovation(innovation.nis, innovation.log_likelihood, extras)
 

@@ -76,13 +76,12 @@ def run_filter(
     runs = tuple(range(B)) if runs is None else tuple(runs)
     if len(runs) != B:
         raise ValueError(f"{len(runs)} run numbers for {B} runs")
-    belief = filter.start(Gaussian(mean, covariance), RandomSource(seed, runs))
+    with np.errstate(all="ignore"):  # for the reason in `advance`
+        belief = filter.start(Gaussian(mean, covariance), RandomSource(seed, runs))
     return advance(filter, belief, z, first_epoch=0, step_s=step_s)[1]
 
 
-def advance(
-    filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: float
-) -> tuple[Any, FilterHistory]:
+def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: float) -> tuple[Any, FilterHistory]:
     """Carry a belief over a stretch of epochs; return the last belief and the stretch's history.
 
     Args:

@@ -31,14 +31,15 @@ class StudentOptions(GaussianFilterOptions):
     iterations: int = Field(default=4, ge=1, le=50, description="Variational steps; they settle within 3 to 5")
 
 
-@register_filter("student_t", StudentOptions, cost_us=9.0)
+@register_filter("student_t", StudentOptions, cost_us=7.0)
 class StudentFilter(GaussianFilter):
     """Student-t filter: heavy-tailed measurement noise, a Gaussian whose precision is itself random.
 
     Roth, Ozkan and Gustafsson, ICASSP 2013; the variational form of Agamennoni, Nieto and Nebot, IEEE Trans. Signal
     Processing 60(10), 2012. v | lambda ~ N(0, R / lambda), lambda ~ Gamma(nu/2, nu/2); the weight is the expected
-    lambda given the residual and its own uncertainty. Between Huber (bounded influence) and correntropy (none).
-    R is the scale, so with noise that is Gaussian of covariance R the filter is slightly cautious.
+    lambda given the residual and its own uncertainty. Use it against glint of unknown share and size: a huge residual
+    loses all influence, as with correntropy, but gradually. R is the scale, so with noise that is Gaussian of
+    covariance R the filter is slightly cautious; weights rise to 1 + 1/nu where the residuals are small.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: StudentOptions) -> None:

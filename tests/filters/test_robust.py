@@ -1,8 +1,11 @@
 """The robust filters: the Kalman filter when the noise is Gaussian, far better under glint."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from radar_problem import MEAN_MOTION, radar_problem
+from scipy.optimize import minimize
 
 from relnav_sim import LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
 from relnav_sim.filters.gaussian_sum import GaussianSum, reduced
@@ -53,10 +56,12 @@ def glint():
     z = truth[..., :3] + sigma * scale * rng.standard_normal((runs, steps, 3))
     R = sigma**2 * np.eye(3)
 
-    def rms(kind, noise, **options):
+    def rms(kind, noise, outliers=1.0, **options):
+        """Position error, with outliers so many times larger still."""
         measurement = LinearMeasurement(np.eye(3, 6), noise)
         filter = create_filter(kind, LinearDynamics(F, Q), measurement, **options)
-        error = run_filter(filter, z, np.zeros((runs, 6)), cov0).mean - truth
+        seen = np.where(hit[..., None], truth[..., :3] + outliers * (z - truth[..., :3]), z)
+        error = run_filter(filter, seen, np.zeros((runs, 6)), cov0).mean - truth
         return float(np.sqrt(np.square(error[:, 50:, :3]).sum(axis=-1).mean()))
 
     oracle = rms("kf", scale[..., None] ** 2 * R)
@@ -91,6 +96,62 @@ def test_filters_that_know_the_mixture_come_within_3_percent_of_the_oracle(glint
 def test_filters_that_know_only_the_nominal_noise_stay_near_the_oracle(glint, kind, options, margin):
     rms, R, _, oracle = glint
     assert rms(kind, R, **options) < margin * oracle
+
+
+@pytest.mark.parametrize(
+    "kind, options, margin",
+    [
+        ("huber", {}, 1.3),
+        ("mckf", {}, 1.03),
+        ("mckf", {"weigh_prior": True}, 1.03),
+        ("student_t", {"per_channel": False}, 1.1),
+    ],
+)
+def test_outliers_of_a_thousand_sigma_do_no_more_harm(glint, kind, options, margin):
+    """Ten times as large as before; the Kalman filter is 28 times worse than the oracle."""
+    rms, R, _, oracle = glint
+    assert rms(kind, R, outliers=10.0, **options) < margin * oracle
+
+
+@pytest.mark.parametrize("weigh_prior", [False, True])
+def test_huber_finds_the_minimum_of_its_own_cost(weigh_prior):
+    """One update of two states by two correlated channels, the second 30 sigma off, against a general minimiser."""
+    P, R = np.array([[4.0, 1.0], [1.0, 2.0]]), np.array([[1.0, 0.3], [0.3, 0.5]])
+    H, z, c = np.array([[1.0, 0.5], [0.2, 1.0]]), np.array([0.7, 20.0]), 1.345
+    options = {"threshold": c, "iterations": 50, "weigh_prior": weigh_prior}
+    filter = create_filter("huber", LinearDynamics(np.eye(2), np.zeros((2, 2))), LinearMeasurement(H, R), **options)
+    mean = run_filter(filter, z[None, None], np.zeros(2), P).mean[0, 0]
+
+    def loss(e):
+        return np.where(np.abs(e) <= c, e**2 / 2, c * np.abs(e) - c**2 / 2).sum()
+
+    def cost(x):
+        white = np.linalg.solve(np.linalg.cholesky(P), x)
+        prior = loss(white) if weigh_prior else (white**2).sum() / 2
+        return prior + loss(np.linalg.solve(np.linalg.cholesky(R), z - H @ x))
+
+    best = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12})
+    assert np.abs(mean - best.x).max() < 1e-6
+
+
+@pytest.mark.parametrize("per_channel", [False, True])
+def test_student_t_solves_the_variational_equations(per_channel):
+    """Mean, covariance and weights of one update, iterated here in information form (Agamennoni et al. 2012)."""
+    P, R, nu = np.array([[4.0, 1.0], [1.0, 2.0]]), np.diag([1.0, 0.25]), 4.0
+    H, z = np.array([[1.0, 0.5], [0.2, 1.0]]), np.array([0.7, 6.0])
+    options = {"degrees_of_freedom": nu, "per_channel": per_channel, "iterations": 50}
+    filter = create_filter("student_t", LinearDynamics(np.eye(2), np.zeros((2, 2))), LinearMeasurement(H, R), **options)
+    history = run_filter(filter, z[None, None], np.zeros(2), P)
+    scale = np.ones(2)
+    for _ in range(200):
+        information = H.T @ np.diag(scale / np.diag(R))
+        covariance = np.linalg.inv(np.linalg.inv(P) + information @ H)
+        mean = covariance @ information @ z
+        expected = ((z - H @ mean) ** 2 + np.diag(H @ covariance @ H.T)) / np.diag(R)
+        scale = (nu + 1) / (nu + expected) if per_channel else np.full(2, (nu + 2) / (nu + expected.sum()))
+    assert np.allclose(history.mean[0, 0], mean, atol=1e-9)
+    assert np.allclose(history.covariance[0, 0], covariance, atol=1e-9)
+    assert history.extras["lowest_weight"][0, 0] == pytest.approx(scale.min(), abs=1e-9)
 
 
 def test_gaussian_sum_is_exact_while_nothing_is_merged():
@@ -133,6 +194,37 @@ def test_merging_keeps_the_moments():
     assert np.allclose(small.weights.sum(axis=1), 1)
     assert np.allclose(small.mean, mixture.mean)
     assert np.allclose(small.covariance, mixture.covariance)
+
+
+def test_merging_takes_the_cheapest_pair_first():
+    """Runnalls' greedy reduction written as a plain loop, for one run with a weightless component."""
+    rng = np.random.default_rng(3)
+    weights = np.array([0.3, 0.25, 0.2, 0.15, 0.1, 0.0])
+    means, roots = rng.standard_normal((6, 2)), rng.standard_normal((6, 2, 2))
+    covariances = roots @ roots.swapaxes(-1, -2) + 0.2 * np.eye(2)
+    parts = list(zip(weights, means, covariances, strict=True))
+
+    def merged(a, b):
+        weight = a[0] + b[0]
+        mean = (a[0] * a[1] + b[0] * b[1]) / weight
+        spread = sum(w * (P + np.outer(m - mean, m - mean)) for w, m, P in (a, b)) / weight
+        return weight, mean, spread
+
+    def log_volume(part):
+        return part[0] * np.log(np.linalg.det(part[2]))
+
+    while len(parts) > 3:
+        pairs = list(combinations(range(len(parts)), 2))
+        bounds = [
+            log_volume(merged(parts[i], parts[j])) - log_volume(parts[i]) - log_volume(parts[j]) for i, j in pairs
+        ]
+        i, j = pairs[int(np.argmin(bounds))]
+        parts = [part for k, part in enumerate(parts) if k not in (i, j)] + [merged(parts[i], parts[j])]
+    small = reduced(GaussianSum(weights[None], means[None], covariances[None]), 3)
+    parts.sort(key=lambda part: -part[0])
+    assert np.allclose(small.weights[0], [part[0] for part in parts])
+    assert np.allclose(small.means[0], [part[1] for part in parts])
+    assert np.allclose(small.covariances[0], [part[2] for part in parts])
 
 
 def test_imm_with_persistence_beats_independent_epochs_on_bursts():

@@ -1,0 +1,121 @@
+"""The example of docs/add-a-filter.md: a filter of another package, found through its entry point alone."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs" / "example-filter"
+PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))
+[(NAME, MODULE)] = PROJECT["project"]["entry-points"]["relnav.filters"].items()
+
+
+def distribution(folder, name, version, entries):
+    """Put what pip leaves of a package beside its modules: its metadata and entry points."""
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    lines = [f"{entry} = {module}\n" for entry, module in entries.items()]
+    (info / "entry_points.txt").write_text("".join(["[relnav.filters]\n", *lines]))
+
+
+def python(paths, *arguments, cwd=ROOT):
+    """Run a fresh interpreter with `paths` importable, as installed packages are."""
+    search = [*map(str, paths), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(search), "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, timeout=300
+    )
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The example as if installed by `pip install -e`: importable modules and metadata; nothing else points to it."""
+    folder = tmp_path_factory.mktemp("site")
+    distribution(folder, PROJECT["project"]["name"], PROJECT["project"]["version"], {NAME: MODULE})
+    return [folder, EXAMPLE]
+
+
+def test_it_is_unknown_until_it_is_installed():
+    done = python([EXAMPLE], "-c", "from relnav_sim.filters.registry import filter_kinds; print(*filter_kinds())")
+    assert done.returncode == 0, done.stderr
+    assert NAME not in done.stdout.split()
+
+
+def test_it_passes_the_contract_tests(installed):
+    done = python(installed, "-m", "pytest", "tests/contracts/test_filters.py", "-k", NAME, "-p", "no:cacheprovider")
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "[100%]" in done.stdout
+    dots = sum(line.count(".") for line in re.findall(r"^\.+ +\[", done.stdout, re.MULTILINE))
+    contracts = (ROOT / "tests" / "contracts" / "test_filters.py").read_text(encoding="utf-8").count("def test_")
+    assert dots >= contracts, "every contract is tried"
+
+
+SCRIPT = """
+import json, sys
+from relnav_sim import load_campaign, open_results, run_campaign
+
+if __name__ == "__main__":
+    campaign = load_campaign(sys.argv[1], ["runs=2", "clock.step_s=5"])
+    path = run_campaign(campaign, out="small.h5", workers=2)
+    with open_results(path) as results:
+        columns = results.summary()
+    names = columns["filter"]
+    print(json.dumps({
+        "rms": {name: float(columns["settled_r_rms_m"][names == name].mean()) for name in dict.fromkeys(names)},
+        "failed": int(columns["failed"].sum()),
+    }))
+"""
+
+
+def test_a_campaign_runs_it_on_two_workers(installed, tmp_path):
+    """The workers are processes of their own, which find the filter by themselves; and it does what it is for."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    done = python(installed, "script.py", str(EXAMPLE / "campaign.yaml"), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout.splitlines()[-1])
+    assert told["failed"] == 0
+    assert told["rms"]["fading_100"] < 0.4 * told["rms"]["ekf"]
+
+
+def test_the_command_line_lists_and_shows_it(installed):
+    code = (
+        "from typer.testing import CliRunner\n"
+        "from relnav_sim.cli.app import app\n"
+        f"for words in (['list', 'filters'], ['show', 'filter', {NAME!r}]):\n"
+        "    print(CliRunner().invoke(app, words, catch_exceptions=False).output)\n"
+    )
+    done = python(installed, "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert re.search(rf"^{NAME} +Fading-memory filter", done.stdout, re.MULTILINE)
+    assert f"{NAME}: Fading-memory filter" in done.stdout and "memory_s" in done.stdout
+
+
+def test_a_broken_package_is_named_and_leaves_the_other_filters(tmp_path):
+    (tmp_path / "breaks.py").write_text("import no_such_module\n")
+    (tmp_path / "doubles.py").write_text(
+        "from relnav_sim import register_filter\n"
+        "from relnav_sim.options import Options\n"
+        "@register_filter('ekf', Options)\n"
+        "class Another: ...\n"
+    )
+    distribution(tmp_path, "broken-filter", "1.0", {"breaks": "breaks"})
+    distribution(tmp_path, "second-ekf", "1.0", {"doubles": "doubles"})
+    code = "from relnav_sim.filters.registry import filter_kinds; print(filter_kinds()['ekf'].factory.__name__)"
+    done = python([tmp_path], "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "ExtendedKalmanFilter"
+    assert re.search("broken-filter are left out.*no_such_module", done.stderr)
+    assert re.search("second-ekf are left out.*'ekf' is registered already", done.stderr)
+
+
+def test_the_guide_shows_the_example_as_it_is():
+    guide = (ROOT / "docs" / "add-a-filter.md").read_text(encoding="utf-8")
+    module = (EXAMPLE / f"{MODULE}.py").read_text(encoding="utf-8")
+    assert f"```python\n{module}```" in guide, "copy the module into docs/add-a-filter.md again"
