@@ -18,6 +18,7 @@ from relnav_sim.campaign.models import (
     FirstFixStart,
     StartOptions,
     StatisticsOptions,
+    StopOptions,
 )
 from relnav_sim.campaign.problems import Path, Problem
 from relnav_sim.campaign.shape import Shape
@@ -64,6 +65,9 @@ class Settings(Options):
         ge=1,
         description="Runs that are computed together; default: from the cost of the filters, about 20 s a block. "
         "Changes no result",
+    )
+    stop: StopOptions | None = Field(
+        default=None, description="Stop before `runs` once a figure is known well enough; default: run them all"
     )
 
 

@@ -16,7 +16,7 @@ from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Se
 from relnav_sim.campaign.identity import campaign_hash, case_id
 from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
 from relnav_sim.campaign.messages import unknown_key
-from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.campaign.models import CaseConfig, StopOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
@@ -55,6 +55,7 @@ class Campaign:
             stands there as in the first case.
         hash: SHA-256 of the content without what changes no number.
         block_runs: Runs that are computed together.
+        stop: When to stop before all runs are computed.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Campaign:
     content: Mapping[str, Any]
     hash: str
     block_runs: int
+    stop: StopOptions | None = None
 
 
 def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
@@ -119,6 +121,9 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     cases = [_case(settings.name, case) for case in valid]
     if repeated := _same_cases(cases):
         raise _error(repeated, source)
+    if settings.stop is not None and settings.stop.filter not in (None, *(names := cases[0].config.filters)):
+        sentence = f"no filter is named {settings.stop.filter!r}; there are {', '.join(names)}"
+        raise _error([Problem(("stop", "filter"), sentence)], source)
     content = _content(settings, valid, cases)
     return Campaign(
         name=settings.name,
@@ -130,6 +135,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         content=content,
         hash=campaign_hash(content),
         block_runs=settings.block_runs or block_size(settings.runs, [case.config for case in cases]),
+        stop=settings.stop,
     )
 
 

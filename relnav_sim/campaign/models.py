@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema
+from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, field_validator
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.options import Options
@@ -125,6 +126,31 @@ class StatisticsOptions(Options):
     convergence_hold_s: float = Field(
         default=50.0, ge=0, description="... for this long, s; default 50, so that a lucky crossing does not count"
     )
+
+
+class StopOptions(Options):
+    """When a campaign has run enough: looked at after fixed numbers of runs only, in run order."""
+
+    metric: Literal["r_rms_m", "v_rms_m_s", "settled_r_rms_m", "settled_v_rms_m_s"] = Field(
+        description="The figure of each run: rms of the position (r) or velocity (v) error over the whole run or "
+        "after `settle_s`"
+    )
+    filter: str | None = Field(default=None, description="Name of the filter to look at; default: all of them")
+    half_width: float = Field(
+        gt=0,
+        description="Stop once the 95 % interval of the metric's mean over the runs that did not fail reaches no "
+        "farther than this to each side, in the metric's unit, in every case",
+    )
+    at: tuple[Annotated[int, Field(ge=2)], ...] = Field(
+        min_length=1, description="Numbers of runs to look after, ascending; `runs` is the last look in any case"
+    )
+
+    @field_validator("at")
+    @classmethod
+    def _ascending(cls, at: tuple[int, ...]) -> tuple[int, ...]:
+        if any(later <= earlier for earlier, later in pairwise(at)):
+            raise ValueError("the numbers of runs must ascend")
+        return at
 
 
 class CaseConfig(Options):

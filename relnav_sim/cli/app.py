@@ -11,6 +11,7 @@ from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import guarded
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
+from relnav_sim.cli.merge import merge
 from relnav_sim.cli.new import new
 from relnav_sim.cli.report import report
 from relnav_sim.cli.run import run
@@ -36,6 +37,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "new": new,
     "schema": schema,
     "inspect": inspect,
+    "merge": merge,
     "export": export,
 }
 for name, command in COMMANDS.items():

@@ -1,15 +1,21 @@
-"""`relnav run`: simulate a campaign."""
+"""`relnav run`: simulate a campaign, or one run of it."""
 
 from __future__ import annotations
 
+import shlex
+import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import count_in_words
+
+if TYPE_CHECKING:
+    from relnav_sim.campaign import Campaign
 
 
 class Backend(StrEnum):
@@ -36,36 +42,70 @@ def run(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over: an existing result is moved aside, never deleted.")
     ] = False,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first failed run of a filter.")] = False,
+    max_failures: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="Stop once more than N runs of filters have failed.")
+    ] = None,
+    timeout_s: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.1, help="Most seconds for a block of runs; a run that takes longer fails."),
+    ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="I/N", help="Only the I-th of N parts, as 1/4, on several machines; then relnav merge."),
+    ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="CASE:RUN", help="Only one run of one case, as 0:17, into a file of its own."),
+    ] = None,
+    trace: Annotated[bool, typer.Option("--trace", help="With --only: store every step.")] = False,
 ) -> None:
     """Simulate a campaign, run its filters and store the result.
 
     The same command continues a campaign that was interrupted.
     """
-    from relnav_sim.campaign import load_campaign
+    with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
+        _check_options(only, trace, shard, fresh, fail_fast, max_failures)
+        part = _part(shard)
+        case, number = _case_and_run(only)
 
-    overrides = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
-    campaign = load_campaign(file, overrides)
+        from relnav_sim.campaign import load_campaign
 
+        campaign = load_campaign(file, [*(changes or []), *([f"runs={runs}"] if runs is not None else [])])
+
+        from relnav_sim.results.block import RefusedError
+        from relnav_sim.runner.run import run_campaign
+        from relnav_sim.runner.single import run_single
+
+        try:
+            if only is not None:
+                target = _single_target(campaign, out, case, number)
+                path = run_single(campaign, case, number, target, trace, backend.value, timeout_s)
+            else:
+                path = run_campaign(
+                    campaign,
+                    out,
+                    workers=workers,
+                    backend=backend.value,
+                    fresh=fresh,
+                    part=part,
+                    max_failures=0 if fail_fast else max_failures,
+                    timeout_s=timeout_s,
+                    progress=True,
+                    say=lambda sentence: typer.echo(sentence, err=True),
+                )
+        except RefusedError as error:
+            raise UserError(str(error)) from None
+        _say_what_came_of_it(path, part)
+
+
+def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
     from relnav_sim.results import open_results
-    from relnav_sim.results.block import ResultsError
-    from relnav_sim.runner import run_campaign
 
-    try:
-        path = run_campaign(
-            campaign,
-            out,
-            workers=workers,
-            backend=backend.value,
-            fresh=fresh,
-            progress=True,
-            say=lambda sentence: typer.echo(sentence, err=True),
-        )
-    except ResultsError as error:
-        # A result that stands in the way is a matter of the arguments, not of the disk.
-        raise UserError(str(error)) from None
     with open_results(path) as results:
         failed = len(results.failures())
-    typer.echo(f"wrote {path}; next: relnav report {path}")
+    following = f"relnav report {path}" if part == (1, 1) else "relnav merge OUT with all parts"
+    typer.echo(f"wrote {path}; next: {following}")
     if failed:
         typer.echo(
             f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed; the report counts them, "
@@ -73,3 +113,46 @@ def run(
             err=True,
         )
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+
+def _check_options(
+    only: str | None, trace: bool, shard: str | None, fresh: bool, fail_fast: bool, max_failures: int | None
+) -> None:
+    if trace and only is None:
+        raise UserError("--trace needs --only CASE:RUN: it stores every step of one run")
+    if only is not None and (shard is not None or fresh):
+        raise UserError("--only computes one run into a file of its own; it takes neither --shard nor --fresh")
+    if fail_fast and max_failures is not None:
+        raise UserError("--fail-fast means --max-failures 0; give one of them")
+
+
+def _part(shard: str | None) -> tuple[int, int]:
+    if shard is None:
+        return 1, 1
+    number, _, parts = shard.partition("/")
+    if number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts):
+        return int(number), int(parts)
+    raise UserError(f"--shard takes I/N with I from 1 to N, as 1/4, not {shard!r}")
+
+
+def _case_and_run(only: str | None) -> tuple[str, int]:
+    if only is None:
+        return "", 0
+    case, _, run = only.rpartition(":")
+    if case and run.isdecimal():
+        return case, int(run)
+    raise UserError(f"--only takes CASE:RUN, as 0:17, not {only!r}; relnav inspect RESULT lists the cases")
+
+
+def _single_target(campaign: Campaign, out: Path | None, case: str, run: int) -> Path | None:
+    """Return where one run goes: never over the campaign's own result."""
+    from relnav_sim.results.block import RefusedError
+    from relnav_sim.runner.folder import shard_folder
+
+    if out is not None and shard_folder(out).exists():
+        raise RefusedError(f"{out} holds a campaign; give --out another file for the run {case}:{run}")
+    return out
+
+
+def _this_command() -> str:
+    return shlex.join([Path(sys.argv[0]).name, *(word for word in sys.argv[1:] if word != "--fresh")])

@@ -16,6 +16,8 @@ from relnav_sim.filters.gaussian_sampling import (
     SamplingFilter,
     WhitenedPrior,
     fixed_normals,
+    fixed_sums,
+    weighted_sums,
     whitened_prior,
 )
 from relnav_sim.filters.kalman import GaussianFilterOptions
@@ -211,23 +213,30 @@ class AlphaKalmanFilter(SamplingFilter):
         w = log_weights
         w -= w.max(axis=1, keepdims=True)
         np.exp(w, out=w)
-        w /= w.sum(axis=1, keepdims=True)
-        mean = np.einsum("bn,bin->bi", w, e)
-        second = _weighted_products(w, e) - mean[:, :, None] * mean[:, None, :]
-        squares = np.einsum("bn,bn->b", w, w)
-        return mean, second * self._correction(w, squares)[:, None, None], 1 / squares
+        sums = fixed_sums(w, *e.shape[1:]) if self._options.sampling == "fixed" else weighted_sums(w, e)
+        total, first, second = sums
+        mean = first / total[:, None]
+        covariance = second / total[:, None, None] - mean[:, :, None] * mean[:, None, :]
+        squares = np.einsum("bn,bn->b", w, w) / total**2
+        return mean, covariance * self._correction(w, total, squares)[:, None, None], 1 / squares
 
-    def _correction(self, w: Array, squares: Array) -> Array:
-        """Return the factor that undoes the shrinkage of the covariance by the mean's own sampling error.
+    def _correction(self, w: Array, total: Array, squares: Array) -> Array:
+        """Return the factor (runs,) that undoes the shrinkage of the covariance by the mean's own sampling error.
 
-        For independent samples 1 / (1 - sum w^2). A pair +e, -e moves the mean by the difference of its weights.
-        The fixed set has its moments exact: a factor above 1 would act as fading memory.
+        For independent samples 1 / (1 - sum w^2), exact for flat weights and at most 1/ESS too large for others. A
+        pair +e, -e moves the mean by the difference of its weights. The fixed set has its moments exact: a factor
+        above 1 would act as fading memory.
+
+        Args:
+            w: Weights before normalisation (runs, N).
+            total: Their sum (runs,).
+            squares: Sum of the squares of the normalised weights (runs,).
         """
         if self._options.sampling == "random":
             return 1 / (1 - squares)
         if self._options.sampling == "antithetic":
             plus, minus = np.split(w, 2, axis=1)
-            return 1 / (1 - np.square(plus - minus).sum(axis=1))
+            return 1 / (1 - np.square(plus - minus).sum(axis=1) / total**2)
         return np.ones(len(w))
 
 
@@ -263,17 +272,6 @@ def sampling_efficiency(model: Linearisation, alpha: float) -> Array:
     exponent = np.square(once.whiten(model.residual)).sum(axis=1) - np.square(twice.whiten(model.residual)).sum(axis=1)
     log_volume = (R.log_determinant() + twice.log_determinant()) / 2 - once.log_determinant()
     return np.exp(log_volume - alpha * exponent)
-
-
-def _weighted_products(w: Array, e: Array) -> Array:
-    """Return sum w e e^T, (runs, d, d), of weights w (runs, N) and samples e (runs or 1, d, N)."""
-    d = e.shape[1]
-    products = np.empty((len(w), d, d))
-    for i in range(d):
-        row = np.einsum("bn,bjn->bj", w * e[:, i], e[:, : i + 1])
-        products[:, i, : i + 1] = row
-        products[:, : i + 1, i] = row
-    return products
 
 
 def _inverse_root(R: Array) -> Array:

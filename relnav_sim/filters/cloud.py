@@ -58,6 +58,7 @@ class Cloud:
         log_weights: Normalised, (runs, N).
         mean: (runs, n).
         covariance: (runs, n, n).
+        copied: Whether the particles are copies of each other that a kernel should part, (runs,).
         streams: Random streams of the runs.
         centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update.
         noise: The standard normal numbers that led from there to the particle, (runs, r, N), likewise.
@@ -68,6 +69,7 @@ class Cloud:
     log_weights: Array
     mean: Array
     covariance: Array
+    copied: NDArray[np.bool_]
     streams: CloudStreams
     centres: Array | None = None
     noise: Array | None = None
@@ -170,7 +172,8 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
     cloud's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
     """
-    if type(measurement).log_likelihood is not MeasurementDefaults.log_likelihood:
+    own: object = type(measurement).log_likelihood
+    if own is not MeasurementDefaults.log_likelihood:
         return measurement.log_likelihood(z, states, epoch)
     residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
     mixture = measurement.mixture(mean, epoch)
@@ -191,6 +194,12 @@ def average(matrices: Array, weights: Array) -> Array:
     if matrices.ndim < 4:
         return matrices
     return np.einsum("bp,bpij->bij", weights, matrices)
+
+
+def contracted(components: Array, mean: Array, h: Array) -> Array:
+    """Return particles (runs, n, N) drawn to their mean (runs, n), to make room for a kernel of width h (runs, 1, 1)."""
+    centre = mean[:, :, None]
+    return np.asarray(centre + np.sqrt(1 - h**2) * (components - centre))
 
 
 def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:

@@ -110,6 +110,31 @@ def fixed_normals(dimension: int, samples: int) -> Array:
     return matched[None]
 
 
+@cache
+def _fixed_products(dimension: int, samples: int) -> Array:
+    """Return 1, e and the products e e^T of the fixed set's points e, (samples, 1 + d + d^2)."""
+    e = fixed_normals(dimension, samples)[0]
+    products = (e[:, None] * e[None]).reshape(-1, samples)
+    return np.concatenate([np.ones((1, samples)), e, products]).T.copy()
+
+
+def fixed_sums(w: Array, dimension: int, samples: int) -> tuple[Array, Array, Array]:
+    """Return what `weighted_sums` does for the fixed set, at a third of the cost."""
+    sums = (w[:, None] @ _fixed_products(dimension, samples))[:, 0]
+    return sums[:, 0], sums[:, 1 : dimension + 1], sums[:, dimension + 1 :].reshape(-1, dimension, dimension)
+
+
+def weighted_sums(w: Array, e: Array) -> tuple[Array, Array, Array]:
+    """Return sum w (runs,), sum w e (runs, d), sum w e e^T (runs, d, d) of samples e (runs, d, N), w (runs, N)."""
+    d = e.shape[1]
+    products = np.empty((len(w), d, d))
+    for i in range(d):
+        row = np.einsum("bn,bjn->bj", w * e[:, i], e[:, : i + 1])
+        products[:, i, : i + 1] = row
+        products[:, : i + 1, i] = row
+    return w.sum(axis=1), np.einsum("bn,bin->bi", w, e), products
+
+
 @dataclass(frozen=True)
 class Linearisation:
     """The measurement about the predicted mean: residual (runs, m), H, and R as the measurement gives it."""

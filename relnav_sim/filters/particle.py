@@ -14,6 +14,7 @@ from relnav_sim.filters.cloud import (
     CloudStreams,
     average,
     chosen,
+    contracted,
     kernel_bandwidth,
     log_likelihood,
     moments,
@@ -33,6 +34,9 @@ from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
+
+# Each halves the cloud, so they reach a likelihood that takes one in 2^50.
+_MOST_STAGES = 50
 
 
 class CloudOptions(Options):
@@ -59,10 +63,10 @@ class CloudOptions(Options):
     roughening: float = Field(
         default=0.0,
         ge=0,
-        description="Width of the kernel that spreads resampled particles, in units of the optimal one, h = (4 / (n + "
-        "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles are drawn towards the mean so that the covariance stays (Liu "
-        "and West 2001). Default 0, with which the evidence is unbiased; 1 where the process noise is too small to "
-        "part copies again, as in orbit",
+        description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "
+        "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean so that the covariance stays (Liu and "
+        "West 2001). Default 0, with which the evidence is unbiased; set 1 where the process noise is too small to part "
+        "copies, as in orbit",
     )
 
 
@@ -108,27 +112,46 @@ class CloudFilter:
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
         components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
-        return Cloud(components, log_weights, prior.mean, prior.covariance, streams)
+        return Cloud(components, log_weights, prior.mean, prior.covariance, np.ones(runs, dtype=bool), streams)
 
     def predict(self, belief: Cloud, step: Step) -> Cloud:
         """Return the cloud carried over one step, every particle with its own draw of the process noise."""
-        Q = self.dynamics.process_noise(belief.states, step)
-        root = self._root(Q)
+        states, kernel = self._smoothed(belief, step)
+        Q = self.dynamics.process_noise(states, step)
         if self.dynamics.linear:
             F = self.dynamics.transition(belief.mean, step)
-            centres = F @ belief.components
+            centres = F @ transpose(states)
             mean = (F @ belief.mean[:, :, None])[:, :, 0]
-            carried = F @ belief.covariance @ transpose(F)
+            # The kernel and the contraction leave the covariance as it is.
+            covariance = F @ belief.covariance @ transpose(F) + average(Q, belief.weights)
         else:
-            centres = np.ascontiguousarray(transpose(self.dynamics.propagate(belief.states, step)))
-            mean, carried = moments(centres, belief.weights)
-        covariance = carried + average(Q, belief.weights)
+            centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
+            mean, covariance = moments(centres, belief.weights)
+            covariance += average(Q, belief.weights)
+            if kernel is not None:
+                covariance += kernel
+        if kernel is not None:
+            Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
+        root = self._root(Q)
         noise = standard_normals(belief.streams.noise, root.shape[-1], self._particles)
         components = spread(root, noise)
         components += centres
-        return Cloud(
-            components, belief.log_weights, mean, covariance, belief.streams, centres=centres, noise=noise, root=root
-        )
+        parted = np.zeros(len(mean), dtype=bool)
+        log_weights, streams = belief.log_weights, belief.streams
+        return Cloud(components, log_weights, mean, covariance, parted, streams, centres=centres, noise=noise, root=root)
+
+    def _smoothed(self, belief: Cloud, step: Step) -> tuple[Array, Array | None]:
+        """Return the particles (runs, N, n), copies drawn to the mean, and the kernel's covariance one step later.
+
+        The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too (the
+        pre-regularised filter of Musso, Oudjane and Le Gland 2001).
+        """
+        if self._bandwidth == 0:
+            return belief.states, None
+        h = np.where(belief.copied, self._bandwidth, 0.0)[:, None, None]
+        components = contracted(belief.components, belief.mean, h)
+        F = self.dynamics.transition(belief.mean, step)
+        return transpose(components), h**2 * (F @ belief.covariance @ transpose(F))
 
     def _root(self, Q: Array) -> Array:
         """Return G with G G^T = Q; one that all runs share is kept until it changes."""
@@ -158,16 +181,11 @@ class CloudFilter:
         return draw_ancestors(self._resampling, cloud.weights[rows], chosen(cloud.streams.resampling, rows))
 
     def _settle(self, cloud: Cloud, rows: Rows) -> Cloud:
-        """Return the cloud with equal weights in the resampled runs, and its particles spread by the kernel."""
-        components = cloud.components
-        if self._bandwidth > 0:
-            h = self._bandwidth
-            mean = cloud.mean[rows, :, None]
-            noise = standard_normals(chosen(cloud.streams.jitter, rows), mean.shape[1], self._particles)
-            jitter = spread(square_root(cloud.covariance[rows]), noise)
-            components = put(components, rows, mean + np.sqrt(1 - h**2) * (components[rows] - mean) + h * jitter)
+        """Return the cloud with equal weights in the resampled runs."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
-        return replace(cloud, components=components, log_weights=put(cloud.log_weights, rows, equal))
+        copied = cloud.copied.copy()
+        copied[rows] = True
+        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), copied=copied)
 
 
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
@@ -187,7 +205,7 @@ def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
     evidence = highest + np.log(total)
     log_weights -= evidence
     mean, covariance = moments(cloud.components, weights)
-    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.streams)
+    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.copied, cloud.streams)
     return weighted, evidence[:, 0], effective_sample_size(weights)
 
 
@@ -197,7 +215,30 @@ def accept(log_ratio: Array, streams: Streams) -> NDArray[np.bool_]:
     return accepted
 
 
-@register_filter("particle", ParticleOptions, cost_us=180.0)
+def tempered_ess(log_weights: Array) -> Array:
+    """Return the effective sample size of log-weights that need not be normalised, (runs, N): (runs,)."""
+    weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
+    return np.asarray(np.square(weights.sum(axis=-1)) / np.square(weights).sum(axis=-1))
+
+
+def power_that_leaves_half(log_weights: Array, score: Array, most: Array) -> Array:
+    """Return the powers of the likelihoods exp(score) that halve the number of effective particles, (runs,).
+
+    Args:
+        log_weights: What the particles weigh before, (runs, N).
+        score: (runs, N).
+        most: Upper bounds, (runs,).
+    """
+    wanted = tempered_ess(log_weights) / 2
+    low, high = np.zeros(len(score)), most.copy()
+    for _ in range(40):
+        middle = (low + high) / 2
+        few = tempered_ess(log_weights + middle[:, None] * score) < wanted
+        low, high = np.where(few, low, middle), np.where(few, middle, high)
+    return high
+
+
+@register_filter("particle", ParticleOptions, cost_us=150.0)
 class ParticleFilter(CloudFilter):
     """Bootstrap particle filter: draw from the dynamics, weigh by the likelihood, resample when few particles count.
 
@@ -208,11 +249,14 @@ class ParticleFilter(CloudFilter):
     Use it where the belief is not a Gaussian at all: several hypotheses, strong curvature, glint with its true mixture.
     It handles any likelihood and any dynamics, but needs particles where the measurement is precise: the share of the
     prediction that a measurement leaves must hold many of them. With the small process noise of an orbit copies never
-    part again and the cloud dies out (`ess` does not show it): set `roughening` to 1, or prefer `unscented_particle`.
+    part again and the cloud dies out, which `ess` does not show. Then set `roughening` to 1, which parts copies by a
+    kernel, and goes through a measurement that would leave fewer than one particle in twenty in several tempered stages
+    (Musso, Oudjane and Le Gland 2001, progressive correction); or prefer `unscented_particle`.
 
     `log_likelihood` is the logarithm of the evidence's estimate; without roughening the evidence itself is unbiased,
     its logarithm is low by half its variance. NIS uses the predicted cloud's mean and covariance with the measurement
-    linearised there, so it is chi-square only as far as the cloud is Gaussian. Records `ess` and `resampled`.
+    linearised there, so it is chi-square only as far as the cloud is Gaussian. Records `ess`, `resampled` and, with
+    roughening, `stages`.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ParticleOptions) -> None:
@@ -223,17 +267,60 @@ class ParticleFilter(CloudFilter):
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the reweighted and, in runs with few effective particles, resampled cloud; and its innovation."""
         score = self._log_likelihood(belief, belief.components, z, step)
-        cloud, evidence, ess = weigh(belief, score)
-        innovation = self._innovation(belief, z, step, evidence, ess)
+        approached, log_weights, evidence, stages = belief, score, np.zeros(len(z)), np.zeros(len(z))
+        if self._bandwidth > 0:
+            approached, log_weights, evidence, stages = self._approach(belief, score, z, step)
+        cloud, last, ess = weigh(approached, log_weights)
+        innovation = self._innovation(belief, z, step, evidence + last, ess)
+        if self._bandwidth > 0:
+            innovation = replace(innovation, extras={**innovation.extras, "stages": stages + 1})
         rows = self._resampled_runs(ess)
         if len(rows):
             ancestors = self._ancestors(cloud, rows)
             copies = pick(cloud.components, rows, ancestors)
             cloud = replace(cloud, components=put(cloud.components, rows, copies))
-            if self._moves:
-                cloud = self._move(cloud, belief, score, rows, ancestors, z, step)
+            # After a tempered stage a particle is no longer f(ancestor) + G xi, which the moves rest on.
+            drawn = stages[rows] == 0
+            if self._moves and drawn.any():
+                cloud = self._move(cloud, belief, score, rows[drawn], ancestors[drawn], z, step)
             cloud = self._settle(cloud, rows)
         return cloud, innovation
+
+    def _approach(self, cloud: Cloud, score: Array, z: Array, step: Step) -> tuple[Cloud, Array, Array, Array]:
+        """Return the cloud after tempered stages, in runs where the whole measurement would leave too few particles.
+
+        Each stage takes the likelihood to the power that leaves half of the particles, resamples and applies the kernel.
+
+        Args:
+            cloud: The prediction.
+            score: log p(z | x), (runs, N).
+            z: The measurement.
+            step: The epoch.
+
+        Returns:
+            The cloud, the logarithm of the likelihood's part that is left over for it (runs, N), the logarithm of the
+            evidence so far and the number of stages (runs,).
+        """
+        predicted, left = cloud, np.ones(len(z))
+        evidence, stages = np.zeros(len(z)), np.zeros(len(z))
+        while True:
+            rows = np.flatnonzero(tempered_ess(cloud.log_weights + left[:, None] * score) < self._particles / 20)
+            rows = rows[stages[rows] < _MOST_STAGES]
+            if not len(rows):
+                return cloud, left[:, None] * score, evidence, stages
+            power = np.zeros(len(z))
+            power[rows] = power_that_leaves_half(cloud.log_weights[rows], score[rows], left[rows])
+            weighted, log_mean, _ = weigh(cloud, power[:, None] * score)
+            ancestors = self._ancestors(weighted, rows)
+            copies = pick(cloud.components, rows, ancestors)
+            mean, h = weighted.mean[rows], np.full((1, 1, 1), self._bandwidth)
+            noise = standard_normals(chosen(cloud.streams.jitter, rows), *copies.shape[1:])
+            copies = contracted(copies, mean, h) + self._bandwidth * spread(square_root(weighted.covariance[rows]), noise)
+            cloud = self._settle(replace(cloud, components=put(cloud.components, rows, copies)), rows)
+            score = put(score, rows, self._log_likelihood(predicted, cloud.components, z, step)[rows])
+            left -= power
+            evidence[rows] += log_mean[rows]
+            stages[rows] += 1
 
     def _move(
         self, cloud: Cloud, predicted: Cloud, score: Array, rows: Rows, ancestors: Rows, z: Array, step: Step

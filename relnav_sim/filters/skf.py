@@ -10,7 +10,7 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.cloud import standard_normals
-from relnav_sim.filters.gaussian_sampling import Linearisation, SamplingFilter, WhitenedPrior, whitened_prior
+from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, whitened_prior
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
@@ -20,7 +20,8 @@ from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
 
-# A step that leaves the covariance indefinite is halved; after this many it is given up (2^-40 of a step).
+# A step that takes away more than all but this share of the covariance is halved, at most so many times.
+_LEAST_KEPT = 0.01
 _HALVINGS = 40
 
 
@@ -77,36 +78,31 @@ class StochasticSearchFilter(SamplingFilter):
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Gaussian that the search ends at."""
         prior = whitened_prior(belief, self._observed)
-        model = self.linearise(belief, z, step.epoch)
-        mean, covariance = self._search(prior, belief, model, z, step)
+        mean, covariance = self._search(prior, belief, z, step)
         posterior = prior.posterior(mean, covariance)
         usable = np.isfinite(posterior.covariance.sum(axis=(1, 2)) + posterior.mean.sum(axis=1))
         if not usable.all():
             posterior = where_runs(usable, posterior, self.iterated_update(belief, z, 1.0, step))
-        innovation = model.innovation()
+        innovation = self.linearise(belief, z, step.epoch).innovation()
         return posterior, Innovation(innovation.nis, innovation.log_likelihood, {"fallback": 1.0 - usable})
 
-    def _search(
-        self, prior: WhitenedPrior, belief: Gaussian, model: Linearisation, z: Array, step: Step
-    ) -> tuple[Array, Array]:
+    def _search(self, prior: WhitenedPrior, belief: Gaussian, z: Array, step: Step) -> tuple[Array, Array]:
         """Return mean (runs, d) and covariance (runs, d, d) of q in the coordinates where the prior is N(0, I)."""
-        d = prior.roots.shape[1]
-        noise = CholeskyFactor(np.broadcast_to(model.R, model.HPH.shape))
-        # H and the residual with the noise whitened: z ~ h becomes nu ~ H y + N(0, I).
-        H = noise.whiten_rows(np.broadcast_to(model.H @ transpose(prior.roots), (len(z), model.R.shape[-1], d)))
-        nu = noise.whiten(model.residual)
+        d, epoch = prior.roots.shape[1], step.epoch
+        start = belief if self._options.start == "prior" else self.iterated_update(belief, z, 1.0, step)
+        mean, root = prior.coordinates(start)
+        covariance = root @ transpose(root)
+        # z ~ h linearised at the start and with its noise whitened becomes nu ~ H y + N(0, I).
+        model = self.linearise(start, z, epoch)
+        noise = CholeskyFactor(np.broadcast_to(self.measurement.noise(belief.mean, epoch), model.HPH.shape))
+        H = noise.whiten_rows(np.broadcast_to(model.H @ transpose(prior.roots), (*model.residual.shape, d)))
+        nu = noise.whiten(model.residual) + np.einsum("bmd,bd->bm", H, mean)
         information = transpose(H) @ H + np.eye(d)
         score = np.einsum("bmd,bm->bd", H, nu)
-        mean = np.zeros((len(z), d))
-        covariance = np.broadcast_to(np.eye(d), (len(z), d, d)).copy()
-        root = covariance
-        if self._options.start == "posterior":
-            mean, root = prior.coordinates(self.iterated_update(belief, z, 1.0, step))
-            covariance = root @ transpose(root)
         for iteration in range(1, self._options.iterations + 1):
             e = standard_normals(self._streams, d, self._options.samples)
             y = mean[:, :, None] + root @ e
-            residual = self.measurement.residual(z[:, None], self.measurement.predict(prior.states(y), step.epoch))
+            residual = self.measurement.residual(z[:, None], self.measurement.predict(prior.states(y), epoch))
             sampled = noise.whiten_rows(transpose(residual))
             linear = nu[:, :, None] - H @ y
             # phi = log p(z|x) less its linearised form, the control variate.
@@ -124,18 +120,19 @@ class StochasticSearchFilter(SamplingFilter):
 
 
 def _feasible_step(covariance: Array, change: Array, longest: float) -> tuple[Array, Array]:
-    """Return the first of longest, longest / 2, ... that keeps covariance + length change positive definite.
+    """Return the first of longest, longest / 2, ... at which the covariance keeps a hundredth of itself.
+
+    The authors' code asks for a positive definite covariance only; one that is singular but for rounding passes,
+    and the search then stands still.
 
     Returns:
-        Lengths (runs,) and the Cholesky factors (runs, d, d) there; NaN factors where no length will do.
+        Lengths (runs,) and the Cholesky factors (runs, d, d) of covariance + length change; NaN where none will do.
     """
     length = np.full(len(covariance), longest)
-    root = cholesky(covariance + length[:, None, None] * change)
     for _ in range(_HALVINGS):
-        infeasible = np.isnan(root.sum(axis=(1, 2)))
+        kept = cholesky((1 - _LEAST_KEPT) * covariance + length[:, None, None] * change)
+        infeasible = np.isnan(kept.sum(axis=(1, 2)))
         if not infeasible.any():
             break
         length = np.where(infeasible, length / 2, length)
-        shorter = cholesky(covariance + length[:, None, None] * change)
-        root = np.where(infeasible[:, None, None], shorter, root)
-    return length, root
+    return length, cholesky(covariance + length[:, None, None] * change)

@@ -23,6 +23,12 @@ Rows = NDArray[np.intp]
 class UnscentedParticleOptions(CloudOptions):
     """Options of the unscented particle filter."""
 
+    roughening: float = Field(
+        default=1.0,
+        ge=0,
+        description="As in `particle`. The kernel widens the transition density that the proposals start from, so that "
+        "they can also correct what the process noise does not reach; default 1",
+    )
     mcmc_steps: int = Field(
         default=1,
         ge=0,
@@ -97,8 +103,9 @@ class UnscentedParticleFilter(CloudFilter):
     With a linear measurement q is the optimal proposal. The published filter carries a covariance with every particle
     and adds it to Q, which in orbit, where Q is tiny, makes q far wider than p and leaves one particle with all the
     weight; here that covariance is zero. All densities are taken in the coordinates of the process noise, so Q may be
-    as small as it likes, and singular. What the process noise does not reach, q cannot either: from a poor prior with a
-    small Q set `roughening` to 1.
+    as small as it likes, and singular. Where the last measurement led to resampling, and at the start, the copies' kernel
+    (`roughening`) widens the transition density, so that a proposal corrects the whole state and not only what the
+    process noise reached in one step (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
 
     `log_likelihood`, `nis`, `ess` and `resampled` as in `particle`; `accepted` is the share of accepted moves.
     """

@@ -213,9 +213,7 @@ class FunctionMeasurement(MeasurementDefaults):
         predicted = np.asarray(self._predict(states, epoch), dtype=float)
         expected = (*states.shape[:-1], self.dimension)
         if predicted.shape != expected:
-            raise ValueError(
-                f"predict returned shape {predicted.shape} for states {states.shape}; expected {expected}"
-            )
+            raise ValueError(f"predict returned shape {predicted.shape} for states {states.shape}; expected {expected}")
         return predicted
 
     def jacobian(self, states: Array, epoch: int) -> Array:
@@ -229,9 +227,7 @@ class FunctionMeasurement(MeasurementDefaults):
         H = np.asarray(self._jacobian(states, epoch), dtype=float)
         expected = (*states.shape[:-1], self.dimension, states.shape[-1])
         if H.shape != expected and H.shape != expected[-2:]:
-            raise ValueError(
-                f"jacobian returned shape {H.shape} for states {states.shape}; expected {expected}"
-            )
+            raise ValueError(f"jacobian returned shape {H.shape} for states {states.shape}; expected {expected}")
         return H
 
     def noise(self, mean: Array, epoch: int) -> Array:
@@ -249,9 +245,7 @@ def _checked_noise(noise: ArrayLike | MixtureNoise, dimension: int | None) -> Ar
     else:
         noise = np.array(noise, dtype=float)
         if noise.ndim not in (2, 3, 4) or noise.shape[-1] != noise.shape[-2]:
-            raise ValueError(
-                f"noise has shape {noise.shape}; it must be (m, m), (T, m, m) or (runs, T, m, m)"
-            )
+            raise ValueError(f"noise has shape {noise.shape}; it must be (m, m), (T, m, m) or (runs, T, m, m)")
         size = noise.shape[-1]
     if dimension is not None and size != dimension:
         raise ValueError(f"noise is for {size} components, the measurement has {dimension}")

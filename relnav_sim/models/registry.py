@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from relnav_sim.models.cw import CwOptions
+from relnav_sim.models.cw_second_order import CwSecondOrderOptions
+from relnav_sim.models.nonlinear import NonlinearOptions
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
+from relnav_sim.models.schweighart_sedwick import SchweighartSedwickOptions
+from relnav_sim.models.yamanaka_ankersen import YamanakaAnkersenOptions
 from relnav_sim.options import Options
 
-_KINDS: dict[str, type[Options]] = {"cw": CwOptions}
+_KINDS: dict[str, type[Options]] = {
+    "cw": CwOptions,
+    "cw_second_order": CwSecondOrderOptions,
+    "yamanaka_ankersen": YamanakaAnkersenOptions,
+    "schweighart_sedwick": SchweighartSedwickOptions,
+    "nonlinear": NonlinearOptions,
+    "nonlinear_j2": NonlinearJ2Options,
+}
 
 
 def dynamics_kinds() -> dict[str, type[Options]]:

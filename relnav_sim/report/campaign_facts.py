@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.report.axes import Axes
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.report.wording import counted, figure
 
@@ -50,20 +51,27 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
     return tuple((name, value) for name, value in facts.items() if value)
 
 
-def reproduce_commands(results: Results) -> tuple[str, ...]:
+def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:
     """Return the commands that compute the result and its report again."""
+    report = f"relnav report {shlex.quote(_from_here(results.path))}{'' if axes == 'rtn' else f' --axes {axes}'}"
     recorded = results.provenance.command_line
     try:
         program = Path(shlex.split(recorded)[0]).name if recorded else ""
     except ValueError:
         program = ""
     if program == "relnav":
-        return (recorded, f"relnav report {shlex.quote(str(results.path.name))}")
+        return (recorded, report)
     file = shlex.quote(f"{results.campaign_name}.yaml")
     return (
         f"relnav run {file} --runs {results.planned_runs}   # the campaign file below, saved as {file}",
-        f"relnav report {shlex.quote(results.path.name)}",
+        report,
     )
+
+
+def _from_here(path: Path) -> str:
+    """Return a path as a command run from this folder needs it; elsewhere the name must do."""
+    whole, here = path.resolve(), Path.cwd()
+    return str(whole.relative_to(here)) if whole.is_relative_to(here) else path.name
 
 
 def filters_table(results: Results) -> Table:

@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relnav_sim.report import campaign_facts, captions, figures, html, layouts
+from relnav_sim.report import campaign_facts, captions, figures, html
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.drawing import Picture, draw, within
+from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.summary import summarise
@@ -53,7 +54,7 @@ def compose(
     """
     parts = _cases(results, figure_folder, axes, most_figures, workers)
     rankings = [ranking for ranking, _ in parts]
-    page = _without_pictures(results, rankings, [replace(section, pictures=()) for _, section in parts])
+    page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
     left = _LARGEST_HTML - len(html.render(page).encode())
     top, left = within(_overall_pictures(results, rankings, figure_folder), left)
     sections = []
@@ -80,17 +81,19 @@ def _cases(
     return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
 
 
-def _without_pictures(results: Results, rankings: Sequence[Ranking], sections: Sequence[CaseSection]) -> Page:
+def _without_pictures(
+    results: Results, rankings: Sequence[Ranking], axes: Axes, sections: Sequence[CaseSection]
+) -> Page:
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
         summary=summarise(rankings),
-        overview=layouts.overview_table(rankings),
+        overview=overview_table(rankings),
         pictures=(),
         cases=tuple(sections),
-        commands=campaign_facts.reproduce_commands(results),
+        commands=campaign_facts.reproduce_commands(results, axes),
         settings=campaign_facts.provenance_facts(results),
         filters=campaign_facts.filters_table(results),
         all_settings=campaign_facts.settings_table(results),

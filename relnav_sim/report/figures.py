@@ -96,7 +96,7 @@ def errors_with_envelope(results: Results, case: int | str | CaseFacts, filter_n
             heading(panel, axis_names(facts.axes)[index % 3] + (" velocity" if velocity else ""))
         for panel in panels[-1]:
             time_axis(panel, times, unit)
-        margins(figure, 0.46, 0.12, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.55)
+        margins(figure, 0.46, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.55)
         if handles:
             legend_above(figure, handles, labels)
     return figure
@@ -137,7 +137,7 @@ def rms_over_time(results: Results, case: int | str | CaseFacts) -> Figure:
                 say(panel, "every run failed")
             panel.set_ylabel(label)
         time_axis(panels[-1], times, unit)
-        margins(figure, 0.55, 0.12, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
 
@@ -211,7 +211,7 @@ def accuracy_by_case(results: Results, cases: Sequence[int | str | CaseFacts]) -
         panel.set_xlim(numbers.min() - 0.6, numbers.max() + 0.6)
         panel.grid(visible=False, axis="x")
         panel.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        margins(figure, 0.55, 0.12, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
 

@@ -57,31 +57,30 @@ def log_axis(panel: Panel, which: Literal["x", "y"]) -> None:
 
 
 def boxes(panel: Panel, values: Sequence[Array], colours: Sequence[str]) -> None:
-    """Draw one horizontal box per row over the figures of its runs; few runs also show as dots."""
+    """Draw one horizontal box per row over the figures of its runs; few runs show as dots, many as outliers only.
+
+    The box holds the middle half of the runs, its line is the median, the whiskers reach the last run within
+    1.5 box lengths (Tukey 1977). Drawn here because matplotlib's own box plot loads pyplot and a window system.
+    """
     everything = np.concatenate(values) if values else np.empty(0)
     if not everything.size:
         say(panel, "no run has one")
         return
-    rows = [row for row, figures in enumerate(values) if figures.size]
     crowded = max(figures.size for figures in values) > MOST_DOTS
-    drawn = panel.boxplot(
-        [values[row] for row in rows],
-        positions=rows,
-        orientation="horizontal",
-        widths=0.6,
-        patch_artist=True,
-        manage_ticks=False,
-        showfliers=crowded,
-        flierprops={"marker": ".", "markersize": 2.5, "markeredgewidth": 0, "markerfacecolor": INK},
-        medianprops={"color": INK, "linewidth": 1.1},
-        whiskerprops={"linewidth": 0.7},
-        capprops={"linewidth": 0.7},
-    )
-    for row, box in zip(rows, drawn["boxes"], strict=True):
-        box.set(facecolor=colours[row] + "66", edgecolor=colours[row], linewidth=0.8)
-        if not crowded:
-            shift = 0.4 * (np.modf(np.arange(values[row].size) * _GOLDEN)[0] - 0.5)
-            panel.plot(values[row], row + shift, ".", color=INK, markersize=2.2, markeredgewidth=0, alpha=0.55)
+    for row, (figures, colour) in enumerate(zip(values, colours, strict=True)):
+        if not figures.size:
+            continue
+        first, median, third = np.quantile(figures, [0.25, 0.5, 0.75])
+        reach = 1.5 * (third - first)
+        near = (figures >= first - reach) & (figures <= third + reach)
+        low, high = figures[near].min(), figures[near].max()
+        panel.barh(row, third - first, left=first, height=0.6, color=f"{colour}66", edgecolor=colour, linewidth=0.8)
+        panel.hlines([row, row], [low, third], [first, high], color=INK, linewidth=0.7)
+        panel.vlines([low, high], row - 0.18, row + 0.18, color=INK, linewidth=0.7)
+        panel.vlines(median, row - 0.3, row + 0.3, color=INK, linewidth=1.2)
+        dots = figures[~near] if crowded else figures
+        shift = 0.0 if crowded else 0.4 * (np.modf(np.arange(dots.size) * _GOLDEN)[0] - 0.5)
+        panel.plot(dots, np.full(dots.size, row) + shift, ".", color=INK, markersize=2.2, mew=0, alpha=0.55)
     if everything.min() > 0 and everything.max() > _LOG_FROM_RATIO * everything.min():
         log_axis(panel, "x")
     panel.grid(visible=False, axis="y")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+_ERRNO = re.compile(r"errno = (\d+)")
 
 
 @contextmanager
@@ -24,10 +27,24 @@ def written_whole(path: Path) -> Iterator[Path]:
         with open(temporary, "rb") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
+    except (OSError, RuntimeError) as error:
+        temporary.unlink(missing_ok=True)
+        raise _told_plainly(error, path) from error
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
     sync_directory(path.parent)
+
+
+def remove_temporaries(folder: Path, name: str = "*") -> None:
+    """Remove what writers that were killed have left in a folder; none may be at work there.
+
+    Args:
+        folder: The folder.
+        name: Name of the file that was being written; default: any.
+    """
+    for temporary in folder.glob(f".{name}.*.tmp"):
+        temporary.unlink(missing_ok=True)
 
 
 def sync_directory(directory: Path) -> None:
@@ -37,3 +54,14 @@ def sync_directory(directory: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def _told_plainly(error: OSError | RuntimeError, path: Path) -> Exception:
+    """Return an error of the system with the file's name and its usual words.
+
+    HDF5 tells a full disk by a `RuntimeError` or an `OSError` whose number stands in the text only.
+    """
+    stated = error.errno if isinstance(error, OSError) else None
+    found = _ERRNO.search(str(error))
+    number = stated or (int(found[1]) if found else 0)
+    return OSError(number, os.strerror(number), os.fspath(path)) if number else error

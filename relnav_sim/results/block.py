@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,10 @@ Array = NDArray[Any]
 
 class ResultsError(Exception):
     """A results file or shard that can't be used; the message says why and what to do."""
+
+
+class RefusedError(ResultsError):
+    """Files that are sound but don't fit what is asked of them; the message says how to mend the request."""
 
 
 @dataclass(frozen=True, order=True)
@@ -150,6 +154,8 @@ class ResultHeader:
         runs: Number of runs planned.
         cases: The cases in order.
         constants: Constants of the models by name (unit in the name), as attributes of ``/constants``.
+        only: The single run that the file is to hold; None: all of the campaign's.
+        stopping: The rule of adaptive stopping and what came of it; empty without one.
     """
 
     campaign_name: str
@@ -160,3 +166,10 @@ class ResultHeader:
     runs: int
     cases: tuple[CaseHeader, ...]
     constants: Mapping[str, float | int | str] = field(default_factory=dict)
+    only: int | None = None
+    stopping: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def planned(self) -> Sequence[int]:
+        """Numbers of the runs that the file is to hold of every case and filter."""
+        return range(self.runs) if self.only is None else (self.only,)

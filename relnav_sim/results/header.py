@@ -26,6 +26,10 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
             "runs": header.runs,
         }
     )
+    if header.only is not None:
+        file.attrs["only_run"] = header.only
+    if header.stopping:
+        file.attrs["stopping"] = json.dumps(dict(header.stopping))
     for name, value in asdict(provenance).items():
         file.attrs[name] = json.dumps(value) if isinstance(value, dict) else value
     file.create_group("constants").attrs.update(dict(header.constants))
@@ -61,6 +65,8 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         runs=int(store.number(file, "runs")),
         cases=cases,
         constants=store.attributes(store.subgroup(file, "constants")),
+        only=int(store.number(file, "only_run")) if "only_run" in file.attrs else None,
+        stopping=store.json_value(file, "stopping", dict) if "stopping" in file.attrs else {},
     )
     provenance = Provenance(
         versions=store.json_value(file, "versions", dict),

@@ -12,38 +12,47 @@ from numpy.typing import NDArray
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, ResultHeader, ResultsError
+from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.header import write_header
+from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.provenance import Provenance
-from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
+from relnav_sim.results.shards import ShardInfo
 
 
 def merge_shards(
     shards: Iterable[Path], header: ResultHeader, provenance: Provenance, out: Path, complete: bool = True
 ) -> None:
-    """Unite shards by case, filter and run into the results file.
+    """Unite shards by case, filter and run into the results file; see `merge_pieces`."""
+    merge_pieces([shard_piece(path) for path in shards], header, provenance, out, complete)
 
-    A run that two shards hold counts once if they agree bit for bit (measured times aside).
+
+def merge_pieces(
+    pieces: Iterable[Piece], header: ResultHeader, provenance: Provenance, out: Path, complete: bool = True
+) -> None:
+    """Unite pieces by case, filter and run into the results file.
+
+    A run that two pieces hold counts once if they agree bit for bit (measured times aside).
     Filters are told apart by their settings, not by their names alone. Memory is bounded
-    by the largest shard. Runs beyond ``header.runs`` are left out.
+    by the largest piece. Runs beyond ``header.runs`` are left out.
 
     Args:
-        shards: The shards, in any order.
+        pieces: The pieces, in any order.
         header: The campaign.
         provenance: How the result came about.
         out: The results file; replaced as a whole or left as it was.
         complete: Refuse to write while runs are missing; else write what there is.
 
     Raises:
-        ResultsError: A shard is damaged or foreign, two shards disagree, or runs are missing.
+        ResultsError: A piece is damaged.
+        RefusedError: A piece is foreign, two disagree, or runs are missing.
         OSError: The file can't be written.
     """
     for case in header.cases:
         if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
-    by_case = _by_case([read_shard_info(path) for path in shards], header)
+    by_case = _by_case(pieces, header)
     if complete and (missing := missing_runs(by_case, header)):
-        raise ResultsError("runs are missing: " + "; ".join(missing))
+        raise RefusedError("runs are missing: " + "; ".join(missing))
     with written_whole(out) as temporary, store.create_file(temporary) as file:
         write_header(file, header, provenance)
         for index, case in enumerate(header.cases):
@@ -51,13 +60,14 @@ def merge_shards(
                 _CaseWriter(file[layout.case_group(index)], case, by_case[case.id], header.runs).write()
 
 
-def missing_runs(by_case: Mapping[str, Sequence[ShardInfo]], header: ResultHeader) -> list[str]:
-    """Return a sentence per case and filter that names the runs no shard holds."""
+def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -> list[str]:
+    """Return a sentence per case and filter that names the runs no piece holds."""
     sentences = []
     for case in header.cases:
+        infos = [piece.info for piece in by_case.get(case.id, ())]
         for name in case.filters:
-            held = {run for info in by_case.get(case.id, ()) if name in info.filters for run in info.runs}
-            if absent := [run for run in range(header.runs) if run not in held]:
+            held = {run for info in infos if name in info.filters for run in info.runs}
+            if absent := [run for run in header.planned if run not in held]:
                 sentences.append(f"case {case.label}, filter {name}: {run_ranges(absent)}")
     return sentences
 
@@ -75,52 +85,55 @@ def run_ranges(runs: Iterable[int]) -> str:
     return f"run{'s' if len(ordered) > 1 else ''} {words}"
 
 
-def _by_case(infos: Sequence[ShardInfo], header: ResultHeader) -> dict[str, list[ShardInfo]]:
+def _by_case(pieces: Iterable[Piece], header: ResultHeader) -> dict[str, list[Piece]]:
     known = {case.id: case for case in header.cases}
-    by_case: dict[str, list[ShardInfo]] = {case_id: [] for case_id in known}
-    for info in sorted(infos, key=lambda info: (info.runs, info.filters, str(info.path))):
+    by_case: dict[str, list[Piece]] = {case_id: [] for case_id in known}
+    for piece in sorted(pieces, key=lambda p: (p.info.runs, p.info.filters, str(p.info.path))):
+        info = piece.info
         if info.seed != header.seed:
-            raise ResultsError(f"{info.path}: the shard has seed {info.seed}, the campaign {header.seed}")
+            raise RefusedError(f"{info.path}: the shard has seed {info.seed}, the campaign {header.seed}")
         if info.case_id not in known:
-            raise ResultsError(f"{info.path}: the campaign has no case {info.case_id}")
+            raise RefusedError(f"{info.path}: the campaign has no case {info.case_id}")
         # Filters that the campaign no longer has, or has with other settings, are passed over.
         ids = known[info.case_id].filter_ids
         useful = tuple(name for name in info.filters if ids.get(name) == info.filter_ids[name])
         if useful:
-            by_case[info.case_id].append(replace(info, filters=useful))
+            by_case[info.case_id].append(replace(piece, info=replace(info, filters=useful)))
     return by_case
 
 
 class _CaseWriter:
     """Writes one case: creates its datasets at full size, then fills the rows shard by shard."""
 
-    def __init__(self, group: h5py.Group, case: CaseHeader, shards: Sequence[ShardInfo], runs: int) -> None:
-        self.group, self.case, self.shards, self.runs = group, case, shards, runs
+    def __init__(self, group: h5py.Group, case: CaseHeader, pieces: Sequence[Piece], runs: int) -> None:
+        self.group, self.case, self.pieces, self.runs = group, case, pieces, runs
+        shards = [piece.info for piece in pieces]
         self.rows = {
             name: sorted({run for s in shards if name in s.filters for run in s.runs if run < runs})
             for name in case.filters
         }
         self.order = {name: i for i, name in enumerate(case.filters)}
         self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
-        self.failures: set[Failure] = set()
+        self.failures: dict[tuple[int, str], frozenset[Failure]] = {}
         shared = {s.shared_truth for s in shards}
         if len(shared) > 1:
-            raise ResultsError(f"case {case.label}: some shards share one truth between runs, others don't")
+            raise RefusedError(f"case {case.label}: some shards share one truth between runs, others don't")
         held = sorted({run for s in shards for run in s.runs if run < runs})
         self.trajectories = [-1] if shared == {True} else held
         self.truth_done = np.zeros(len(self.trajectories), dtype=bool)
         self.time_s: Array | None = None
 
     def write(self) -> None:
-        for info in self.shards:
-            _, block = read_shard(info.path)
+        for piece in self.pieces:
+            info, block = piece.info, piece.load()
             if self.time_s is None:
                 self.time_s = block.time_s
                 self._create(block.time_s)
             elif not _same_bits(self.time_s, block.time_s):
-                raise ResultsError(f"{info.path}: its epochs differ from those of the other shards of this case")
+                raise RefusedError(f"{info.path}: its epochs differ from those of the other shards of this case")
             self._fill(info, block)
-        failures = sorted(self.failures, key=lambda f: (f.run, self.order.get(f.filter, -1), f.epoch, f.reason))
+        known = {failure for of_run in self.failures.values() for failure in of_run}
+        failures = sorted(known, key=lambda f: (f.run, self.order.get(f.filter, -1), f.epoch, f.reason))
         group = self.group.create_group("failures")
         store.write_dimensions(group, layout.FAILURES, failure=range(len(failures)))
         for spec in layout.FAILURES:
@@ -150,8 +163,18 @@ class _CaseWriter:
             if rows:
                 group = self.group[name]
                 _fill_rows(group, layout.FILTER, arrays, block.runs, rows, done, f"{where}, filter {name}")
-        scored = {"", *info.filters}
-        self.failures |= {f for f in block.failures if f.run < self.runs and f.filter in scored}
+            self._fail(info, block, name)
+
+    def _fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:
+        """Keep why runs of a filter failed; a run that another piece holds as well must have failed alike."""
+        reasons: dict[int, set[Failure]] = {run: set() for run in block.runs if run < self.runs}
+        for failure in block.failures:
+            if failure.run in reasons and failure.filter in ("", name):
+                reasons[failure.run].add(failure)
+        for run, found in reasons.items():
+            if self.failures.setdefault((run, name), frozenset(found)) != found:
+                where = f"case {self.case.label}, filter {name}"
+                raise RefusedError(f"{info.path}: {where}: it disagrees with another shard about why run {run} failed")
 
 
 def _fill_rows(
@@ -170,7 +193,7 @@ def _fill_rows(
         if done[row]:
             for spec in specs:
                 if not spec.timing and not _same_bits(arrays[spec.name][i], group[spec.name][row]):
-                    raise ResultsError(f"{where}: two shards disagree about {run_ranges([rows[row]])} ({spec.name})")
+                    raise RefusedError(f"{where}: two shards disagree about {run_ranges([rows[row]])} ({spec.name})")
     fresh = [(i, row) for i, row in here if not done[row]]
     for first, last in _stretches(fresh):
         source, target = slice(fresh[first][0], fresh[last][0] + 1), slice(fresh[first][1], fresh[last][1] + 1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import Failure, ResultsError
 from relnav_sim.results.header import read_header
+from relnav_sim.results.pieces import read_failures
 
 if TYPE_CHECKING:
     import xarray
@@ -64,6 +65,9 @@ class Results:
         campaign_hash: Hash of the content.
         seed: Seed of the campaign.
         planned_runs: Number of runs the campaign asked for.
+        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``.
+        stopping: The rule of adaptive stopping (``metric``, ``half_width``, ``at``, ``filter``) with the number of
+            runs ``reached`` and whether the rule was ``met``; empty without one.
         headers: The cases with id, label, swept variables and filter names.
         cases: Labels of the cases, in order.
         filters: Names of all filters, in order.
@@ -84,7 +88,9 @@ class Results:
         self.campaign_content = dict(header.content)
         self.campaign_hash = header.hash
         self.seed = header.seed
-        self.planned_runs = header.runs
+        self.planned_runs = len(header.planned)
+        self.planned = header.planned
+        self.stopping = dict(header.stopping)
         self.constants = dict(header.constants)
         self.headers = header.cases
         self.cases = tuple(case.label for case in header.cases)
@@ -133,12 +139,11 @@ class Results:
 
     def missing(self) -> dict[tuple[str, str], tuple[int, ...]]:
         """Return the planned runs that the file does not hold, by case label and filter; empty when finished."""
-        planned = range(self.planned_runs)
         missing = {}
         for index, case in enumerate(self.headers):
             for name in case.filters:
                 held = set(self.case_runs(index, name).tolist())
-                if absent := tuple(run for run in planned if run not in held):
+                if absent := tuple(run for run in self.planned if run not in held):
                     missing[case.label, name] = absent
         return missing
 
@@ -220,17 +225,9 @@ class Results:
 
     def failures(self, case: int | str | None = None) -> tuple[tuple[str, Failure], ...]:
         """Return the failures as (case label, failure), of one case or of all."""
-        found = []
+        found: list[tuple[str, Failure]] = []
         for index in range(len(self.headers)) if case is None else [self.case_index(case)]:
-            group = self._case(index)
-            if "failures" not in store.names(group):
-                continue
-            part = store.subgroup(group, "failures")
-            table = {spec.name: store.read(part, spec) for spec in layout.FAILURES}
-            for run, name, epoch, reason in zip(
-                table["run"], table["filter"], table["epoch"], table["reason"], strict=True
-            ):
-                found.append((self.cases[index], Failure(int(run), name, int(epoch), reason)))
+            found += [(self.cases[index], failure) for failure in read_failures(self._case(index))]
         return tuple(found)
 
     def to_xarray(self) -> xarray.DataTree:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,27 +113,33 @@ class FilterTrack:
         self.broken: str | None = None
         self._input = entry.measurement
         self._step_s = config.clock.step_s
-        self._filter = create_campaign_filter(entry, config)
         self._prior = prior
-        self._belief = self._filter.start(prior, source)
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._cpu_s = 0.0
         self._steps = 0
+        with self._breaking_alone():
+            self._filter = create_campaign_filter(entry, config)
+            self._belief = self._filter.start(prior, source)
 
     def add(self, stretch: Stretch) -> None:
         """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
         if self.broken is not None:
             return
-        begin = time.process_time()
-        try:
+        with self._breaking_alone():
+            begin = time.process_time()
             history = self._advance(stretch)
-        except Exception as error:  # whatever a filter of the user's own may raise must not end the campaign
-            self.broken = f"{type(error).__name__}: {error}"
-            return
-        self._cpu_s += time.process_time() - begin
-        self._steps += history.nis.size
-        error = history.mean - stretch.truth.relative
-        self._errors.add(stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood)
+            self._cpu_s += time.process_time() - begin
+            self._steps += history.nis.size
+            error = history.mean - stretch.truth.relative
+            self._errors.add(stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood)
+
+    @contextmanager
+    def _breaking_alone(self) -> Iterator[None]:
+        """Keep in words whatever a filter of the user's own may raise: it must not end the campaign."""
+        try:
+            yield
+        except (Exception, SystemExit) as problem:
+            self.broken = f"{type(problem).__name__}: {problem}".rstrip(": ")
 
     def _advance(self, stretch: Stretch) -> FilterHistory:
         """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import os
+import signal
+import threading
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Literal
 
 from relnav_sim.results.shards import write_shard
-from relnav_sim.runner.survive import BlockTimeout, failed_block, simulate_surviving, time_limit
+from relnav_sim.runner.survive import failed_block, simulate_surviving
 from relnav_sim.runner.work import Block
 
 Backend = Literal["loky", "sequential"]
 
-KILLED = "the worker process was killed, most likely out of memory"
+KILLED = "the worker process died: killed by the system, most likely out of memory, or a crash in compiled code"
+PARENT_CHECKED_EVERY_S = 0.25
 
 
 @dataclass(frozen=True)
@@ -31,37 +34,30 @@ class Done:
     failures: int
 
 
-def computed(blocks: Sequence[Block], workers: int, backend: Backend, timeout_s: float | None) -> Iterator[Done]:
+def computed(
+    blocks: Sequence[Block], workers: int, backend: Backend, timeout_s: float | None
+) -> Generator[Done, None, None]:
     """Compute blocks in any order; yield each as soon as its shard is written.
 
     A worker that the operating system kills takes down all workers. Blocks that were being computed then are
-    suspects: each is computed alone, and halved until the run that kills stands alone; that run is recorded as failed.
+    suspects: each is computed alone, and cut until the run that kills stands alone; that run is recorded as failed.
 
     Args:
-        blocks: What to compute.
+        blocks: What to compute; no other process may be at work on them.
         workers: Processes.
         backend: ``loky`` or ``sequential``, in this process.
-        timeout_s: Most seconds for a block; its runs then count as failed.
+        timeout_s: Most seconds for a block; one that takes longer is cut until the runs that do stand alone.
     """
-    from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    waiting = {block.path: block for block in blocks}
     for block in blocks:
         block.busy.unlink(missing_ok=True)
-    options = {"inner_max_num_threads": 1} if backend == "loky" else {}
-    while waiting:
-        try:
-            with parallel_config(backend=backend, n_jobs=workers, **options):
-                calls = (delayed(compute)(block, timeout_s) for block in list(waiting.values()))
-                results = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(calls)
-                for done in results:
-                    del waiting[done.block.path]
-                    yield done
-        except TerminatedWorkerError:
-            for suspect in [block for block in waiting.values() if block.busy.exists()]:
-                del waiting[suspect.path]
-                yield from _computed_alone(suspect, timeout_s)
+    if backend == "sequential":
+        for block in blocks:
+            yield compute(block, timeout_s)
+    elif workers == 1:
+        # With one worker joblib computes in this process, which a bad run would then take with it.
+        yield from _one_by_one(blocks, timeout_s)
+    else:
+        yield from _in_parallel(blocks, workers, timeout_s)
 
 
 def compute(block: Block, timeout_s: float | None) -> Done:
@@ -69,29 +65,108 @@ def compute(block: Block, timeout_s: float | None) -> Done:
     from threadpoolctl import threadpool_limits
 
     block.busy.touch()
-    try:
-        # Threads of BLAS would fight with the other workers; the matrices here are small.
-        with threadpool_limits(1), time_limit(timeout_s):
-            result = simulate_surviving(block.case, block.seed, block.runs, block.case_index)
-    except BlockTimeout:
-        reason = f"the block took longer than {timeout_s:g} s"
-        result = failed_block(block.case, block.seed, block.runs, reason, block.case_index)
+    # Threads of BLAS would fight with the other workers; the matrices here are small.
+    with threadpool_limits(1):
+        result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s)
     write_shard(block.path, result, block.seed, block.filter_ids)
     block.busy.unlink(missing_ok=True)
     return Done(block, len(result.failures))
 
 
-def _computed_alone(block: Block, timeout_s: float | None) -> Iterator[Done]:
-    """Compute a suspect in a process of its own; if that is killed as well, its halves."""
+def _in_parallel(blocks: Sequence[Block], workers: int, timeout_s: float | None) -> Iterator[Done]:
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    waiting = {block.path: block for block in blocks}
+    while waiting:
+        try:
+            with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+                parallel = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+                calls = (delayed(_compute_as_worker)(block, timeout_s, os.getpid()) for block in list(waiting.values()))
+                with _no_interrupt_for_children():
+                    results = parallel(calls)
+                with closing(results):
+                    for done in results:
+                        del waiting[done.block.path]
+                        yield done
+        except TerminatedWorkerError:
+            suspects = [block for block in waiting.values() if block.busy.exists()]
+            for suspect in suspects:
+                del waiting[suspect.path]
+            yield from _one_by_one(suspects, timeout_s)
+
+
+def _one_by_one(blocks: Sequence[Block], timeout_s: float | None) -> Iterator[Done]:
+    """Compute blocks in one worker process, so that it is known which of them kills it; cut that one."""
+    from joblib.externals.loky import ProcessPoolExecutor
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    waiting = list(reversed(blocks))
+    while waiting:
+        executor = ProcessPoolExecutor(max_workers=1, env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
+        try:
+            while waiting:
+                with _no_interrupt_for_children():
+                    future = executor.submit(_compute_as_worker, waiting[-1], timeout_s, os.getpid())
+                done = future.result()
+                waiting.pop()
+                yield done
+        except TerminatedWorkerError:
+            block = waiting.pop()
+            block.busy.unlink(missing_ok=True)
+            if pieces := block.pieces():
+                waiting += reversed(pieces)
+            else:
+                yield _blamed(block)
+        finally:
+            executor.shutdown(kill_workers=True)
+
+
+def _blamed(block: Block) -> Done:
+    result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index, _only_filter(block))
+    write_shard(block.path, result, block.seed, block.filter_ids)
+    return Done(block, len(result.failures))
+
+
+def _only_filter(block: Block) -> str:
+    """Return the block's filter, which is then to blame; empty where the truth of the run itself may be.
+
+    A block of one run and one filter of several was cut out of one that killed; the other filters have run through.
+    """
+    names = tuple(block.case.config.filters)
+    return names[0] if len(names) == 1 else ""
+
+
+def _compute_as_worker(block: Block, timeout_s: float | None, parent: int) -> Done:
+    """Compute a block in a worker process, which ends by itself if the campaign's process is killed."""
+    if os.getppid() != parent:
+        os._exit(1)
+    if not any(thread.name == _WATCH for thread in threading.enumerate()):
+        threading.Thread(target=_end_with_parent, args=(parent,), name=_WATCH, daemon=True).start()
+    return compute(block, timeout_s)
+
+
+_WATCH = "relnav-parent-watch"
+
+
+def _end_with_parent(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECKED_EVERY_S)
+    os._exit(1)
+
+
+@contextmanager
+def _no_interrupt_for_children() -> Iterator[None]:
+    """Start processes that a Ctrl-C at the terminal does not reach: it goes to all, and the parent ends them."""
+    from multiprocessing.resource_tracker import ensure_running
+
+    from joblib.externals.loky.backend import resource_tracker
+
+    # Workers inherit the mask. The trackers start with the first worker and would lift it, so they start before.
+    ensure_running()
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
-            yield executor.submit(compute, block, timeout_s).result()
-    except BrokenProcessPool:
-        block.busy.unlink(missing_ok=True)
-        if len(block.runs) > 1:
-            for half in block.halves():
-                yield from _computed_alone(half, timeout_s)
-            return
-        result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index)
-        write_shard(block.path, result, block.seed, block.filter_ids)
-        yield Done(block, len(result.failures))
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

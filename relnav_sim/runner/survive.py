@@ -26,30 +26,48 @@ class BlockTimeout(BaseException):
     """A block has taken longer than it may. Not an `Exception`, so that no filter's own handler swallows it."""
 
 
-def simulate_surviving(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockResult:
-    """Return the results of some runs; a run or a filter that raises is recorded as failed, the others are kept.
+def simulate_surviving(
+    case: Case, seed: int, runs: Sequence[int], case_index: int = 0, timeout_s: float | None = None
+) -> BlockResult:
+    """Return the results of some runs; a run or a filter that fails is recorded as failed, the others are kept.
 
-    A run's bits do not depend on its block, so the halves may be computed again by themselves.
+    A run's bits do not depend on its block or on the other filters, so the parts may be computed again by themselves.
+
+    Args:
+        case: The case.
+        seed: The campaign's seed.
+        runs: Numbers of the runs, ascending.
+        case_index: Number of the case.
+        timeout_s: Most seconds for these runs; if they take longer, their halves have as long each, down to single
+            runs and filters, which then count as failed.
     """
+
+    def again(part: Case, runs: Sequence[int]) -> BlockResult:
+        return simulate_surviving(part, seed, runs, case_index, timeout_s)
+
+    names = list(case.config.filters)
     try:
-        outcome = simulate_block(case, seed, runs, case_index)
+        with time_limit(timeout_s):
+            outcome = simulate_block(case, seed, runs, case_index)
+    except BlockTimeout:
+        if len(runs) == 1 and len(names) > 1:
+            return _side_by_side([again(with_filters(case, [name]), runs) for name in names])
+        reason, blamed = f"took longer than {timeout_s:g} s", names[0] if len(names) == 1 else ""
     except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
-        reason = f"{type(error).__name__}: {error}"
-        if len(runs) == 1:
-            return failed_block(case, seed, runs, reason, case_index)
-        return _joined([simulate_surviving(case, seed, half, case_index) for half in _halves(runs)])
-    result = outcome.result
-    for name, reason in outcome.broken.items():
-        alone = with_filters(case, [name])
-        if len(runs) == 1:
-            part = failed_block(alone, seed, runs, reason, case_index, name)
-        else:
-            part = _joined([simulate_surviving(alone, seed, half, case_index) for half in _halves(runs)])
-        result = replace(
-            result, filters={**result.filters, name: part.filters[name]}, failures=(*result.failures, *part.failures)
-        )
-    ordered = {name: result.filters[name] for name in case.config.filters}
-    return replace(result, filters=ordered)
+        reason, blamed = f"{type(error).__name__}: {error}", ""
+    else:
+        parts = [replace(outcome.result, filters=dict(outcome.result.filters))] if outcome.result.filters else []
+        for name, reason in outcome.broken.items():
+            alone = with_filters(case, [name])
+            if len(runs) == 1:
+                parts.append(failed_block(alone, seed, runs, reason, case_index, name))
+            else:
+                parts.append(_joined([again(alone, half) for half in _halves(runs)]))
+        whole = _side_by_side(parts)
+        return replace(whole, filters={name: whole.filters[name] for name in names})
+    if len(runs) == 1:
+        return failed_block(case, seed, runs, reason, case_index, blamed)
+    return _joined([again(case, half) for half in _halves(runs)])
 
 
 def failed_block(
@@ -127,6 +145,15 @@ def _joined(parts: Sequence[BlockResult]) -> BlockResult:
         relative=relative,
         filters={name: _joined_filter([part.filters[name] for part in parts]) for name in first.filters},
         failures=tuple(failure for part in parts for failure in part.failures),
+    )
+
+
+def _side_by_side(parts: Sequence[BlockResult]) -> BlockResult:
+    """Return the results of different filters for the same runs as one."""
+    return replace(
+        parts[0],
+        filters={name: result for part in parts for name, result in part.filters.items()},
+        failures=tuple(dict.fromkeys(failure for part in parts for failure in part.failures)),
     )
 
 

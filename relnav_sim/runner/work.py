@@ -48,10 +48,13 @@ class Block:
         """The marker that stands while a worker computes the block; it outlives a worker that is killed."""
         return self.path.with_suffix(".busy")
 
-    def halves(self) -> tuple[Block, Block]:
-        """Return the block cut in two."""
-        middle = len(self.runs) // 2
-        return replace(self, runs=self.runs[:middle]), replace(self, runs=self.runs[middle:])
+    def pieces(self) -> list[Block]:
+        """Return the block cut in two, a single run into its filters; nothing where it can't be cut."""
+        if len(self.runs) > 1:
+            middle = len(self.runs) // 2
+            return [replace(self, runs=self.runs[:middle]), replace(self, runs=self.runs[middle:])]
+        names = list(self.case.config.filters)
+        return [replace(self, case=with_filters(self.case, [name])) for name in names] if len(names) > 1 else []
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,12 @@ class Finished:
         self.shards.append(info.path)
         for name, identity in info.filter_ids.items():
             self.runs.setdefault((info.case_id, name, identity), set()).update(info.runs)
+
+    def add_block(self, block: Block) -> None:
+        """Count a block whose shard has just been written."""
+        self.shards.append(block.path)
+        for name, identity in block.filter_ids.items():
+            self.runs.setdefault((block.case.id, name, identity), set()).update(block.runs)
 
 
 def filter_ids(case: Case) -> dict[str, str]:

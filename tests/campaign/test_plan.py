@@ -45,6 +45,6 @@ def test_the_campaign_may_say_how_many(demo):
 
 def test_the_plan_counts_steps(demo):
     plan = plan_campaign(parse_campaign(demo))
-    assert plan.filter_steps == 2 * 40 * 600 * 3
+    assert plan.filter_steps == 2 * 40 * 600 * 4
     assert plan.disk_bytes == pytest.approx(2 * 40 * (121 * (3 * 56 + 48) + 3 * 1600))
     assert 150e6 < plan.memory_bytes < 1e9

@@ -173,11 +173,11 @@ class TestResults:
         assert page.parent == Path("results/demo")
         assert "<html" in page.read_text(encoding="utf-8")
         words = succeeds("inspect", result)
-        for part in ("demo", "4 of 4", "sensors.radar.noise.kind=mixture", "kf, ekf, ukf", "relnav"):
+        for part in ("demo", "4 of 4", "sensors.radar.noise.kind=mixture", "kf, ekf, ukf, imm", "relnav"):
             assert part in words
         succeeds("export", result)
         rows = Path("results/demo_summary.csv").read_text(encoding="utf-8").splitlines()
-        assert len(rows) == 1 + 2 * 3 * 4
+        assert len(rows) == 1 + 2 * 4 * 4
         succeeds("export", result, "--part", "series", "--out", "series.csv")
         assert len(Path("series.csv").read_text(encoding="utf-8").splitlines()) == 1 + 2 * 3 * 4 * 5
 

@@ -55,7 +55,14 @@ def test_linear_update_is_kalman_with_r_over_alpha_within_its_own_noise(alpha, s
     H, R, cov0, z = linear_case(runs)
     mean, covariance = kalman(H, R / alpha, cov0, z[0])
     means, covariances, extras = one_update(
-        "alpha_kf", LinearMeasurement(H, R), z, np.zeros(N_STATES), cov0, alpha=alpha, samples=samples, sampling=sampling
+        "alpha_kf",
+        LinearMeasurement(H, R),
+        z,
+        np.zeros(N_STATES),
+        cov0,
+        alpha=alpha,
+        samples=samples,
+        sampling=sampling,
     )
     # The mean of 400 runs: five standard errors, and the O(1/ESS) bias of self-normalised weights.
     sigma, ess = np.sqrt(np.diag(covariance)), extras["ess"].mean()
@@ -296,9 +303,7 @@ def test_thousandfold_prior_does_not_collapse():
         samples = options.get("samples", 10_000)
         assert (history.extras["ess"] > 0.4 * samples).all()
         assert not history.extras["fallback"].any()
-        white = np.einsum(
-            "bij,bj->bi", np.linalg.inv(np.linalg.cholesky(expected)), history.mean[:, 0, :3] - fix
-        )
+        white = np.einsum("bij,bj->bi", np.linalg.inv(np.linalg.cholesky(expected)), history.mean[:, 0, :3] - fix)
         assert np.abs(white).max() < 6 / np.sqrt(0.4 * samples)
     # Samples of the prediction itself: a handful count, so the update falls back, says so, and stays finite.
     history = run_filter(create_filter("alpha_kf", p.dynamics, measurement, alpha=1.0), p.z, mean0, wide)
@@ -306,6 +311,27 @@ def test_thousandfold_prior_does_not_collapse():
     assert (history.extras["fallback"] == 1).all()
     assert np.allclose(history.mean[:, 0, :3], fix, atol=1.0)
     assert (np.linalg.eigvalsh(history.covariance[:, 0]) > 0).all()
+
+
+def test_fewer_effective_samples_than_moments_fall_back():
+    # M / R = 200 a channel: about 5 of 1000 samples count, where mean and covariance are 9 numbers.
+    runs, R = 200, 0.005 * np.eye(N_STATES)
+    z = np.full((runs, N_STATES), 0.3)
+    means, covariances, extras = one_update(
+        "alpha_kf",
+        LinearMeasurement(np.eye(N_STATES), R),
+        z,
+        np.zeros(N_STATES),
+        np.eye(N_STATES),
+        alpha=0.5,
+        samples=1000,
+    )
+    few = extras["ess"] <= 9
+    assert 0.5 < few.mean() < 1
+    assert np.array_equal(extras["fallback"] == 1, few)
+    mean, covariance = kalman(np.eye(N_STATES), R / 0.5, np.eye(N_STATES), z[0])
+    assert np.allclose(means[few], mean, rtol=0, atol=1e-9)
+    assert np.allclose(covariances[few], covariance, rtol=0, atol=1e-9)
 
 
 def test_mixture_likelihood_gives_the_moments_of_the_exact_posterior():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +25,16 @@ SETTLE_S = 500.0
 AXIS_SIGMA = np.array([0.3, 0.4, 0.5, 4e-3, 3e-3, 6e-3])
 
 
+@pytest.fixture(scope="session")
+def invent() -> ResultMaker:
+    """Return `invented_result`, which writes a results file."""
+    return invented_result
+
+
 @pytest.fixture
 def make_result(tmp_path: Path) -> ResultMaker:
-    """Return a function that writes a results file; see `invented_result`."""
-
-    def make(**options: Any) -> Path:
-        return invented_result(tmp_path, **options)
-
-    return make
+    """Return `invented_result` for the test's own folder."""
+    return partial(invented_result, tmp_path)
 
 
 def invented_result(
@@ -46,6 +49,8 @@ def invented_result(
     text: str = "name: invented\n",
     settle_s: float = SETTLE_S,
     summaries: Mapping[str, Mapping[str, Array]] | None = None,
+    waiting: Sequence[str] = (),
+    computed_cases: int | None = None,
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -61,19 +66,22 @@ def invented_result(
         text: The campaign file.
         settle_s: Start of the settled span.
         summaries: Summary datasets by filter that replace the invented ones.
+        waiting: Filters that have no run yet.
+        computed_cases: How many of the cases have runs; default all.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
     time_s = np.linspace(0.0, 6000.0, times)
+    names = (*sizes, *waiting)
     cases = tuple(
-        CaseHeader(f"case{i:04d}", label, {"x": i}, tuple(sizes), dict.fromkeys(sizes, "0"))
+        CaseHeader(f"case{i:04d}", label, {"sensors.radar.range_sigma_m": i}, names, dict.fromkeys(names, "0"))
         for i, label in enumerate(labels)
     )
     header = ResultHeader(
         name, text, _content(sizes, settle_s), "0123456789abcdef" * 4, 7, planned or runs, cases, {"mu_m3_s2": 3.986e14}
     )
     shards = []
-    for index, case in enumerate(cases):
+    for index, case in enumerate(cases[:computed_cases]):
         truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (1, times, 1))
         results = {
             name: _filter_result(index, size, time_s, runs, failed.get(name, ()), settle_s)

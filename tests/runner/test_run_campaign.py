@@ -8,7 +8,7 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.filters.kalman import GaussianFilterOptions, KalmanFilter
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.results.block import ResultsError
-from relnav_sim.runner.changes import changed_keys
+from relnav_sim.results.changes import changed_keys
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
   // Sortable tables: a click on a heading sorts by it, a second click turns the order round.
   const value = (row, column) => {
     const cell = row.cells[column];
+    if (!cell) return Infinity;  // a filter without runs has one cell over all columns
     const order = cell.dataset.order;
     return order === undefined ? cell.textContent.trim() : order === "inf" ? Infinity : Number(order);
   };

@@ -1,0 +1,75 @@
+"""Ctrl-C and SIGTERM: a prompt end with a sentence, whatever the program is doing at that moment."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+LONGEST_END_S = 1.2
+"""After this the process ends without tidying up; worker processes follow by themselves, files are whole anyway."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal that asks for the end.
+
+    Attributes:
+        number: The signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+@contextmanager
+def ending_promptly(sentence: str) -> Iterator[None]:
+    """Turn Ctrl-C and SIGTERM into the end of the process, with exit code 130 or 143.
+
+    Args:
+        sentence: What to say then: how to go on later.
+    """
+    said = threading.Event()
+    # The processes that watch over shared resources clean up in silence after workers that were stopped.
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+
+    def last_words() -> None:
+        if not said.is_set():
+            said.set()
+            show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
+            os.write(2, f"{show_cursor}relnav: {sentence}\n".encode())
+
+    def end_now(code: int) -> None:
+        last_words()
+        os._exit(code)
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        code = 128 + number
+        for signum in before:
+            signal.signal(signum, lambda *_: end_now(code))
+        timer = threading.Timer(LONGEST_END_S, end_now, (code,))
+        timer.daemon = True
+        timer.start()
+        # What an object under destruction has to say about the interruption helps nobody.
+        sys.unraisablehook = lambda unraisable: None
+        raise Interrupted(number)
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    # A signal that the caller has had ignored, as shells do for jobs in the background, stays ignored.
+    before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, ask)
+    try:
+        yield
+    except Interrupted as interrupted:
+        last_words()
+        # The handlers stay as they are now: a second signal ends the process at once, as the timer does in any case.
+        before.clear()
+        raise SystemExit(128 + interrupted.number) from None
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

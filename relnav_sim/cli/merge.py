@@ -1,0 +1,38 @@
+"""`relnav merge`: parts of a campaign from several machines into one result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.output import count_in_words
+
+
+def merge(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The result file to write.")],
+    parts: Annotated[
+        list[Path],
+        typer.Argument(metavar="PARTS...", help="Result files of relnav run --shard, or their .shards folders."),
+    ],
+) -> None:
+    """Unite the parts of a campaign that several machines have computed.
+
+    Runs that several parts hold count once if they agree; conflicts and missing runs are named.
+    """
+    from relnav_sim.results import open_results
+    from relnav_sim.results.block import RefusedError
+    from relnav_sim.runner.merging import merge_results
+
+    try:
+        path = merge_results(out, parts)
+    except RefusedError as error:
+        raise UserError(str(error)) from None
+    with open_results(path) as results:
+        failed = len(results.failures())
+    typer.echo(f"wrote {path}; next: relnav report {path}")
+    if failed:
+        typer.echo(f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed", err=True)
+        raise typer.Exit(Exit.SOME_RUNS_FAILED)

@@ -1,0 +1,68 @@
+"""Arrays by epoch, computed for a stretch of epochs at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.models.dynamics import Step
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+EPOCHS = 512
+"""Epochs of a stretch: enough to spread NumPy's overhead thin, few enough to cost no memory to speak of."""
+
+
+class PerStretch(Generic[T]):
+    """What a function gives for 512 epochs at a time, for callers that go from epoch to epoch.
+
+    The stretches lie on a fixed grid of epochs, so the numbers of an epoch do not depend on the order of the calls.
+    Only the latest stretch is kept.
+
+    Args:
+        compute: Maps epochs (512,), the first of them a multiple of 512, to what is wanted of them.
+    """
+
+    def __init__(self, compute: Callable[[Array], T]) -> None:
+        self._compute = compute
+        self._latest: tuple[int, T] | None = None
+
+    def at(self, epoch: int) -> tuple[T, int]:
+        """Return the stretch with this epoch, and the epoch's place in it."""
+        stretch, place = divmod(epoch, EPOCHS)
+        if self._latest is None or self._latest[0] != stretch:
+            self._latest = stretch, self._compute(np.arange(stretch * EPOCHS, (stretch + 1) * EPOCHS, dtype=float))
+        return self._latest[1], place
+
+
+class LinearByEpoch:
+    """Linear dynamics whose transition matrix differs from epoch to epoch: x_k = F_k x_{k-1} + w, w ~ N(0, Q).
+
+    Args:
+        transitions: Maps epochs (K,) to the matrices (K, n, n) of the steps that end there.
+        process_noise: Q (n, n).
+    """
+
+    linear = True
+
+    def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
+        self.dimension = len(process_noise)
+        self._stretches = PerStretch(transitions)
+        self._Q = process_noise
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
+        return moved
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        matrices, place = self._stretches.at(step.epoch)
+        return matrices[place]
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (n, n)."""
+        return self._Q

@@ -1,0 +1,108 @@
+"""All cases and filters in one table, a row each, with the figures that decide."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from relnav_sim.report.layouts import converged_note, failed_cell, mean_cost, numbers, reading_notes
+from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+
+_FIGURES = (
+    "position RMS [m]",
+    "velocity RMS [m/s]",
+    "RMS above the best [%]",
+    "convergence [s]",
+    "ANEES",
+    "mean NIS",
+    "CPU per step [µs]",
+)
+_PATH = r"(?:(?<=[ ,])|^)(?:[A-Za-z_]\w*\.)+(?P<last>[A-Za-z_]\w*\.[A-Za-z_]\w*=)"
+_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
+
+
+def overview_table(rankings: Sequence[Ranking]) -> Table:
+    """Return one row per case and filter with the headline figures; without a column of cases if there is one."""
+    cases = [ranking.case for ranking in rankings]
+    columns = [*(Column(label) for label in _FIGURES), Column("failed runs", numeric=False)]
+    if len(cases) > 1:
+        headings = [
+            f"{c.number}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
+        ]
+        columns.insert(0, Column("filter", numeric=False))
+        rows = [
+            replace(row, label=heading, cells=(Words(row.label), *row.cells), opens_block=not place)
+            for ranking, heading in zip(rankings, headings, strict=True)
+            for place, row in enumerate(_rows(ranking))
+        ]
+    else:
+        rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking)]
+    spans = {case.when for case in cases}
+    over = spans.pop() if len(spans) == 1 else "the settled span"
+    above = "Above the best: relative difference on the same runs."
+    return Table(
+        name="overview",
+        title="All cases and filters" if len(cases) > 1 else "All filters",
+        caption=" ".join([f"RMS, ANEES and NIS over {over}.", *reading_notes(cases, axes=False), above]),
+        corner="case" if len(cases) > 1 else "filter",
+        columns=tuple(columns),
+        rows=tuple(rows),
+        sortable=True,
+    )
+
+
+def short_labels(labels: Sequence[str]) -> list[str]:
+    """Return labels of cases with the last two parts of each path, as ``radar.range_sigma_m=4``.
+
+    Labels stay whole where the short ones would not tell the cases apart, or a path is no plain dotted name.
+    """
+    short = [re.sub(_PATH, r"\g<last>", label) for label in labels]
+    return short if len(set(short)) == len(labels) else list(labels)
+
+
+def _rows(ranking: Ranking) -> list[Row]:
+    """Return a row per filter of a case, headed by the filter's name; figures of one column share their decimals."""
+    case = ranking.case
+    standings = [ranking.of(item.name) for item in case.filters]
+    columns = (
+        numbers([_NOTHING if standing is None else standing.position for standing in standings]),
+        numbers([_NOTHING if standing is None else standing.velocity for standing in standings]),
+        [_above_best(ranking, item.name) for item in case.filters],
+        numbers(
+            [bootstrap_interval(item.convergence_s[item.ok]) for item in case.filters],
+            notes=[converged_note(item) for item in case.filters],
+        ),
+        numbers([bootstrap_interval(item.consistency("anees", case.span)[item.ok]) for item in case.filters]),
+        numbers([bootstrap_interval(item.consistency("nis", case.span)[item.ok]) for item in case.filters]),
+        numbers([mean_cost(item) for item in case.filters]),
+        [failed_cell(item) for item in case.filters],
+    )
+    key = str(case.number)
+    rows = [
+        Row(item.name, cells, key=key, order=case.number)
+        for item, cells in zip(case.filters, zip(*columns, strict=True), strict=True)
+    ]
+    waiting = Words("no run yet", span=len(columns))
+    return rows + [Row(name, (waiting,), key=key, order=case.number) for name in case.waiting]
+
+
+def _above_best(ranking: Ranking, name: str) -> Cell:
+    standing = ranking.of(name)
+    if standing is None:
+        return Words("no completed run", math.inf)
+    if len(ranking.standings) == 1:
+        return Words("the only one", 0.0)
+    if standing is ranking.best:
+        return Words("best", 0.0, mark="best")
+    if standing.against_best is None:
+        return Words("no common run", math.inf)
+    note, mark = "", ""
+    if math.isnan(standing.percent.low):
+        note = "undecided"
+    elif not standing.told_apart:
+        note, mark = "not told apart", "best"
+    return replace(numbers([standing.percent])[0], note=note, mark=mark)

@@ -1,0 +1,114 @@
+"""The folder of shards beside a results file: whose it is, and that one campaign at a time works in it."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from relnav_sim.results.atomic import remove_temporaries, written_whole
+from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.read import open_results
+
+HEADER = "campaign.json"
+
+
+def shard_folder(out: Path) -> Path:
+    """Return where the shards of a results file are kept."""
+    return out.with_name(f"{out.name}.shards")
+
+
+@contextmanager
+def working_folder(out: Path) -> Iterator[Path]:
+    """Give the folder of shards for this process alone; leftovers of killed processes in it are removed.
+
+    Raises:
+        RefusedError: Another process is at work on the same result.
+        OSError: The folder can't be made or written.
+    """
+    folder = shard_folder(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise RefusedError(f"another relnav is at work on {out}; wait for its end, or give another --out") from None
+        except OSError:
+            pass  # Some network file systems can't lock; the user then sees to it.
+        remove_temporaries(folder)
+        remove_temporaries(out.parent, out.name)
+        yield folder
+    finally:
+        os.close(handle)
+
+
+def move_aside(out: Path, say: Callable[[str], None]) -> None:
+    """Rename a results file and its shards, so that the campaign starts over and nothing is lost."""
+    folder = shard_folder(out)
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")
+    if folder.exists():
+        with working_folder(out):
+            pass  # nobody else is at work there
+    for path in (out, folder):
+        if path.exists():
+            aside = path.with_name(f"{path.name}.before-{stamp}")
+            path.rename(aside)
+            say(f"moved {path} to {aside}")
+
+
+def check_same_campaign(out: Path, header: ResultHeader) -> None:
+    """Refuse to add to results of other settings.
+
+    Raises:
+        RefusedError: With the keys that differ.
+        ResultsError: What stands there is damaged.
+    """
+    stored = _stored_header(out)
+    if stored is None:
+        return
+    if changed := changed_keys(stored, header.content):
+        raise RefusedError(
+            f"{out} holds results of other settings: {in_words(changed)} differ; give another --out, "
+            "or --fresh to move it aside and start over"
+        )
+
+
+def _stored_header(out: Path) -> dict[str, Any] | None:
+    file = shard_folder(out) / HEADER
+    if file.exists():
+        return dict(read_folder_header(shard_folder(out)).content)
+    if out.exists():
+        with open_results(out) as results:
+            return results.campaign_content
+    return None
+
+
+def write_folder_header(folder: Path, header: ResultHeader) -> None:
+    """Write whose shards a folder holds."""
+    with written_whole(folder / HEADER) as temporary:
+        temporary.write_text(json.dumps(asdict(header)), encoding="utf-8")
+
+
+def read_folder_header(folder: Path) -> ResultHeader:
+    """Return whose shards a folder holds.
+
+    Raises:
+        ResultsError: The folder does not say, or what it says is damaged.
+    """
+    file = folder / HEADER
+    try:
+        stored = json.loads(file.read_text(encoding="utf-8"))
+        cases = tuple(CaseHeader(**{**case, "filters": tuple(case["filters"])}) for case in stored.pop("cases"))
+        return ResultHeader(**stored, cases=cases)
+    except FileNotFoundError:
+        raise ResultsError(f"{folder} is no folder of shards: it has no {HEADER}") from None
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise ResultsError(f"{file} is damaged; relnav run with --fresh moves it aside and starts over") from None

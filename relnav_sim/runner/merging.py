@@ -1,0 +1,82 @@
+"""Parts of a campaign from several machines into one result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from relnav_sim.results import layout, store
+from relnav_sim.results.block import RefusedError, ResultHeader
+from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.header import read_header
+from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
+from relnav_sim.results.provenance import Provenance, collect_provenance
+from relnav_sim.runner.folder import read_folder_header, shard_folder
+
+
+def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike[str]]) -> Path:
+    """Unite results of one campaign; the file holds the bits that one machine would have computed.
+
+    Args:
+        out: The results file to write; it must not exist.
+        parts: Results files, or folders of shards, for example of machines that did not finish.
+
+    Raises:
+        RefusedError: The parts belong to different campaigns, disagree about a run, or leave runs out.
+        ResultsError: A part is damaged.
+        OSError: A file can't be read or written.
+    """
+    out = Path(out)
+    if out.exists() or shard_folder(out).exists():
+        raise RefusedError(f"{out} exists; give the merged result another name")
+    headers: list[ResultHeader] = []
+    pieces: list[Piece] = []
+    histories: list[Provenance] = []
+    for path in map(Path, parts):
+        header, found, history = _read(path)
+        if headers:
+            _check_same(Path(parts[0]), headers[0], path, header)
+        headers.append(header)
+        pieces += found
+        histories.append(history)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    merge_pieces(pieces, headers[0], _united(histories), out)
+    return out
+
+
+def _read(path: Path) -> tuple[ResultHeader, list[Piece], Provenance]:
+    if path.is_dir():
+        # A folder holds shards of filters and cases that the campaign had once, too; these are passed over.
+        header = read_folder_header(path)
+        found = [shard_piece(shard) for shard in sorted(path.glob("*.h5"))]
+        known = {case.id for case in header.cases}
+        times = [datetime.fromtimestamp(piece.info.path.stat().st_mtime, UTC) for piece in found] or [datetime.now(UTC)]
+        history = collect_provenance(min(times), max(times), (max(times) - min(times)).total_seconds())
+        return header, [p for p in found if p.info.case_id in known and p.info.seed == header.seed], history
+    with store.open_checked(path, layout.FORMAT) as file:
+        header, provenance = read_header(file)
+    if header.only is not None:
+        raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")
+    return header, result_pieces(path), provenance
+
+
+def _check_same(first_path: Path, first: ResultHeader, path: Path, header: ResultHeader) -> None:
+    if keys := changed_keys(first.content, header.content):
+        raise RefusedError(f"{first_path} and {path} belong to different campaigns: {in_words(keys)} differ")
+    for what in ("runs", "cases", "stopping"):
+        if getattr(first, what) != getattr(header, what):
+            raise RefusedError(
+                f"{first_path} and {path} differ in their {what}; run both with the same campaign file and options"
+            )
+
+
+def _united(histories: Sequence[Provenance]) -> Provenance:
+    """Return where the result came from: from the first start to the last end of its parts, merged here."""
+    return collect_provenance(
+        datetime.fromisoformat(min(part.started for part in histories)),
+        datetime.fromisoformat(max(part.finished for part in histories)),
+        sum(part.wall_time_s for part in histories),
+    )

@@ -1,0 +1,80 @@
+"""A real campaign through the real command line, in a process that can be killed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from small_campaign import TEXT
+
+RELNAV = [sys.executable, "-c", "import sys; sys.argv[0] = 'relnav'; from relnav_sim.cli.app import main; main()"]
+LONGEST_S = 120.0
+
+
+class Relnav:
+    """Runs the command line in a folder, with a campaign file in it."""
+
+    def __init__(self, folder: Path, *changes: tuple[str, str], environment: dict[str, str] | None = None) -> None:
+        self.folder = folder
+        self.environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **(environment or {})}
+        text = TEXT
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (folder / "small.yaml").write_text(text, encoding="utf-8")
+
+    @property
+    def out(self) -> Path:
+        return self.folder / "results" / "small.h5"
+
+    @property
+    def shards(self) -> Path:
+        return self.folder / "results" / "small.h5.shards"
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [*RELNAV, *arguments],
+            cwd=self.folder,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run(self, *arguments: str) -> tuple[int, str, str]:
+        process = self.start(*arguments)
+        stdout, stderr = process.communicate(timeout=LONGEST_S)
+        return process.returncode, stdout, stderr
+
+
+def members(session: int) -> dict[int, str]:
+    """Return the living processes of a session with their command lines, without the session's leader."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdecimal() or int(entry.name) == session:
+            continue
+        try:
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            if int(fields[3]) == session and fields[0] not in "ZX":
+                found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except (OSError, ValueError):
+            continue
+    return found
+
+
+def workers(session: int) -> list[int]:
+    return [pid for pid, command in members(session).items() if "popen_loky" in command]
+
+
+def wait_until(condition, seconds: float = LONGEST_S) -> bool:
+    """Return whether the condition came true in time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return bool(condition())

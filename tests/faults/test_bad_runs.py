@@ -1,0 +1,159 @@
+"""A filter of somebody else's that kills, raises, fills the memory or hangs in run 3 costs that run and no other."""
+
+import pytest
+
+from relnav_sim import open_results
+from relnav_sim.statistics.intervals import wilson_interval
+
+PLUGIN = '''
+import os, signal, time
+import numpy as np
+from relnav_sim.filters.kalman import KalmanOptions, KalmanFilter
+from relnav_sim.filters.registry import register_filter
+
+class Bad(KalmanFilter):
+    """A Kalman filter that goes wrong in run 3."""
+
+    def start(self, prior, source):
+        self.place = source.runs.index(3) if 3 in source.runs else None
+        return super().start(prior, source)
+
+    def correct(self, belief, z, step):
+        belief, innovation = super().correct(belief, z, step)
+        if self.place is not None and step.epoch == 12:
+            belief = self.go_wrong(belief) or belief
+        return belief, innovation
+
+@register_filter("kills", KalmanOptions)
+class Kills(Bad):
+    """Kills its process."""
+    def go_wrong(self, belief):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+@register_filter("exits", KalmanOptions)
+class Exits(Bad):
+    """Ends its process the polite way."""
+    def go_wrong(self, belief):
+        raise SystemExit("enough")
+
+@register_filter("raises", KalmanOptions)
+class Raises(Bad):
+    """Raises an exception."""
+    def go_wrong(self, belief):
+        raise ZeroDivisionError("too interesting")
+
+@register_filter("fills", KalmanOptions)
+class Fills(Bad):
+    """Asks for more memory than there is."""
+    def go_wrong(self, belief):
+        np.empty((1 << 50,))
+
+@register_filter("hangs", KalmanOptions)
+class Hangs(Bad):
+    """Never returns."""
+    def go_wrong(self, belief):
+        time.sleep(600)
+
+@register_filter("unstartable", KalmanOptions)
+class Unstartable(KalmanFilter):
+    """Cannot start in run 3."""
+    def start(self, prior, source):
+        if 3 in source.runs:
+            raise RuntimeError("no start")
+        return super().start(prior, source)
+
+@register_filter("diverges", KalmanOptions)
+class Diverges(Bad):
+    """Loses its covariance."""
+    def go_wrong(self, belief):
+        belief.covariance[self.place] = np.inf
+'''
+
+
+@pytest.fixture
+def with_plugin(relnav, tmp_path):
+    """Return a maker of command lines that know the plugin as an installed package."""
+    site = tmp_path / "site"
+    (site / "bad_filters-1.0.dist-info").mkdir(parents=True)
+    (site / "bad_filters.py").write_text(PLUGIN)
+    (site / "bad_filters-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: bad-filters\nVersion: 1.0\n"
+    )
+    (site / "bad_filters-1.0.dist-info" / "entry_points.txt").write_text("[relnav.filters]\nbad = bad_filters\n")
+
+    def make(*kinds):
+        entries = "".join(f"\n  {kind}: {{kind: {kind}}}" for kind in kinds)
+        one_case = ("[{kind: gaussian}, {kind: mixture, scale: 5, fraction: 0.1}]", "[{kind: gaussian}]")
+        change = ("\n  ekf: {kind: ekf}", f"\n  ekf: {{kind: ekf}}{entries}")
+        return relnav(change, one_case, environment={"PYTHONPATH": str(site)})
+
+    return make
+
+
+def failures(out):
+    with open_results(out) as results:
+        assert not results.missing()
+        for name in results.filters:
+            failed = results.statistic(0, name, "failed").tolist()
+            assert failed == ([0] * 6 if name in ("kf", "ekf") else [0, 0, 0, 1, 0, 0]), name
+        found = [failure for _, failure in results.failures()]
+    assert all(failure.run == 3 for failure in found)
+    return {failure.filter: failure.reason for failure in found}
+
+
+def test_exceptions_memory_and_divergence(with_plugin):
+    here = with_plugin("exits", "raises", "fills", "unstartable", "diverges")
+    code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential")
+    assert code == 1
+    assert "5 runs of a filter failed" in stderr and "Traceback" not in stderr
+    reasons = failures(here.out)
+    assert reasons.keys() == {"exits", "raises", "fills", "unstartable", "diverges"}
+    assert reasons["exits"] == "SystemExit: enough"
+    assert reasons["raises"] == "ZeroDivisionError: too interesting"
+    assert reasons["unstartable"] == "RuntimeError: no start"
+    assert "Unable to allocate" in reasons["fills"]
+    assert "covariance" in reasons["diverges"] or "mean" in reasons["diverges"]
+
+
+@pytest.mark.parametrize("workers", [pytest.param("1", marks=pytest.mark.slow), "2"])
+def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
+    here = with_plugin("kills")
+    code, _, stderr = here.run("run", "small.yaml", "--workers", workers)
+    assert code == 1, stderr
+    assert "1 run of a filter failed" in stderr and "Traceback" not in stderr
+    assert failures(here.out) == {
+        "kills": "the worker process died: killed by the system, most likely out of memory, or a crash in compiled code"
+    }
+    assert not list(here.shards.glob("*.busy"))
+
+
+@pytest.mark.slow
+def test_a_run_that_hangs_is_cut_out(with_plugin):
+    here = with_plugin("hangs")
+    code, _, stderr = here.run("run", "small.yaml", "--workers", "1", "--timeout-s", "2.5")
+    assert code == 1, stderr
+    assert failures(here.out) == {"hangs": "took longer than 2.5 s"}
+
+
+def test_fail_fast_keeps_what_is_finished_and_a_later_command_goes_on(with_plugin):
+    here = with_plugin("raises")
+    sequential = ("--backend", "sequential", "--set", "block_runs=1")
+    code, _, stderr = here.run("run", "small.yaml", "--fail-fast", *sequential)
+    assert code == 1
+    assert "stopped: 1 failure" in stderr
+    with open_results(here.out) as results:
+        assert results.case_runs(0, "kf").tolist() == [0, 1, 2, 3]
+    code, _, stderr = here.run("run", "small.yaml", "--max-failures", "1", *sequential)
+    assert code == 1
+    assert failures(here.out)
+
+
+@pytest.mark.slow
+def test_the_report_counts_failures_with_an_interval(with_plugin):
+    here = with_plugin("raises")
+    assert here.run("run", "small.yaml", "--backend", "sequential")[0] == 1
+    code, _, stderr = here.run("report", str(here.out), "--format", "md")
+    assert code == 0, stderr
+    pages = "\n".join(path.read_text() for path in here.out.parent.rglob("*.md"))
+    interval = wilson_interval(1, 6)
+    assert f"{100 * interval.low:.0f}" in pages and f"{100 * interval.high:.0f}" in pages

@@ -1,0 +1,82 @@
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.report.facts import case_facts
+from relnav_sim.report.ranking import Ranking, rank
+from relnav_sim.report.summary import summarise, verdict
+from relnav_sim.report.wording import counted, figure, listed
+from relnav_sim.results import open_results
+
+ResultMaker = Callable[..., Path]
+
+
+def rankings_of(path: Path) -> list[Ranking]:
+    with open_results(path) as results:
+        return [rank(case_facts(results, index)) for index in range(len(results.headers))]
+
+
+def rms(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """RMS of every span and component, (runs, 2, 8), from one figure per run."""
+    return np.repeat(np.repeat(position[:, None, None], 2, axis=1), 8, axis=2)
+
+
+def test_the_best_filter_is_named_with_its_margin(make_result: ResultMaker) -> None:
+    sentence = summarise(rankings_of(make_result(filters={"kf": 1.0, "ekf": 0.5}, runs=10)))[0]
+    assert sentence.startswith("ekf has the smallest position error, RMS 0.3")
+    assert re.search(r"; kf is 100 % \[9\d(\.\d)?, 1\d\d\] worse\.$", sentence)
+
+
+def test_filters_that_differ_by_chance_are_undecided(make_result: ResultMaker) -> None:
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(1.0, 0.1, 30), rng.normal(1.0, 0.1, 30)
+    path = make_result(filters={"a": 1.0, "b": 1.0}, runs=30, summaries={"a": {"rms": rms(a)}, "b": {"rms": rms(b)}})
+    (ranking,) = rankings_of(path)
+    sentence = verdict(ranking)
+    first, second = ("a", "b") if a.mean() < b.mean() else ("b", "a")
+    assert sentence.startswith(f"{first} and {second} can't be told apart in position error at 30 runs")
+    assert ranking.undecided[0].against_best is not None
+    low, high = ranking.undecided[0].against_best.difference.low, ranking.undecided[0].against_best.difference.high
+    assert low <= 0 <= high
+
+
+def test_one_run_decides_nothing(make_result: ResultMaker) -> None:
+    sentences = summarise(rankings_of(make_result(runs=1)))
+    assert sentences[0].startswith("One run decides nothing.")
+    assert not any("[" in sentence for sentence in sentences)
+
+
+def test_cases_are_counted(make_result: ResultMaker) -> None:
+    sentences = summarise(rankings_of(make_result(labels=("a=1", "a=2", "a=3"), filters={"kf": 1.0, "ekf": 0.5})))
+    assert sentences[0] == "ekf has the smallest position error in all 3 cases (the next is 100 % worse)."
+    assert sentences[2].startswith("Case 2 (a=2): ekf has the smallest")
+
+
+def test_consistency_is_told_in_words(make_result: ResultMaker) -> None:
+    text = " ".join(summarise(rankings_of(make_result(filters={"good": 1.0, "bold": 3.0, "shy": 0.5}, runs=40))))
+    assert "good is consistent (ANEES near 1)" in text
+    assert "bold errs 3 times as much as it claims" in text or "bold errs 2.9" in text or "bold errs 3.0" in text
+    assert "shy claims 2" in text and "times larger errors than it makes" in text
+
+
+def test_failures_missing_runs_and_lost_convergence_are_told(make_result: ResultMaker) -> None:
+    never = {"ekf": {"convergence": np.array([10.0, np.nan, 12.0, 14.0])}}
+    path = make_result(runs=4, planned=10, failed={"ukf": [3]}, summaries=never)
+    text = " ".join(summarise(rankings_of(path)))
+    assert "Failed runs, left out of every mean: ukf 1 of 4." in text
+    assert "The campaign is not finished: 18 runs of its filters still to come." in text
+    assert "never reached by ekf in 1 of 4 runs" in text
+
+
+def test_nothing_completed_is_no_crash(make_result: ResultMaker) -> None:
+    path = make_result(runs=3, filters={"ekf": 1.0}, failed={"ekf": [0, 1, 2]})
+    assert summarise(rankings_of(path))[0].startswith("No run was completed")
+
+
+def test_words() -> None:
+    assert [listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
+    assert [counted(1, "run"), counted(2, "run")] == ["1 run", "2 runs"]
+    assert [figure(0.012345), figure(123.4), figure(0.0), figure(3e-9)] == ["0.0123", "123", "0", "3.00e-09"]
