@@ -25,7 +25,7 @@ test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -m 'not slow'
+	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
 check-slow: setup  ## Run the long checks
 	$(BIN)/python -m pytest -m slow

@@ -3,51 +3,109 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from relnav_sim.cli.output import count_in_words, in_words, print_table
+
+if TYPE_CHECKING:
+    from relnav_sim.results import Results
 
 FAILURES_SHOWN = 20
 
 
 def inspect(
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="The result file.")],
+    other: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="OTHER", help="Another result file: are the two comparable?", show_default="only the one"
+        ),
+    ] = None,
+    campaign: Annotated[
+        bool, typer.Option("--campaign", help="Print the campaign file that the result was computed from, only.")
+    ] = False,
 ) -> None:
-    """Show what a result holds: campaign, cases, filters, runs, failures and where it came from."""
+    """Show what a result holds: campaign, cases, filters, runs, failures and where it came from.
+
+    Of two results, also say whether they are comparable.
+    """
     from relnav_sim.results import open_results
 
     with open_results(result) as results:
-        provenance = results.provenance
-        source = provenance.git_commit[:12] + (", with changes" if provenance.git_dirty == 1 else "")
-        missing = {run for runs in results.missing().values() for run in runs}
-        held = f"{len(results.runs)} of {results.planned_runs}" + (
-            f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
-        )
-        failures = results.failures()
-        print_table(
-            [
-                ("campaign", results.campaign_name),
-                ("hash", results.campaign_hash[:12]),
-                ("seed", str(results.seed)),
-                ("runs", held),
-                ("cases", "\n".join(f"{header.id}  {header.label}" for header in results.headers)),
-                ("filters", ", ".join(results.filters)),
-                ("failed", count_in_words(len(failures), "run of a filter", "runs of a filter")),
-                ("began", f"{provenance.started}, took {in_words(provenance.wall_time_s)}"),
-                ("command", provenance.command_line),
-                ("source", source or "not known"),
-                ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
-                ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
-            ]
-        )
-        if failures:
-            typer.echo()
-            shown = [
-                (label, str(failure.run), failure.filter or "all", str(failure.epoch), failure.reason)
-                for label, failure in failures[:FAILURES_SHOWN]
-            ]
-            print_table(shown, headings=("case", "run", "filter", "epoch", "reason"))
-        if len(failures) > FAILURES_SHOWN:
-            typer.echo(f"and {len(failures) - FAILURES_SHOWN} more; relnav export RESULT has them all")
+        if campaign:
+            typer.echo(results.campaign_text, nl=not results.campaign_text.endswith("\n"))
+            return
+        _show(results)
+        if other is None:
+            return
+        with open_results(other) as second:
+            typer.echo(f"\n{other}")
+            _show(second)
+            _compare(results, second)
+
+
+def _show(results: Results) -> None:
+    provenance = results.provenance
+    source = provenance.git_commit[:12] + (", with changes" if provenance.git_dirty == 1 else "")
+    failures = results.failures()
+    rows = [
+        ("campaign", results.campaign_name),
+        ("hash", results.campaign_hash[:12]),
+        ("seed", str(results.seed)),
+        ("runs", _runs_in_words(results)),
+        ("cases", "\n".join(f"{header.id}  {header.label}" for header in results.headers)),
+        ("filters", ", ".join(results.filters)),
+        ("failed", count_in_words(len(failures), "run of a filter", "runs of a filter")),
+        ("began", f"{provenance.started}, took {in_words(provenance.wall_time_s)}"),
+        ("ended", provenance.finished),
+        ("command", provenance.command_line),
+        ("source", source or "not known"),
+        ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
+        ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
+    ]
+    if results.stopping:
+        rows.insert(4, ("stopped", _stop_in_words(results)))
+    print_table(rows)
+    if failures:
+        typer.echo()
+        shown = [
+            (label, str(failure.run), failure.filter or "all", str(failure.epoch), failure.reason)
+            for label, failure in failures[:FAILURES_SHOWN]
+        ]
+        print_table(shown, headings=("case", "run", "filter", "epoch", "reason"))
+    if len(failures) > FAILURES_SHOWN:
+        typer.echo(f"and {len(failures) - FAILURES_SHOWN} more; relnav export RESULT has them all")
+
+
+def _runs_in_words(results: Results) -> str:
+    if len(results.planned) == 1 and results.planned[0] > 0:
+        return f"run {results.planned[0]} only"
+    missing = {run for runs in results.missing().values() for run in runs}
+    to_do = f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
+    return f"{len(results.runs)} of {results.planned_runs}{to_do}"
+
+
+def _stop_in_words(results: Results) -> str:
+    rule = results.stopping
+    which = f" of {rule['filter']}" if rule["filter"] else " of every filter"
+    looks = ", ".join(str(n) for n in rule["at"])
+    found = "not known" if rule["widest"] is None else f"{rule['widest']:.3g}"
+    return (
+        f"{'met' if rule['met'] else 'not met'} at {rule['reached']} runs: half width of the 95 % interval of "
+        f"{rule['metric']}{which} {found}, wanted {rule['half_width']:g}; looked at {looks} runs"
+    )
+
+
+def _compare(first: Results, second: Results) -> None:
+    from relnav_sim.results.comparable import comparable
+
+    reasons = comparable(first, second)
+    typer.echo()
+    if not reasons:
+        typer.echo("comparable: same problem, same random numbers, same code")
+        return
+    typer.echo("not comparable:")
+    for reason in reasons:
+        typer.echo(f"  {reason}")

@@ -197,7 +197,13 @@ def average(matrices: Array, weights: Array) -> Array:
 
 
 def contracted(components: Array, mean: Array, h: Array) -> Array:
-    """Return particles (runs, n, N) drawn to their mean (runs, n), to make room for a kernel of width h (runs, 1, 1)."""
+    """Return particles (runs, n, N) drawn to their mean (runs, n), which makes room for a kernel of width h.
+
+    Args:
+        components: (runs, n, N).
+        mean: (runs, n).
+        h: In standard deviations of the particles, (runs or 1, 1, 1).
+    """
     centre = mean[:, :, None]
     return np.asarray(centre + np.sqrt(1 - h**2) * (components - centre))
 

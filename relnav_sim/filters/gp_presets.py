@@ -23,6 +23,11 @@ class GpParticleOptions(ParticleOptions):
         description="Resample when the effective sample size falls below this fraction of N; default 1: always, as the "
         "paper's listed steps do",
     )
+    roughening: float = Field(
+        default=1.0,
+        ge=0,
+        description="As in `particle`; default 1, because the variance of a well trained process parts no copies",
+    )
     mcmc_steps: int = Field(
         default=1, ge=0, le=100, description="Metropolis moves after resampling; default 1, the paper's last step"
     )
@@ -35,8 +40,8 @@ class GpParticleFilter(ParticleFilter):
     Ko and Fox, Autonomous Robots 27, 2009. It is also what the listed steps of Wei, Song and Zhang (2012) amount to:
     they draw from the Gaussian process, weigh, resample and move, and run no unscented filter; with that proposal the
     transition densities of their equation 7 cancel and the weight is the likelihood. Use it with dynamics of kind `gp`.
-    The process's variance is all the process noise there is: small where training data are dense, so that copies hardly
-    part (see `particle` on `roughening`), and too small off the training data unless it was calibrated there.
+    The process's variance is all the process noise there is: tiny where training data are dense, which is why
+    `roughening` is on, and too small off the training data unless it was calibrated there.
     """
 
 
@@ -66,10 +71,10 @@ class MfUpfOptions(UnscentedParticleOptions):
 class ModelFreeUnscentedParticleFilter(UnscentedParticleFilter):
     """Model-free unscented particle filter: `unscented_particle` over learned dynamics.
 
-    Wei, Song and Zhang, Systems Engineering and Electronics 34(6), 2012: each particle's mean and process noise come from
-    a Gaussian process, and the unscented filter's proposal from them. The paper names this filter, but the steps it
-    lists are those of `gp_particle`. Use it with dynamics of kind `gp`. Nearly all of its cost is the variance at every
-    particle; the dynamics' `variance: cloud_mean` saves most of that.
+    Wei, Song and Zhang, Systems Engineering and Electronics 34(6), 2012: each particle's mean and process noise come
+    from a Gaussian process, and the unscented filter's proposal from them. The paper names this filter, but the steps
+    it lists are those of `gp_particle`. Use it with dynamics of kind `gp`. Nearly all of its cost is the variance at
+    every particle; the dynamics' `variance: cloud_mean` saves most of that.
 
     Its claim, velocities ten times better than a particle filter with Clohessy-Wiltshire dynamics, rests on the process
     noise of that filter, 1e-3 m/s a step where 1e-6 m/s^2 act: the same filter with the right noise does as well.

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.cloud import Cloud, chosen, pick, put, spread, standard_normals
-from relnav_sim.filters.particle import CloudFilter, CloudOptions, accept, weigh
+from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -103,9 +103,9 @@ class UnscentedParticleFilter(CloudFilter):
     With a linear measurement q is the optimal proposal. The published filter carries a covariance with every particle
     and adds it to Q, which in orbit, where Q is tiny, makes q far wider than p and leaves one particle with all the
     weight; here that covariance is zero. All densities are taken in the coordinates of the process noise, so Q may be
-    as small as it likes, and singular. Where the last measurement led to resampling, and at the start, the copies' kernel
-    (`roughening`) widens the transition density, so that a proposal corrects the whole state and not only what the
-    process noise reached in one step (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
+    as small as it likes, and singular. Where the last measurement led to resampling, and at the start, the copies'
+    kernel (`roughening`) widens the transition density, so that a proposal corrects the whole state and not only what
+    the process noise reached in one step (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
 
     `log_likelihood`, `nis`, `ess` and `resampled` as in `particle`; `accepted` is the share of accepted moves.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sin, sqrt
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import CwOptions, cw_system
+from relnav_sim.models.cw_second_order import CwSecondOrderOptions
 from relnav_sim.models.dynamics import Dynamics, LinearDynamics, Step
 from relnav_sim.models.gaussian_process import GaussianProcess
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
@@ -181,7 +182,7 @@ class GpOptions(Options):
         "difference (next state less this one: centimetres) or absolute (the next state, as the paper does: half a "
         "metre and more)",
     )
-    base: CwOptions | None = Field(
+    base: Annotated[CwOptions | CwSecondOrderOptions, Field(discriminator="kind")] | None = Field(
         default=None, description="Dynamics that the residual is taken from; default: Clohessy-Wiltshire"
     )
     training: Literal["smoothed_radar", "truth"] = Field(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from relnav_sim.models.cw import CwOptions
 from relnav_sim.models.cw_second_order import CwSecondOrderOptions
+from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear import NonlinearOptions
 from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.models.schweighart_sedwick import SchweighartSedwickOptions
@@ -17,6 +18,7 @@ _KINDS: dict[str, type[Options]] = {
     "schweighart_sedwick": SchweighartSedwickOptions,
     "nonlinear": NonlinearOptions,
     "nonlinear_j2": NonlinearJ2Options,
+    "gp": GpOptions,
 }
 
 

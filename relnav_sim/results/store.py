@@ -8,7 +8,8 @@ the file holds is refused before memory is asked for.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy as np
 from relnav_sim.results import layout
 from relnav_sim.results.block import Array, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
+from relnav_sim.results.patient_file import PatientFile
 
 # What h5py raises for damaged objects, unknown types and broken text.
 _UNREADABLE = (KeyError, OSError, RuntimeError, TypeError, ValueError)
@@ -53,9 +55,23 @@ def write_dimensions(group: h5py.Group, specs: Iterable[Dataset], **given: Seque
         coordinate.make_scale(name)
 
 
-def create_file(path: Path) -> h5py.File:
-    """Create a file whose object headers carry checksums of their own: damage is then an error, not a crash."""
-    return h5py.File(path, "w", libver=("v108", "v108"))
+@contextmanager
+def create_file(path: Path) -> Iterator[h5py.File]:
+    """Create a file whose object headers carry checksums of their own: damage is then an error, not a crash.
+
+    Raises:
+        OSError: It can't be written.
+    """
+    with open(path, "w+b", buffering=0) as raw:
+        patient = PatientFile(raw)
+        try:
+            with h5py.File(patient, "w", libver=("v108", "v108")) as file:
+                yield file
+        except Exception:
+            # What HDF5 makes of a file that could not be written in full is only a consequence.
+            patient.raise_error()
+            raise
+        patient.raise_error()
 
 
 def open_checked(path: Path, expected: str) -> h5py.File:

@@ -17,10 +17,12 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
-from relnav_sim.models.radar import PolarRadar
+from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.gp import GpOptions
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.simulation import Stretch, stretches
-from relnav_sim.runner.start import starting_belief
+from relnav_sim.runner.start import radar_model, starting_belief
+from relnav_sim.runner.training import training_track
 from relnav_sim.sensors import measurement_model
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.streams import RandomSource
@@ -63,7 +65,7 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     relative: list[Array] = []
     for stretch in stretches(config, source):
         if not tracks:
-            prior = starting_belief(config, _radar(config), stretch, source)
+            prior = starting_belief(config, radar_model(config), stretch, source)
             tracks = [FilterTrack(name, entry, config, prior, source) for name, entry in config.filters.items()]
         for track in tracks:
             track.add(stretch)
@@ -89,13 +91,30 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
 
 
-def create_campaign_filter(entry: FilterEntry, config: CaseConfig) -> Filter:
+def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> Filter:
     """Return the filter of a campaign's entry, with its dynamics and its measurement."""
     orbit = nominal_chief(config.truth)
-    dynamics: Any = entry.dynamics
     measurement = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit)
-    motion = dynamics.build(orbit, entry.process_noise, config.clock.step_s)
-    return filter_kinds()[entry.kind].factory(motion, measurement, entry)
+    if isinstance(entry.dynamics, GpOptions):
+        dynamics: Dynamics = _learned(entry, entry.dynamics, config, seed)
+    else:
+        options: Any = entry.dynamics
+        dynamics = options.build(orbit, entry.process_noise, config.clock.step_s)
+    return filter_kinds()[entry.kind].factory(dynamics, measurement, entry)
+
+
+_LEARNED: dict[tuple[str, str, int], Dynamics] = {}
+"""Dynamics learned in this process, by case, filter and seed: learning takes seconds, and every block needs them."""
+
+
+def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: int) -> Dynamics:
+    case = config.model_copy(update={"filters": {}})
+    key = (case.model_dump_json(), entry.model_dump_json(), seed)
+    if key not in _LEARNED:
+        track = training_track(config, entry, options, seed)
+        orbit = nominal_chief(config.truth)
+        _LEARNED[key] = options.build(orbit, entry.process_noise, config.clock.step_s, track)
+    return _LEARNED[key]
 
 
 class FilterTrack:
@@ -118,7 +137,7 @@ class FilterTrack:
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
-            self._filter = create_campaign_filter(entry, config)
+            self._filter = create_campaign_filter(entry, config, source.seed)
             self._belief = self._filter.start(prior, source)
 
     def add(self, stretch: Stretch) -> None:
@@ -183,14 +202,6 @@ def _explained(failures: Sequence[Failure], runs: Sequence[int], causes: Mapping
     """Return failures with the true cause, by place in the block, where no filter is to blame."""
     reasons = {runs[place]: reason for place, reason in causes.items()}
     return [replace(failure, reason=reasons.get(failure.run, failure.reason)) for failure in failures]
-
-
-def _radar(config: CaseConfig) -> PolarRadar | None:
-    if config.sensors.radar is None:
-        return None
-    radar = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
-    assert isinstance(radar, PolarRadar)
-    return radar
 
 
 def _stored(config: CaseConfig, stretch: Stretch) -> slice:

@@ -43,11 +43,21 @@ def working_folder(out: Path) -> Iterator[Path]:
             raise RefusedError(f"another relnav is at work on {out}; wait for its end, or give another --out") from None
         except OSError:
             pass  # Some network file systems can't lock; the user then sees to it.
-        remove_temporaries(folder)
-        remove_temporaries(out.parent, out.name)
-        yield folder
+        _tidy(out, folder)
+        try:
+            yield folder
+        finally:
+            _tidy(out, folder)
     finally:
         os.close(handle)
+
+
+def _tidy(out: Path, folder: Path) -> None:
+    """Remove what processes that were stopped in the middle of a block have left; none is at work any more."""
+    remove_temporaries(folder)
+    remove_temporaries(out.parent, out.name)
+    for marker in folder.glob("*.busy"):
+        marker.unlink(missing_ok=True)
 
 
 def move_aside(out: Path, say: Callable[[str], None]) -> None:
@@ -79,6 +89,15 @@ def check_same_campaign(out: Path, header: ResultHeader) -> None:
             f"{out} holds results of other settings: {in_words(changed)} differ; give another --out, "
             "or --fresh to move it aside and start over"
         )
+    folder = shard_folder(out)
+    if out.exists() and not any(folder.glob("*.h5")):
+        # Computing everything again would replace a whole result by a part of it if that is interrupted.
+        with open_results(out) as results:
+            if results.runs:
+                raise RefusedError(
+                    f"{out} can't grow, its shards are gone from {folder}; give another --out, "
+                    "or --fresh to move it aside and start over"
+                )
 
 
 def _stored_header(out: Path) -> dict[str, Any] | None:

@@ -43,13 +43,11 @@ def computed(
     suspects: each is computed alone, and cut until the run that kills stands alone; that run is recorded as failed.
 
     Args:
-        blocks: What to compute; no other process may be at work on them.
+        blocks: What to compute; no other process is at work on them and no marker of theirs stands.
         workers: Processes.
         backend: ``loky`` or ``sequential``, in this process.
         timeout_s: Most seconds for a block; one that takes longer is cut until the runs that do stand alone.
     """
-    for block in blocks:
-        block.busy.unlink(missing_ok=True)
     if backend == "sequential":
         for block in blocks:
             yield compute(block, timeout_s)

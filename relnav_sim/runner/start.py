@@ -9,7 +9,9 @@ from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.models.radar import PolarRadar, first_fix
 from relnav_sim.runner.simulation import Stretch
+from relnav_sim.sensors import measurement_model
 from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
 
@@ -41,3 +43,12 @@ def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Stretch
         return Gaussian(first.truth.relative[:, 0] + sigma * source.streams("start").normal(6), covariance)
     state = np.array([*start.position_m, *start.velocity_m_s])
     return Gaussian(np.broadcast_to(state, (B, 6)).copy(), covariance)
+
+
+def radar_model(config: CaseConfig) -> PolarRadar | None:
+    """Return the campaign's radar as filters know it, if there is one."""
+    if config.sensors.radar is None:
+        return None
+    radar = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
+    assert isinstance(radar, PolarRadar)
+    return radar

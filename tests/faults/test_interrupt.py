@@ -34,7 +34,7 @@ def test_ends_within_two_seconds_and_says_how_to_resume(relnav, number, to_all, 
     assert stderr.splitlines()[-1] == f"relnav: interrupted; what is finished is kept, and this continues it: {command}"
     assert "Traceback" not in stderr and "Warning" not in stderr
     assert wait_until(lambda: not members(process.pid), 3), members(process.pid)
-    assert not list(here.out.parent.glob(".*"))
+    assert not list(here.out.parent.rglob(".*"))
     assert not here.out.exists()
 
 

@@ -11,13 +11,15 @@ from relnav_sim.models.kepler import initial_state
 from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.truth.constants import J2, MU_M3_S2, RADIUS_M
 
+NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
+
 
 @dataclass(frozen=True)
 class Scene:
     """A chief's orbit, started with the perigee at 7000 km, and deputies with its period."""
 
     orbit: ChiefOrbit
-    noise: ProcessNoiseOptions = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
+    noise: ProcessNoiseOptions = NOISE
 
     @property
     def period_s(self):
@@ -27,8 +29,10 @@ class Scene:
         """Return relative states (runs, 6) at about that separation, of the chief's energy."""
         rng = np.random.default_rng(seed)
         chief = initial_state(self.orbit)
-        relative = rng.normal(size=(runs, 6)) * np.repeat([1.0, self.orbit.mean_motion_rad_s], 3)
-        relative *= separation_m / np.linalg.norm(relative[:, :3], axis=1)[:, None]
+        relative = rng.normal(size=(2, runs, 3))
+        relative /= np.linalg.norm(relative, axis=2)[..., None]
+        relative *= separation_m * np.array([1.0, 0.5 * self.orbit.mean_motion_rad_s])[:, None, None]
+        relative = np.concatenate([*relative], axis=1)
         deputy = eci_from_rtn(chief, relative)
         speed2 = chief[3:] @ chief[3:] + 2 * MU_M3_S2 * (
             1 / np.linalg.norm(deputy[:, :3], axis=1) - 1 / np.linalg.norm(chief[:3])
@@ -41,8 +45,8 @@ class Scene:
         force = ForceModel(MU_M3_S2, RADIUS_M, zonals=zonals)
         start = initial_state(self.orbit)
         deputy = eci_from_rtn(start, relative, force.normal_acceleration(start))
-        chief = propagate(start[None], times_s, force, rtol=1e-14)
-        deputies = propagate(deputy, times_s, force, rtol=1e-14)
+        chief = propagate(start[None], times_s, force, rtol=1e-13)
+        deputies = propagate(deputy, times_s, force, rtol=1e-13)
         return chief, rtn_from_eci(chief, deputies, force.normal_acceleration(chief))
 
 

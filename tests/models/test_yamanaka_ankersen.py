@@ -22,9 +22,8 @@ def numerical_transition(orbit, start_s, end_s):
         A[3, 0], A[3, 1], A[3, 4] = rate**2 + 2 * k, spin_up, 2 * rate
         A[4, 0], A[4, 1], A[4, 3] = -spin_up, rate**2 - k, -2 * rate
         A[5, 2] = -k
-        return np.concatenate([[rate], (A @ y[1:].reshape(6, 6) / scale).ravel()]) * np.concatenate([[1], scale.repeat(6)])
+        return np.concatenate([[rate], (A @ y[1:].reshape(6, 6)).ravel()])
 
-    scale = np.ones(6)[:, None].ravel()
     y = np.concatenate([[orbit.true_anomaly_rad], np.eye(6).ravel()])
     options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-16}
     if start_s > 0:
@@ -56,11 +55,13 @@ def test_circular_orbit_gives_clohessy_and_wiltshire(scene):
 @pytest.mark.parametrize("i_deg", [0.5, 51.6, 97.6])
 def test_one_period_against_the_truth(scene, e, i_deg):
     s = scene(e, i_deg)
-    step, steps = s.period_s / 600, 600
-    x0 = s.deputies(100.0)
+    step, steps = s.period_s / 300, 300
+    x0 = np.concatenate([s.deputies(100.0), s.deputies(50.0)])
     truth = s.truth(x0, np.arange(steps + 1) * step)[1][:, -1]
     dynamics, x = YamanakaAnkersenOptions().build(s.orbit, s.noise, step), x0
     for k in range(1, steps + 1):
         x = dynamics.propagate(x, Step(k))
-    # Curvature alone: some (100 m)^2 / 7000 km, times what a revolution makes of it.
-    assert np.linalg.norm((x - truth)[:, :3], axis=1).max() < 0.2
+    # What a linear model leaves out is of second order.
+    far, near = np.linalg.norm((x - truth)[:, :3], axis=1).reshape(2, -1)
+    assert far.max() < (0.05 if e < 0.5 else 1.0)
+    np.testing.assert_allclose(far / near, 4, rtol=0.02)

@@ -6,15 +6,17 @@ from small_campaign import TEXT
 from relnav_sim.campaign.load import parse_campaign
 
 
-@pytest.fixture
-def campaign():
-    """Return a maker of the small campaign with overrides and text replacements."""
+@pytest.fixture(scope="session")
+def make_campaign():
+    """Return a maker of the small campaign with overrides."""
 
-    def make(*overrides: str, **replacements: str):
-        text = TEXT
-        for old, new in replacements.items():
-            assert f"{old}:" in text
-            text = text.replace(f"  {old}: ", f"  {new}: ", 1)
-        return parse_campaign(text, overrides)
+    def make(*overrides: str):
+        return parse_campaign(TEXT, overrides)
 
     return make
+
+
+@pytest.fixture
+def campaign(make_campaign):
+    """Return a maker of the small campaign with overrides."""
+    return make_campaign

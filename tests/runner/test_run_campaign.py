@@ -7,7 +7,7 @@ from small_campaign import assert_same_bits, data_of
 from relnav_sim import open_results, run_campaign
 from relnav_sim.filters.kalman import GaussianFilterOptions, KalmanFilter
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.results.block import ResultsError
+from relnav_sim.results.block import RefusedError
 from relnav_sim.results.changes import changed_keys
 
 
@@ -62,6 +62,15 @@ def test_a_torn_or_missing_shard_is_computed_again(campaign, tmp_path, reference
     assert any(str(shards[0]) in sentence and "computing it again" in sentence for sentence in said)
 
 
+def test_a_result_without_its_shards_is_never_written_over(campaign, tmp_path, reference):
+    for shard in (tmp_path / "reference.h5.shards").glob("*.h5"):
+        shard.unlink()
+    before = reference.read_bytes()
+    with pytest.raises(RefusedError, match="its shards are gone"):
+        run_campaign(campaign("runs=7"), reference, backend="sequential")
+    assert reference.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     "change, key",
     [
@@ -73,7 +82,7 @@ def test_a_torn_or_missing_shard_is_computed_again(campaign, tmp_path, reference
 )
 def test_a_changed_campaign_is_refused_with_the_key_named(campaign, tmp_path, reference, change, key):
     before = reference.read_bytes()
-    with pytest.raises(ResultsError, match=key):
+    with pytest.raises(RefusedError, match=key):
         run_campaign(campaign(change), reference, backend="sequential")
     assert reference.read_bytes() == before
 

@@ -1,0 +1,191 @@
+"""What the particle filters share: drawing, predicting, weighing and resampling a cloud."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.cloud import (
+    Cloud,
+    CloudStreams,
+    average,
+    chosen,
+    contracted,
+    kernel_bandwidth,
+    log_likelihood,
+    moments,
+    put,
+    spread,
+    square_root,
+    standard_normals,
+)
+from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
+from relnav_sim.linalg import CholeskyFactor, transpose
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Options
+from relnav_sim.streams import RandomSource, Streams
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+
+class CloudOptions(Options):
+    """Options of every particle filter."""
+
+    particles: int = Field(
+        default=1000,
+        ge=2,
+        le=1_000_000,
+        description="Number of particles N; default 1000, the least that fills six states",
+    )
+    resampling: Resampling = Field(
+        default="systematic",
+        description="Resampling scheme: systematic (one random number, least variance in practice), stratified, or "
+        "residual (sure copies first, the rest multinomial)",
+    )
+    ess_fraction: float = Field(
+        default=0.5,
+        ge=0,
+        le=1,
+        description="Resample when the effective sample size 1 / sum w^2 falls below this fraction of N; default 0.5, "
+        "the usual choice; 1 resamples at every measurement, 0 never",
+    )
+    roughening: float = Field(
+        default=0.0,
+        ge=0,
+        description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "
+        "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean so that the covariance stays (Liu and "
+        "West 2001). Default 0, with which the evidence is unbiased; set 1 where the process noise is too small to "
+        "part copies, as in orbit",
+    )
+
+
+class CloudFilter:
+    """Starting, predicting, weighting and resampling a cloud; `update` is the algorithm's own."""
+
+    stochastic = True
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: CloudOptions) -> None:
+        self.dynamics = dynamics
+        self.measurement = measurement
+        self._particles = options.particles
+        self._resampling = options.resampling
+        self._ess_threshold = options.ess_fraction * options.particles
+        self._bandwidth = options.roughening * kernel_bandwidth(dynamics.dimension, options.particles)
+        if self._bandwidth > 1:
+            raise ValueError(f"roughening must not exceed {options.roughening / self._bandwidth:.3g} with these sizes")
+        self._rooted: tuple[Array, Array] | None = None
+
+    def start(self, prior: Gaussian, source: RandomSource) -> Cloud:
+        """Return particles drawn from the prior."""
+        streams = CloudStreams.of(source, "particle")
+        runs, n = prior.mean.shape
+        noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
+        components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
+        log_weights = np.full((runs, self._particles), -np.log(self._particles))
+        return Cloud(components, log_weights, prior.mean, prior.covariance, np.ones(runs, dtype=bool), streams)
+
+    def predict(self, belief: Cloud, step: Step) -> Cloud:
+        """Return the cloud carried over one step, every particle with its own draw of the process noise."""
+        states, kernel = self._smoothed(belief, step)
+        Q = self.dynamics.process_noise(states, step)
+        if self.dynamics.linear:
+            F = self.dynamics.transition(belief.mean, step)
+            centres = F @ transpose(states)
+            mean = (F @ belief.mean[:, :, None])[:, :, 0]
+            # The kernel and the contraction leave the covariance as it is.
+            covariance = F @ belief.covariance @ transpose(F) + average(Q, belief.weights)
+        else:
+            centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
+            mean, covariance = moments(centres, belief.weights)
+            covariance += average(Q, belief.weights)
+            if kernel is not None:
+                covariance += kernel
+        if kernel is not None:
+            Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
+        root = self._root(Q)
+        noise = standard_normals(belief.streams.noise, root.shape[-1], self._particles)
+        components = spread(root, noise)
+        components += centres
+        parted = np.zeros(len(mean), dtype=bool)
+        cloud = Cloud(components, belief.log_weights, mean, covariance, parted, belief.streams)
+        return replace(cloud, centres=centres, noise=noise, root=root)
+
+    def _smoothed(self, belief: Cloud, step: Step) -> tuple[Array, Array | None]:
+        """Return the particles (runs, N, n), copies drawn to the mean, and the kernel's covariance one step later.
+
+        The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too (the
+        pre-regularised filter of Musso, Oudjane and Le Gland 2001).
+        """
+        if self._bandwidth == 0:
+            return belief.states, None
+        h = np.where(belief.copied, self._bandwidth, 0.0)[:, None, None]
+        components = contracted(belief.components, belief.mean, h)
+        F = self.dynamics.transition(belief.mean, step)
+        return transpose(components), h**2 * (F @ belief.covariance @ transpose(F))
+
+    def _root(self, Q: Array) -> Array:
+        """Return G with G G^T = Q; one that all runs share is kept until it changes."""
+        if Q.ndim > 2:
+            return square_root(Q)
+        if self._rooted is None or not np.array_equal(self._rooted[0], Q):
+            self._rooted = (Q.copy(), square_root(Q))
+        return self._rooted[1]
+
+    def _log_likelihood(self, predicted: Cloud, components: Array, z: Array, step: Step) -> Array:
+        """Return log p(z | x) of particles (runs, n, N): (runs, N); the noise is that at the prediction's mean."""
+        return log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
+
+    def _innovation(self, predicted: Cloud, z: Array, step: Step, evidence: Array, ess: Array) -> Innovation:
+        """Return the record of an update; NIS from the predicted cloud's mean and covariance, h linearised there."""
+        mean, epoch = predicted.mean, step.epoch
+        H = self.measurement.jacobian(mean, epoch)
+        S = H @ predicted.covariance @ transpose(H) + self.measurement.noise(mean, epoch)
+        residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
+        nis = np.square(CholeskyFactor(S).whiten(residual)).sum(axis=-1)
+        return Innovation(nis, evidence, {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)})
+
+    def _resampled_runs(self, ess: Array) -> Rows:
+        return np.flatnonzero(ess < self._ess_threshold)
+
+    def _ancestors(self, cloud: Cloud, rows: Rows) -> Rows:
+        return draw_ancestors(self._resampling, cloud.weights[rows], chosen(cloud.streams.resampling, rows))
+
+    def _settle(self, cloud: Cloud, rows: Rows) -> Cloud:
+        """Return the cloud with equal weights in the resampled runs."""
+        equal = np.full((len(rows), self._particles), -np.log(self._particles))
+        copied = cloud.copied.copy()
+        copied[rows] = True
+        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), copied=copied)
+
+
+def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
+    """Return the reweighted cloud, with its moments; the evidence's logarithm; and the effective sample size.
+
+    The weights' mean increment estimates p(z_k | z_1 ... z_{k-1}); the product over k is unbiased (Del Moral 2004).
+
+    Args:
+        cloud: Particles with the weights they had.
+        log_increments: Logarithm of every particle's new factor, (runs, N).
+    """
+    log_weights = cloud.log_weights + log_increments
+    highest = log_weights.max(axis=-1, keepdims=True)
+    weights = np.exp(log_weights - highest)
+    total = weights.sum(axis=-1, keepdims=True)
+    weights /= total
+    evidence = highest + np.log(total)
+    log_weights -= evidence
+    mean, covariance = moments(cloud.components, weights)
+    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.copied, cloud.streams)
+    return weighted, evidence[:, 0], effective_sample_size(weights)
+
+
+def accept(log_ratio: Array, streams: Streams) -> NDArray[np.bool_]:
+    """Return which Metropolis proposals (runs, N) are accepted, by the logarithm of their ratio."""
+    accepted: NDArray[np.bool_] = np.log1p(-streams.uniform(log_ratio.shape[1])) < log_ratio
+    return accepted
