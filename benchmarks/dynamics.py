@@ -2,9 +2,10 @@
 
 Deputies start at a given separation in random directions with the chief's period; every dynamics predicts one period
 from the true start, with steps of 10 s and no measurement of the deputy. The truth has J2 to J4 and no drag, or
-is a point mass (first panel, without the models that have J2). The perigee is at 7000 km. Errors are the root mean square over the period and twelve
-deputies. "nonlinear_j2, GNSS" takes the chief's orbit from its own GNSS fixes (30 m, 0.15 m/s, every 10 s) that began
-one period earlier; "nonlinear_j2" alone takes the nominal orbit, which is right at the start of the period.
+is a point mass (first panel, without the models that have J2). The perigee is at 7000 km. Errors are the root mean
+square over the period and twelve deputies. "nonlinear_j2, GNSS" takes the chief's orbit from its own GNSS fixes (30 m,
+0.15 m/s, every 10 s) that began one period earlier; "nonlinear_j2" alone takes the nominal orbit, which is right at the
+start of the period.
 
     python benchmarks/dynamics.py
 """
@@ -91,7 +92,8 @@ def errors(e, i_deg, separations_m, zonals):
     """Return the RMS error in m by dynamics, one per separation."""
     rng = np.random.default_rng(1)
     orbit = orbit_of(e, i_deg)
-    states = np.concatenate([deputies(orbit, separation, rng) for separation in separations_m])
+    # The same directions in all cases.
+    states = np.concatenate([deputies(orbit, s, np.random.default_rng(1)) for s in separations_m])
     chief, relative, force = truth(orbit, states, zonals)
     models = {kind: dynamics_kinds()[kind]().build(orbit, NOISE, STEP_S) for kind in KINDS}
     if zonals:

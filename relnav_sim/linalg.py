@@ -173,8 +173,7 @@ def mixture_log_density(residual: Array, weights: Array, covariances: Array, sha
     log_weights = np.log(weights)
     if shared:
         terms = [
-            log_weight + log_density(residual, covariances[..., k, :, :])
-            for k, log_weight in enumerate(log_weights)
+            log_weight + log_density(residual, covariances[..., k, :, :]) for k, log_weight in enumerate(log_weights)
         ]
         return np.logaddexp.reduce(terms, axis=0)
     total = np.zeros(residual.shape[:-1])

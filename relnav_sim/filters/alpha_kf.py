@@ -88,7 +88,7 @@ class AlphaOptions(ImportanceOptions):
     )
 
 
-@register_filter("alpha_kf", AlphaOptions, measurement="cartesian", cost_us=700.0)
+@register_filter("alpha_kf", AlphaOptions, measurement="cartesian", cost_us=500.0)
 class AlphaKalmanFilter(SamplingFilter):
     """Alpha-divergence Kalman filter.
 

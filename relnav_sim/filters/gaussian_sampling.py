@@ -149,17 +149,6 @@ class Linearisation:
         return innovation_of(CholeskyFactor(self.HPH + r_scale * self.R), self.residual)
 
 
-def keep_freed_memory() -> None:
-    """Let the allocator keep what is freed for the next epoch instead of returning it to the kernel.
-
-    glibc returns freed memory above twice the largest block it has seen freed; faulting a few MB in again at every
-    epoch then costs more than the sampling itself (measured: 48 us a run-step instead of 14 with 512 samples and
-    200 runs). Freeing one large block, never touched, raises that bound. Elsewhere it does nothing.
-    """
-    largest_that_counts = 31 << 20  # bytes; glibc's DEFAULT_MMAP_THRESHOLD_MAX is 32 MiB
-    np.empty(largest_that_counts, dtype=np.uint8)
-
-
 class SamplingFilter(GaussianFilter):
     """Prediction, linearisation and fallback of a filter that samples the predicted Gaussian in its update."""
 
@@ -167,7 +156,6 @@ class SamplingFilter(GaussianFilter):
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         super().__init__(dynamics, measurement, options)
-        keep_freed_memory()
         self._observed = observed_states(measurement, dynamics.dimension)
         self._sigma_points = UnscentedKalmanFilter(dynamics, measurement, UnscentedOptions())
 

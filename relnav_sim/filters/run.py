@@ -91,6 +91,7 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
         first_epoch: Number of the stretch's first epoch.
         step_s: Time between epochs, s.
     """
+    _keep_freed_memory()
     B, K, _ = z.shape
     n = filter.dynamics.dimension
     mean, covariance = np.empty((B, K, n)), np.empty((B, K, n, n))
@@ -127,3 +128,14 @@ def _update_present(
         np.where(present, innovation.log_likelihood, 0.0),
         {name: np.where(present, value, np.nan) for name, value in innovation.extras.items()},
     )
+
+
+def _keep_freed_memory() -> None:
+    """Let the allocator keep what is freed for the next epoch instead of returning it to the kernel.
+
+    glibc returns freed memory above twice the largest block it has seen freed; faulting a few MB in again at every
+    epoch then costs more than the sampling itself (measured: 48 us a run-step instead of 14 with 512 samples and
+    200 runs). Freeing one large block, never touched, raises that bound. Elsewhere it does nothing.
+    """
+    largest_that_counts = 31 << 20  # bytes; glibc's DEFAULT_MMAP_THRESHOLD_MAX is 32 MiB
+    np.empty(largest_that_counts, dtype=np.uint8)

@@ -61,9 +61,7 @@ class LinearDynamics:
             if matrix.ndim not in (2, 3) or matrix.shape[-1] != matrix.shape[-2]:
                 raise ValueError(f"{name} has shape {matrix.shape}; it must be (n, n) or (T, n, n)")
         if self._F.shape[-1] != self._Q.shape[-1]:
-            raise ValueError(
-                f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}"
-            )
+            raise ValueError(f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}")
         if not np.allclose(self._Q, self._Q.swapaxes(-1, -2), rtol=1e-10, atol=0.0):
             raise ValueError("process_noise is not symmetric")
         self.dimension = self._F.shape[-1]

@@ -94,9 +94,15 @@ def wrap_angle(angle: Array) -> Array:
 
 
 class MeasurementDefaults:
-    """The parts of a measurement that follow from the others; a measurement may replace any."""
+    """The parts of a measurement that follow from the others; a measurement may replace any.
+
+    Attributes:
+        angles: Components of z that are angles, rad.
+        depends_on: States that z depends on; None: any. Sampling filters draw only those.
+    """
 
     angles: tuple[int, ...] = ()
+    depends_on: tuple[int, ...] | None = None
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""

@@ -14,7 +14,7 @@ from relnav_sim.models.cw import cw_system
 from relnav_sim.models.dynamics import Step
 from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.kepler import initial_state
-from relnav_sim.models.orbit_filter import OrbitFilterOptions
+from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.models.orbit_flow import advance_orbit, orbit_frame
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.models.relative_flow import Division, Leg, divide, flow, flow_jacobian, turning_frame
@@ -41,6 +41,12 @@ class NonlinearJ2Options(Options):
         """Return the dynamics about the nominal orbit; `NonlinearJ2Dynamics.with_chief` puts the estimated one in."""
         Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
         return NonlinearJ2Dynamics(orbit, Q, step_s)
+
+    def follower(
+        self, dynamics: NonlinearJ2Dynamics, orbit: ChiefOrbit, fix_sigmas: Array, step_s: float, runs: int
+    ) -> ChiefFollower:
+        """Return what supplies the dynamics with the chief's orbit from its fixes; arguments as of `OrbitFilter`."""
+        return ChiefFollower(dynamics, OrbitFilter(self.chief_orbit, orbit, fix_sigmas, step_s, runs))
 
 
 class NonlinearJ2Dynamics:
@@ -126,6 +132,28 @@ def chief_leg(chief: Array, division: Division, gravity: Gravity) -> tuple[Leg, 
     end, nodes = advance_orbit(chief, division, gravity)
     _, leave = turning_frame(*orbit_frame(end, gravity))
     return Leg(enter, leave, nodes), end
+
+
+class ChiefFollower:
+    """Keeps dynamics supplied with the chief's estimated orbit, a stretch of epochs at a time.
+
+    Args:
+        dynamics: What to supply.
+        filter: Estimates the chief's orbit; fresh.
+    """
+
+    def __init__(self, dynamics: NonlinearJ2Dynamics, filter: OrbitFilter) -> None:
+        self._dynamics = dynamics
+        self._filter = filter
+        self._before: Array | None = None
+
+    def take(self, fixes: Array, first_epoch: int) -> None:
+        """Take the chief's GNSS fixes of the next stretch, (runs, K, 6), ECI, NaN = none; the first is at epoch 0."""
+        estimates = self._filter.advance(fixes)
+        # The first step of a stretch begins at the last epoch of the one before.
+        known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
+        self._dynamics.follow_chief(known, first_epoch + estimates.shape[1] - known.shape[1])
+        self._before = estimates[:, -1:]
 
 
 class NominalChief:

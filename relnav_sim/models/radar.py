@@ -96,6 +96,8 @@ class PolarRadar(MeasurementDefaults):
         self._radar_from_rtn = rows(mounting @ NADIR_FROM_RTN)
         self._rtn_from_radar = rows((mounting @ NADIR_FROM_RTN).T)
         self._orbit = chief_orbit if carrier == "deputy" else None
+        # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
+        self.depends_on = (0, 1, 2) if self._orbit is None else None
         self._attitude = rows(noise.attitude) if noise.attitude.any() else None
         self._variances = noise.variances.tolist()
         self._weights = noise.weights

@@ -19,11 +19,13 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.gp import GpOptions
+from relnav_sim.models.nonlinear_j2 import ChiefFollower, NonlinearJ2Dynamics, NonlinearJ2Options
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.training import training_track
 from relnav_sim.sensors import measurement_model
+from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
@@ -117,6 +119,21 @@ def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: i
     return _LEARNED[key]
 
 
+def _chief_follower(filter: Filter, entry: FilterEntry, config: CaseConfig, runs: int) -> ChiefFollower | None:
+    """Return what supplies the dynamics with the chief's orbit from its GNSS fixes, where they go by it.
+
+    With the receiver on the deputy, or none, they go by the nominal orbit.
+    """
+    gnss, radar = config.sensors.gnss, config.sensors.radar
+    options, dynamics = entry.dynamics, filter.dynamics
+    if not isinstance(options, NonlinearJ2Options) or not isinstance(dynamics, NonlinearJ2Dynamics):
+        return None
+    if gnss is None or (radar is not None and radar.carrier == "deputy"):
+        return None
+    sigmas = gnss.sigmas * np.sqrt(white_variance(noise_parts(gnss.noise)) or 1.0)
+    return options.follower(dynamics, nominal_chief(config.truth), sigmas, config.clock.step_s, runs)
+
+
 class FilterTrack:
     """A filter on its way through a block: its belief and its statistics so far.
 
@@ -138,6 +155,7 @@ class FilterTrack:
         self._steps = 0
         with self._breaking_alone():
             self._filter = create_campaign_filter(entry, config, source.seed)
+            self._follower = _chief_follower(self._filter, entry, config, len(source.runs))
             self._belief = self._filter.start(prior, source)
 
     def add(self, stretch: Stretch) -> None:
@@ -162,6 +180,8 @@ class FilterTrack:
 
     def _advance(self, stretch: Stretch) -> FilterHistory:
         """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
+        if self._follower is not None:
+            self._follower.take(stretch.z["gnss"], stretch.first_epoch)
         z = stretch.inputs[self._input]
         if stretch.first_epoch > 0:
             self._belief, history = advance(self._filter, self._belief, z, stretch.first_epoch, self._step_s)

@@ -36,7 +36,7 @@ def test_many_samples_make_blocks_short(demo):
     assert blocks_of(demo, sampled, "clock.duration_s=10", "statistics.settle_s=1")[0] == 10
     few = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 100}"]))
     many = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 10000}"]))
-    assert many.cpu_s > 20 * few.cpu_s
+    assert many.cpu_s > 15 * few.cpu_s  # a hundred times the samples; the other filters and the simulation stay
 
 
 def test_the_campaign_may_say_how_many(demo):
@@ -46,5 +46,5 @@ def test_the_campaign_may_say_how_many(demo):
 def test_the_plan_counts_steps(demo):
     plan = plan_campaign(parse_campaign(demo))
     assert plan.filter_steps == 2 * 40 * 600 * 4
-    assert plan.disk_bytes == pytest.approx(2 * 40 * (121 * (3 * 56 + 48) + 3 * 1600))
+    assert plan.disk_bytes == pytest.approx(2 * 40 * (121 * (4 * 56 + 48) + 4 * 1600))
     assert 150e6 < plan.memory_bytes < 1e9

@@ -76,6 +76,23 @@ def test_following_the_chief_stretch_by_stretch(scene):
             assert np.array_equal(dynamics.propagate(x, Step(epoch)), whole.propagate(x, Step(epoch)))
 
 
+def test_follower_supplies_the_estimates(scene):
+    s = scene(0.0)
+    x = s.deputies(12e3, 2)
+    sigmas = np.repeat([30.0, 0.15], 3)
+    chief, _ = s.truth(x, np.arange(9) * 10.0, zonals=(J2,))
+    fixes = chief + np.random.default_rng(0).normal(size=(2, 9, 6)) * sigmas
+    options = NonlinearJ2Options()
+    estimates = OrbitFilter(options.chief_orbit, s.orbit, sigmas, 10.0, 2).advance(fixes)
+    whole = options.build(s.orbit, s.noise, 10.0).with_chief(estimates, 0)
+    dynamics = options.build(s.orbit, s.noise, 10.0)
+    follower = options.follower(dynamics, s.orbit, sigmas, 10.0, 2)
+    for first, last in ((0, 5), (5, 9)):
+        follower.take(fixes[:, first:last], first)
+        for epoch in range(max(first, 1), last):
+            assert np.array_equal(dynamics.propagate(x, Step(epoch)), whole.propagate(x, Step(epoch)))
+
+
 def test_an_epoch_without_the_chief_is_refused(scene):
     s = scene(0.0)
     x = s.deputies(100.0, 2)
