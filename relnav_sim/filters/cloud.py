@@ -155,7 +155,8 @@ def spread(root: Array, noise: Array) -> Array:
         noise: xi, (runs, r, N).
     """
     if root.ndim == 4:
-        return np.einsum("bpij,bjp->bip", root, noise)
+        # The memory order decides in which order later sums are taken, so it must not be left to einsum.
+        return np.einsum("bpij,bjp->bip", root, noise, order="C")
     return root @ noise
 
 

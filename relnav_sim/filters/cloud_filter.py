@@ -139,7 +139,8 @@ class CloudFilter:
 
     def _log_likelihood(self, predicted: Cloud, components: Array, z: Array, step: Step) -> Array:
         """Return log p(z | x) of particles (runs, n, N): (runs, N); the noise is that at the prediction's mean."""
-        return log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
+        score = log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
+        return np.ascontiguousarray(score)
 
     def _innovation(self, predicted: Cloud, z: Array, step: Step, evidence: Array, ess: Array) -> Innovation:
         """Return the record of an update; NIS from the predicted cloud's mean and covariance, h linearised there."""

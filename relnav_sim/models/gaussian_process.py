@@ -139,7 +139,7 @@ class GaussianProcess:
         for run in range(0, runs, runs_at_once):
             for point in range(0, N, _POINTS_AT_ONCE):
                 part = (slice(run, run + runs_at_once), slice(point, point + _POINTS_AT_ONCE))
-                scaled = self.kernel.scaled(points[part])
+                scaled = np.ascontiguousarray(self.kernel.scaled(points[part]))
                 correlation = scaled @ towards
                 correlation += squares
                 correlation += np.einsum("bpd,bpd->bp", scaled, scaled)[..., None]

@@ -120,7 +120,10 @@ class MeasurementDefaults:
         """Return z - predicted with the components in `angles` wrapped."""
         difference = z - predicted
         for component in self.angles:
-            difference[..., component] = wrap_angle(difference[..., component])
+            angle = difference[..., component]
+            # Most differences need no turn, and looking is cheaper than wrapping. NaN compares false, so it wraps.
+            if not np.abs(angle).max(initial=0.0) <= np.pi:
+                difference[..., component] = wrap_angle(angle)
         return difference
 
     def jacobian(self, states: Array, epoch: int) -> Array:
