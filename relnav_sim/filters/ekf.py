@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @register_filter("ekf", GaussianFilterOptions)
 class ExtendedKalmanFilter(GaussianFilter):
-    """Extended Kalman filter: the measurement linearised at the prediction, Joseph's covariance update.
+    """Extended Kalman filter: the measurement linearised at the prediction.
 
     Jazwinski, Stochastic Processes and Filtering Theory, 1970, ch. 8. The cheapest filter for range and angles.
     Trust it when the prior is small against the range; from a poor prior prefer an iterated or sigma-point filter.

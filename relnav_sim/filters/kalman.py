@@ -82,10 +82,12 @@ class GaussianFilter:
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
-    """Return the Kalman update with Joseph's covariance, positive definite however wide the prior.
+    """Return the Kalman update, with a covariance that stays positive definite however wide the prior.
 
-    Bucy and Joseph, Filtering for Stochastic Processes, 1968: P = (I - K H) P (I - K H)^T + K R K^T, multiplied out
-    with M = (I - K H) P, which saves two products of n x n matrices.
+    One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
+    covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
+    where it is a million times as wide get Joseph's form instead (Bucy and Joseph, Filtering for Stochastic Processes,
+    1968). Each run decides for itself.
 
     Args:
         belief: The prediction, mean (runs, n) and covariance (runs, n, n).
@@ -95,16 +97,37 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     """
     # Runs last from here on: every product is then a few elementwise passes over contiguous memory.
     P, H, R, nu = runs_last(belief.covariance), matrices_last(H), matrices_last(R), runs_last(residual)
-    HP, HT = product(H, P), H.swapaxes(0, 1)
-    L = factor(product(HP, HT) + R)
+    HP = product(H, P)
+    S = product(HP, H.swapaxes(0, 1)) + R
+    L = factor(S)
     white = forward(L, np.concatenate([HP, nu[:, None]], axis=1))
-    KT = back(L, white[:, :-1])
+    W, w = white[:, :-1], white[:, -1]
+    WT = W.swapaxes(0, 1)
+    mean = belief.mean + product(WT, w[:, None])[:, 0].T
+    covariance = P - product(WT, W)
+    wide = _is_wide(S, R)
+    if wide.any():
+        covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
+    return Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+
+
+WIDE = 1e6
+"""Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
+
+
+def _is_wide(S: Array, R: Array) -> NDArray[np.bool_]:
+    wide = S[0, 0] > WIDE * R[0, 0]
+    for i in range(1, len(S)):
+        wide = wide | (S[i, i] > WIDE * R[i, i])
+    return wide
+
+
+def _joseph(P: Array, H: Array, R: Array, KT: Array, HP: Array) -> Array:
+    """Return (I - K H) P (I - K H)^T + K R K^T, runs last, multiplied out with M = (I - K H) P."""
     K = KT.swapaxes(0, 1)
     M = P - product(K, HP)
-    P = M + product(product(K, R) - product(M, HT), KT)
-    P = (P + P.swapaxes(0, 1)) / 2
-    mean = belief.mean + product(K, nu[:, None])[:, 0].T
-    return Gaussian(mean, runs_first(P)), innovation_last(L, white[:, -1])
+    P = M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT)
+    return (P + P.swapaxes(0, 1)) / 2
 
 
 def innovation_of(factor: CholeskyFactor, residual: Array) -> Innovation:
