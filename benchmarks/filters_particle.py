@@ -115,8 +115,8 @@ def learned_dynamics(N=1000, runs=4, steps=6):
     for variance in ("exact", "cloud_mean", "inducing"):
         dynamics = learned(variance=variance)
 
-        def predict(dynamics=dynamics, fresh=iter(range(10**6))):
-            states[:, :, 0] += 1e-6 * next(fresh)  # new states: nothing is known about them from the last call
+        def predict(dynamics=dynamics):
+            np.add(states, 1e-6, out=states)  # new states: nothing is known about them from the last call
             dynamics.process_noise(states, Step(1, STEP_S))
             dynamics.propagate(states, Step(1, STEP_S))
 
@@ -140,9 +140,7 @@ def learned_dynamics(N=1000, runs=4, steps=6):
             print(f"  {kind:24s} {best[kind]:8.0f} us per run-step   {best[kind] / prediction:.2f} x the prediction")
         for kind in ("gp_particle", "mf_upf", "gp_ukf"):
             options = {} if kind == "gp_ukf" else {"particles": 300}
-            history = run_filter(
-                create_filter(kind, dynamics, measurement, **options), z, mean0, cov0, step_s=STEP_S
-            )
+            history = run_filter(create_filter(kind, dynamics, measurement, **options), z, mean0, cov0, step_s=STEP_S)
             error = (history.mean - truth[1:])[:, 60:]
             position, velocity = (np.sqrt(np.square(error[..., i : i + 3]).sum(axis=-1).mean()) for i in (0, 3))
             print(f"  {kind:24s} {position:8.4f} m, {velocity:.6f} m/s RMS, 300 particles, after 60 of 120 steps")

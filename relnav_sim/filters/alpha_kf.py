@@ -17,6 +17,7 @@ from relnav_sim.filters.gaussian_sampling import (
     WhitenedPrior,
     fixed_normals,
     fixed_sums,
+    sums_over_samples,
     weighted_sums,
     whitened_prior,
 )
@@ -217,7 +218,7 @@ class AlphaKalmanFilter(SamplingFilter):
         total, first, second = sums
         mean = first / total[:, None]
         covariance = second / total[:, None, None] - mean[:, :, None] * mean[:, None, :]
-        squares = np.einsum("bn,bn->b", w, w) / total**2
+        squares = sums_over_samples(w, w[:, None])[:, 0] / total**2
         return mean, covariance * self._correction(w, total, squares)[:, None, None], 1 / squares
 
     def _correction(self, w: Array, total: Array, squares: Array) -> Array:

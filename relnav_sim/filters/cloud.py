@@ -58,7 +58,8 @@ class Cloud:
         log_weights: Normalised, (runs, N).
         mean: (runs, n).
         covariance: (runs, n, n).
-        copied: Whether the particles are copies of each other that a kernel should part, (runs,).
+        parents: Effective number of particles that these were drawn from since the last prediction, (runs,); infinite
+            where they were not drawn anew.
         streams: Random streams of the runs.
         centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update.
         noise: The standard normal numbers that led from there to the particle, (runs, r, N), likewise.
@@ -69,7 +70,7 @@ class Cloud:
     log_weights: Array
     mean: Array
     covariance: Array
-    copied: NDArray[np.bool_]
+    parents: Array
     streams: CloudStreams
     centres: Array | None = None
     noise: Array | None = None
@@ -197,16 +198,28 @@ def average(matrices: Array, weights: Array) -> Array:
     return np.einsum("bp,bpij->bij", weights, matrices)
 
 
-def contracted(components: Array, mean: Array, h: Array) -> Array:
-    """Return particles (runs, n, N) drawn to their mean (runs, n), which makes room for a kernel of width h.
+def smoothing(parents: Array, bandwidth: float) -> tuple[Array, Array]:
+    """Return how far to draw particles to their mean, and the variance of the kernel to add, as shares (runs, 1, 1).
+
+    Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
+    and, to keep the covariance, k = h^2 (Liu and West 2001). But C is that about the cloud's own mean, too small by 1 /
+    parents, and that mean is itself off by C / parents. Left alone both feed back into every later step and, where there
+    is hardly any process noise, the cloud becomes ever surer of itself; so k = h^2 + (1 + 1/p) / (1 - 1/p) - 1.
 
     Args:
-        components: (runs, n, N).
-        mean: (runs, n).
-        h: In standard deviations of the particles, (runs or 1, 1, 1).
+        parents: p, the effective number of particles that were copied, (runs,); infinite where none were.
+        bandwidth: h, in standard deviations of the cloud.
     """
-    centre = mean[:, :, None]
-    return np.asarray(centre + np.sqrt(1 - h**2) * (components - centre))
+    h = np.where(np.isinf(parents), 0.0, bandwidth)[:, None, None]
+    lost = 1 / np.maximum(parents, 2.0)[:, None, None]
+    return np.sqrt(1 - h**2), h**2 + (1 + lost) / (1 - lost) - 1
+
+
+def contracted(components: Array, mean: Array, share: Array) -> Array:
+    """Return particles (runs, n, N) drawn to their mean (runs, n): m + share (x - m), share (runs, 1, 1)."""
+    drawn = share * components
+    drawn += (1 - share) * mean[:, :, None]
+    return drawn
 
 
 def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:

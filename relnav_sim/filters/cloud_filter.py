@@ -19,6 +19,7 @@ from relnav_sim.filters.cloud import (
     log_likelihood,
     moments,
     put,
+    smoothing,
     spread,
     square_root,
     standard_normals,
@@ -88,46 +89,45 @@ class CloudFilter:
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
         components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
-        return Cloud(components, log_weights, prior.mean, prior.covariance, np.ones(runs, dtype=bool), streams)
+        return Cloud(
+            components, log_weights, prior.mean, prior.covariance, np.full(runs, float(self._particles)), streams
+        )
 
     def predict(self, belief: Cloud, step: Step) -> Cloud:
         """Return the cloud carried over one step, every particle with its own draw of the process noise."""
-        states, kernel = self._smoothed(belief, step)
+        components, share, kernel = belief.components, np.ones((1, 1, 1)), None
+        if self._bandwidth > 0:
+            # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
+            # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
+            share, width = smoothing(belief.parents, self._bandwidth)
+            components = contracted(belief.components, belief.mean, share)
+            kernel = width * self._carried(belief, step)
+        states = transpose(components)
         Q = self.dynamics.process_noise(states, step)
         if self.dynamics.linear:
             F = self.dynamics.transition(belief.mean, step)
-            centres = F @ transpose(states)
+            centres = F @ components
             mean = (F @ belief.mean[:, :, None])[:, :, 0]
-            # The kernel and the contraction leave the covariance as it is.
-            covariance = F @ belief.covariance @ transpose(F) + average(Q, belief.weights)
+            covariance = share**2 * self._carried(belief, step)
         else:
             centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
             mean, covariance = moments(centres, belief.weights)
-            covariance += average(Q, belief.weights)
-            if kernel is not None:
-                covariance += kernel
+        covariance = covariance + average(Q, belief.weights)
         if kernel is not None:
+            covariance += kernel
             Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
         root = self._root(Q)
         noise = standard_normals(belief.streams.noise, root.shape[-1], self._particles)
-        components = spread(root, noise)
-        components += centres
-        parted = np.zeros(len(mean), dtype=bool)
-        cloud = Cloud(components, belief.log_weights, mean, covariance, parted, belief.streams)
+        drawn = spread(root, noise)
+        drawn += centres
+        parents = np.full(len(mean), np.inf)
+        cloud = Cloud(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
         return replace(cloud, centres=centres, noise=noise, root=root)
 
-    def _smoothed(self, belief: Cloud, step: Step) -> tuple[Array, Array | None]:
-        """Return the particles (runs, N, n), copies drawn to the mean, and the kernel's covariance one step later.
-
-        The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too (the
-        pre-regularised filter of Musso, Oudjane and Le Gland 2001).
-        """
-        if self._bandwidth == 0:
-            return belief.states, None
-        h = np.where(belief.copied, self._bandwidth, 0.0)[:, None, None]
-        components = contracted(belief.components, belief.mean, h)
+    def _carried(self, belief: Cloud, step: Step) -> Array:
+        """Return F P F^T."""
         F = self.dynamics.transition(belief.mean, step)
-        return transpose(components), h**2 * (F @ belief.covariance @ transpose(F))
+        return F @ belief.covariance @ transpose(F)
 
     def _root(self, Q: Array) -> Array:
         """Return G with G G^T = Q; one that all runs share is kept until it changes."""
@@ -157,12 +157,10 @@ class CloudFilter:
     def _ancestors(self, cloud: Cloud, rows: Rows) -> Rows:
         return draw_ancestors(self._resampling, cloud.weights[rows], chosen(cloud.streams.resampling, rows))
 
-    def _settle(self, cloud: Cloud, rows: Rows) -> Cloud:
-        """Return the cloud with equal weights in the resampled runs."""
+    def _settle(self, cloud: Cloud, rows: Rows, ess: Array) -> Cloud:
+        """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
-        copied = cloud.copied.copy()
-        copied[rows] = True
-        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), copied=copied)
+        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
 
 
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
@@ -182,7 +180,7 @@ def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
     evidence = highest + np.log(total)
     log_weights -= evidence
     mean, covariance = moments(cloud.components, weights)
-    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.copied, cloud.streams)
+    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.parents, cloud.streams)
     return weighted, evidence[:, 0], effective_sample_size(weights)
 
 

@@ -124,15 +124,25 @@ def fixed_sums(w: Array, dimension: int, samples: int) -> tuple[Array, Array, Ar
     return sums[:, 0], sums[:, 1 : dimension + 1], sums[:, dimension + 1 :].reshape(-1, dimension, dimension)
 
 
+def sums_over_samples(w: Array, e: Array) -> Array:
+    """Return sum_n w_n e_in, (runs, d), of weights (runs, samples) and samples (runs, d, samples).
+
+    A stacked product, because `einsum` cuts sums over more than 8192 numbers where its buffer ends, which depends on
+    how many runs come before.
+    """
+    sums: Array = (e @ w[:, :, None])[..., 0]
+    return sums
+
+
 def weighted_sums(w: Array, e: Array) -> tuple[Array, Array, Array]:
     """Return sum w (runs,), sum w e (runs, d), sum w e e^T (runs, d, d) of samples e (runs, d, N), w (runs, N)."""
     d = e.shape[1]
     products = np.empty((len(w), d, d))
     for i in range(d):
-        row = np.einsum("bn,bjn->bj", w * e[:, i], e[:, : i + 1])
+        row = sums_over_samples(w * e[:, i], e[:, : i + 1])
         products[:, i, : i + 1] = row
         products[:, : i + 1, i] = row
-    return w.sum(axis=1), np.einsum("bn,bin->bi", w, e), products
+    return w.sum(axis=1), sums_over_samples(w, e), products
 
 
 @dataclass(frozen=True)

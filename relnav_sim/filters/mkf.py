@@ -22,4 +22,9 @@ class MomentMatchingFilter(AlphaKalmanFilter):
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImportanceOptions) -> None:
-        super().__init__(dynamics, measurement, AlphaOptions(alpha=1.0, **options.model_dump()))
+        super().__init__(dynamics, measurement, _at_one(options))
+
+
+def _at_one(options: ImportanceOptions) -> AlphaOptions:
+    """Return the options with alpha = 1; a campaign's entry holds keys of its own as well."""
+    return AlphaOptions(alpha=1.0, **{name: getattr(options, name) for name in ImportanceOptions.model_fields})

@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.cloud import Cloud, chosen, contracted, pick, put, spread, square_root, standard_normals
+from relnav_sim.filters.cloud import (
+    Cloud,
+    chosen,
+    contracted,
+    pick,
+    put,
+    smoothing,
+    spread,
+    square_root,
+    standard_normals,
+)
 from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -86,7 +96,7 @@ class ParticleFilter(CloudFilter):
             drawn = stages[rows] == 0
             if self._moves and drawn.any():
                 cloud = self._move(cloud, belief, score, rows[drawn], ancestors[drawn], z, step)
-            cloud = self._settle(cloud, rows)
+            cloud = self._settle(cloud, rows, ess[rows])
         return cloud, innovation
 
     def _approach(self, cloud: Cloud, score: Array, z: Array, step: Step) -> tuple[Cloud, Array, Array, Array]:
@@ -113,14 +123,14 @@ class ParticleFilter(CloudFilter):
                 return cloud, left[:, None] * score, evidence, stages
             power = np.zeros(len(z))
             power[rows] = power_that_leaves_half(cloud.log_weights[rows], score[rows], left[rows])
-            weighted, log_mean, _ = weigh(cloud, power[:, None] * score)
+            weighted, log_mean, ess = weigh(cloud, power[:, None] * score)
             ancestors = self._ancestors(weighted, rows)
-            copies = pick(cloud.components, rows, ancestors)
-            h = np.full((1, 1, 1), self._bandwidth)
-            noise = standard_normals(chosen(cloud.streams.jitter, rows), *copies.shape[1:])
-            jitter = h * spread(square_root(weighted.covariance[rows]), noise)
-            copies = contracted(copies, weighted.mean[rows], h) + jitter
-            cloud = self._settle(replace(cloud, components=put(cloud.components, rows, copies)), rows)
+            share, width = smoothing(ess[rows], self._bandwidth)
+            noise = standard_normals(chosen(cloud.streams.jitter, rows), *cloud.components.shape[1:])
+            jitter = np.sqrt(width) * spread(square_root(weighted.covariance[rows]), noise)
+            copies = contracted(pick(cloud.components, rows, ancestors), weighted.mean[rows], share)
+            cloud = replace(cloud, components=put(cloud.components, rows, copies + jitter))
+            cloud = self._settle(cloud, rows, np.full(len(rows), np.inf))
             score = put(score, rows, self._log_likelihood(predicted, cloud.components, z, step)[rows])
             left -= power
             evidence[rows] += log_mean[rows]

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.cloud import standard_normals
-from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, whitened_prior
+from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, sums_over_samples, whitened_prior
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
@@ -107,8 +107,8 @@ class StochasticSearchFilter(SamplingFilter):
             linear = nu[:, :, None] - H @ y
             # phi = log p(z|x) less its linearised form, the control variate.
             phi = 0.5 * np.einsum("bmn,bmn->bn", linear - sampled, linear + sampled) / self._options.samples
-            first = np.einsum("bn,bin->bi", phi, e)
-            second = np.einsum("bin,bjn->bij", phi[:, None] * e, e) - phi.sum(axis=1)[:, None, None] * np.eye(d)
+            first = sums_over_samples(phi, e)
+            second = (phi[:, None] * e) @ transpose(e) - phi.sum(axis=1)[:, None, None] * np.eye(d)
             move = np.einsum("bij,bj->bi", root, first) + np.einsum(
                 "bij,bj->bi", covariance, score - np.einsum("bij,bj->bi", information, mean)
             )

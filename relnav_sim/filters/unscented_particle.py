@@ -131,7 +131,7 @@ class UnscentedParticleFilter(CloudFilter):
             if self._moves:
                 current = pick(score, rows, ancestors)
                 cloud, accepted[rows] = self._move(cloud, belief, proposal.of(rows, ancestors), current, rows, z, step)
-            cloud = self._settle(cloud, rows)
+            cloud = self._settle(cloud, rows, ess[rows])
         return cloud, replace(innovation, extras={**innovation.extras, "accepted": accepted})
 
     def _propose(self, predicted: Cloud, z: Array, step: Step) -> Proposal:

@@ -24,7 +24,9 @@ def settled_errors(kind, dynamics, **options):
     truth, z, mean0 = radar_track()
     history = run_filter(create_filter(kind, dynamics, MEASUREMENT, **options), z, mean0, COV0, step_s=STEP_S)
     error = (history.mean - truth[1:])[:, SETTLED:]
-    return np.sqrt(np.square(error[..., :3]).sum(axis=-1)).ravel(), np.sqrt(np.square(error[..., 3:]).sum(axis=-1)).ravel()
+    return np.sqrt(np.square(error[..., :3]).sum(axis=-1)).ravel(), np.sqrt(
+        np.square(error[..., 3:]).sum(axis=-1)
+    ).ravel()
 
 
 @pytest.mark.parametrize(

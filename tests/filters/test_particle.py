@@ -105,7 +105,9 @@ def test_square_root_of_every_kind_of_covariance():
     for matrix in (full, deficient, np.diag([0.0, 2.0, 0.0]), np.zeros((2, 2))):
         root = square_root(matrix)
         scale = np.sqrt(np.diag(matrix))
-        np.testing.assert_allclose(root @ root.T, matrix, rtol=0, atol=1e-12 * max(1e-300, np.outer(scale, scale).max()))
+        np.testing.assert_allclose(
+            root @ root.T, matrix, rtol=0, atol=1e-12 * max(1e-300, np.outer(scale, scale).max())
+        )
     particles = rng.standard_normal((2, 5, 4, 4))
     stack = particles @ particles.swapaxes(-1, -2)
     stack[1, 2] = deficient
@@ -292,7 +294,9 @@ def test_process_noise_of_low_rank_draws_as_many_numbers_as_its_rank():
     np.testing.assert_allclose(moved[0], moved[1] / 2, atol=1e-12)
 
 
-@pytest.mark.parametrize("options", [{"particles": 1}, {"resampling": "roulette"}, {"ess_fraction": 1.5}, {"roughening": 9.0}])
+@pytest.mark.parametrize(
+    "options", [{"particles": 1}, {"resampling": "roulette"}, {"ess_fraction": 1.5}, {"roughening": 9.0}]
+)
 def test_wrong_options_are_refused(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         create_filter("particle", DYNAMICS, MEASUREMENT, **options)

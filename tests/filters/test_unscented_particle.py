@@ -80,7 +80,9 @@ def test_each_proposal_is_the_unscented_update_of_its_transition_density():
     posterior, _ = ukf.update(belief, np.repeat(z, 15, axis=0), STEP)
     scale = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(mean / scale, posterior.mean / scale, atol=1e-9)
-    np.testing.assert_allclose(spread / np.outer(scale, scale), posterior.covariance / np.outer(scale, scale), atol=1e-9)
+    np.testing.assert_allclose(
+        spread / np.outer(scale, scale), posterior.covariance / np.outer(scale, scale), atol=1e-9
+    )
 
 
 def test_log_ratio_is_that_of_the_densities():
@@ -157,9 +159,7 @@ def test_evidence_is_unbiased():
 
 def test_moves_leave_the_posterior_as_it_is():
     """On a curved measurement, where the proposals are not exact: against a bootstrap filter of many particles."""
-    measurement = FunctionMeasurement(
-        lambda x, epoch: np.hypot(x[..., :1], x[..., 1:2]), [[0.01]]
-    )
+    measurement = FunctionMeasurement(lambda x, epoch: np.hypot(x[..., :1], x[..., 1:2]), [[0.01]])
     dynamics = LinearDynamics(np.eye(2), np.diag([0.5, 0.3]))
     z = np.full((60, 1, 1), 2.0)
     options = {"particles": 1000, "ess_fraction": 1.0, "roughening": 0.0}

@@ -1,0 +1,19 @@
+"""Every registered filter goes through a campaign: its options arrive, it starts, its results are stored."""
+
+import pytest
+
+from relnav_sim import open_results, run_campaign
+from relnav_sim.filters.registry import filter_kinds
+
+SMALLER = {"samples": 200, "particles": 200}
+
+
+@pytest.mark.parametrize("kind", sorted(name for name in filter_kinds() if not name.startswith("test_")))
+def test_runs_in_a_campaign(campaign, tmp_path, kind):
+    fields = filter_kinds()[kind].options_model.model_fields
+    options = "".join(f", {name}: {value}" for name, value in SMALLER.items() if name in fields)
+    parsed = campaign(f"filters={{this: {{kind: {kind}{options}}}}}", "runs=2", "clock.duration_s=12")
+    out = run_campaign(parsed, tmp_path / "out.h5", backend="sequential")
+    with open_results(out) as results:
+        assert not results.failures()
+        assert (results.statistic(0, "this", "rms") > 0).all()
