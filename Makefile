@@ -35,7 +35,7 @@ bench: setup  ## Measure the published speed figures beside other libraries
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models
-	$(BIN)/relnav schema --out campaigns/schema.json
+	$(BIN)/relnav schema --out campaigns/schema.json --overwrite
 	$(BIN)/python -m relnav_sim.campaign.reference docs/campaign-file.md
 
 clean:  ## Remove the virtual environment and caches, keep results

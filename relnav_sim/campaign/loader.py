@@ -62,9 +62,7 @@ def read_text(content: bytes) -> str:
         ValueError: Too large, another encoding or no text at all; the message is a sentence.
     """
     if len(content) > MOST_BYTES:
-        raise ValueError(
-            f"the file has {len(content) / 1000:.0f} kB; a campaign file has at most {MOST_BYTES // 1000} kB"
-        )
+        raise ValueError(f"the file is larger than the {MOST_BYTES // 1000} kB that a campaign file may have")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or (b"\0" in content[:4] and content[:4].count(0) in (2, 3)):
         raise ValueError("the file is in UTF-16 or UTF-32; save it as UTF-8")
     if b"\0" in content:

@@ -127,7 +127,8 @@ def _expected(detail: ErrorDetails, known: Shape | None) -> list[str]:
         words, key = _BOUNDS[kind]
         return [f"{words} {context[key]:g}"]
     if kind == "literal_error":
-        return [quoted(word) for word in _literals(detail)]
+        # Numbers stand in pydantic's text without quotes.
+        return [quoted(word) for word in _literals(detail)] or [context["expected"]]
     if kind in _LENGTHS:
         node = known.chosen([]).node if known else {}
         least, most = node.get("minItems"), node.get("maxItems")

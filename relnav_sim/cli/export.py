@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.output import new_file
 
 
 class Format(StrEnum):
@@ -31,6 +32,7 @@ def export(
         Part, typer.Option(help="summary: a row for each case, filter and run; series: for each stored epoch too.")
     ] = Part.SUMMARY,
     out: Annotated[Path | None, typer.Option(help="The file.", show_default="beside the result, NAME_PART.csv")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write the numbers of a result to a file that other programs read."""
     from relnav_sim.results import open_results
@@ -39,6 +41,7 @@ def export(
     path = out if out is not None else result.with_name(f"{result.stem}_{part.value}.{to.value}")
     if path.exists() and path.samefile(result):
         raise UserError(f"{path} is the result itself; give another --out")
+    new_file(path, overwrite)
     write = export_series if part is Part.SERIES else export_summary
     with open_results(result) as results:
         write(results, path)

@@ -18,6 +18,8 @@ def new(
     from relnav_sim.campaign.schema import schema_text
     from relnav_sim.campaign.template import template_text
 
+    if file.name in ("", ".", "..") or file.is_dir():
+        raise UserError(f"'{file}' names no file; give one to write, for example my.yaml")
     schema = file.with_name("schema.json")
     try:
         with open(file, "x", encoding="utf-8") as stream:

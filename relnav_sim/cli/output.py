@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import typer
+
+from relnav_sim.cli.failures import UserError
 
 _PIPED_WIDTH = 120
 
@@ -49,3 +52,18 @@ def size_in_words(size: float) -> str:
 def count_in_words(count: int, singular: str, plural: str | None = None) -> str:
     """Return ``1 run`` or ``2 runs``."""
     return f"{count} {singular if count == 1 else plural or singular + 's'}"
+
+
+def new_file(path: Path, overwrite: bool) -> Path:
+    """Return a path that may be written to.
+
+    Raises:
+        UserError: Something stands there already and may not be replaced, or the path names no file.
+    """
+    if path.name in ("", ".", ".."):
+        raise UserError(f"'{path}' names no file")
+    if path.exists() and not path.is_file():
+        raise UserError(f"{path} is no regular file; give another name")
+    if path.exists() and not overwrite:
+        raise UserError(f"{path} exists already; give another name, or --overwrite to replace it")
+    return path

@@ -38,6 +38,8 @@ def report(
     from relnav_sim.report import FORMATS, write_report
 
     path = result if result is not None else newest_result(Path("results"))
+    if path.is_dir():
+        raise UserError(f"'{path}' is no result file; give one, or none for the newest below results/")
     words = [word.strip() for word in formats.split(",") if word.strip()]
     unknown = [word for word in words if word not in FORMATS]
     if unknown or not words:

@@ -66,6 +66,9 @@ def run(
     """
     with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
         _check_options(only, trace, shard, fresh, fail_fast, max_failures)
+        if out is not None and (out.is_dir() or (out.exists() and file.exists() and out.samefile(file))):
+            what = "a directory" if out.is_dir() else "the campaign itself"
+            raise UserError(f"--out {out} is {what}; give the name of a result file")
         part = _part(shard)
         case, number = _case_and_run(only)
 

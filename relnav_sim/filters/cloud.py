@@ -203,8 +203,8 @@ def smoothing(parents: Array, bandwidth: float) -> tuple[Array, Array]:
 
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
     and, to keep the covariance, k = h^2 (Liu and West 2001). But C is that about the cloud's own mean, too small by 1 /
-    parents, and that mean is itself off by C / parents. Left alone both feed back into every later step and, where there
-    is hardly any process noise, the cloud becomes ever surer of itself; so k = h^2 + (1 + 1/p) / (1 - 1/p) - 1.
+    parents, and that mean is itself off by C / parents. Left alone both feed back into every later step and, with
+    hardly any process noise, the cloud becomes ever surer of itself; so k = h^2 + (1 + 1/p) / (1 - 1/p) - 1.
 
     Args:
         parents: p, the effective number of particles that were copied, (runs,); infinite where none were.

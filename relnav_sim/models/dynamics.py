@@ -73,8 +73,17 @@ class LinearDynamics:
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
-        return self._F if self._F.ndim == 2 else self._F[step.epoch]
+        return _of_epoch(self._F, "transition", step)
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q of this epoch, (n, n)."""
-        return self._Q if self._Q.ndim == 2 else self._Q[step.epoch]
+        return _of_epoch(self._Q, "process_noise", step)
+
+
+def _of_epoch(matrices: Array, name: str, step: Step) -> Array:
+    if matrices.ndim == 2:
+        return matrices
+    if step.epoch >= len(matrices):
+        raise ValueError(f"{name} is given for {len(matrices)} epochs, but there is an epoch {step.epoch}")
+    matrix: Array = matrices[step.epoch]
+    return matrix

@@ -266,6 +266,9 @@ def _noise_at(noise: Array | MixtureNoise, epoch: int) -> Array:
         return noise.covariance
     if noise.ndim == 2:
         return noise
+    epochs = noise.shape[0] if noise.ndim == 3 else noise.shape[1]
+    if epoch >= epochs:
+        raise ValueError(f"noise is given for {epochs} epochs, but there is an epoch {epoch}")
     matrix: Array = noise[epoch] if noise.ndim == 3 else noise[:, epoch]
     return matrix
 

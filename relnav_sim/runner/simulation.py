@@ -88,7 +88,12 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
 
     Raises:
         IndexError: There is no such case.
+        ValueError: No runs are asked for.
     """
+    if not 0 <= case < len(campaign.cases):
+        raise IndexError(f"there is no case {case}; the campaign has {len(campaign.cases)}, counted from 0")
+    if not len(runs):
+        raise ValueError("no runs are asked for")
     config = campaign.cases[case].config
     parts = list(stretches(config, RandomSource(campaign.seed, tuple(runs))))
 

@@ -226,3 +226,36 @@ def test_an_interruption_says_how_to_continue(demo, monkeypatch):
 
     monkeypatch.setattr("relnav_sim.runner.run.run_campaign", interrupted)
     assert "the same command continues" in fails(130, "run", demo)
+
+
+class TestNothingIsOverwritten:
+    @pytest.fixture
+    def precious(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        file = Path("precious.yaml")
+        file.write_text("mine\n", encoding="utf-8")
+        return file
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ["schema", "--out", "precious.yaml"],
+            ["schema", "--out", "/dev/null"],
+            ["new", "precious.yaml"],
+            ["new", "."],
+            ["new", ""],
+            ["report", "."],
+            ["report", ""],
+            ["run", "precious.yaml", "--out", "precious.yaml", "--fresh"],
+            ["run", "precious.yaml", "--out", "."],
+        ],
+    )
+    def test_is_refused_in_a_sentence(self, precious, words):
+        done = CliRunner().invoke(app, words)
+        assert done.exit_code == 2
+        assert done.exception is None or isinstance(done.exception, SystemExit)
+        assert precious.read_text(encoding="utf-8") == "mine\n"
+
+    def test_overwrite_says_so(self, precious):
+        assert CliRunner().invoke(app, ["schema", "--out", "precious.yaml", "--overwrite"]).exit_code == 0
+        assert precious.read_text(encoding="utf-8").startswith("{")
