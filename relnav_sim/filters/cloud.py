@@ -202,15 +202,17 @@ def smoothing(parents: Array, bandwidth: float) -> tuple[Array, Array]:
     """Return how far to draw particles to their mean, and the variance of the kernel to add, as shares (runs, 1, 1).
 
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
-    and, to keep the covariance, k = h^2 (Liu and West 2001). But m itself is off by C / p; without room for that a cloud
-    with hardly any process noise becomes ever surer of itself; so k = h^2 + 1 / p.
+    and, to keep the covariance, k = h^2 (Liu and West 2001). But C is that about the cloud's own mean, too small by 1 /
+    parents, and that mean is itself off by C / parents. Left alone both feed back into every later step and, with
+    hardly any process noise, the cloud becomes ever surer of itself; so k = h^2 + (1 + 1/p) / (1 - 1/p) - 1.
 
     Args:
         parents: p, the effective number of particles that were copied, (runs,); infinite where none were.
         bandwidth: h, in standard deviations of the cloud.
     """
     h = np.where(np.isinf(parents), 0.0, bandwidth)[:, None, None]
-    return np.sqrt(1 - h**2), h**2 + 1 / parents[:, None, None]
+    lost = 1 / np.maximum(parents, 2.0)[:, None, None]
+    return np.sqrt(1 - h**2), h**2 + (1 + lost) / (1 - lost) - 1
 
 
 def contracted(components: Array, mean: Array, share: Array) -> Array:

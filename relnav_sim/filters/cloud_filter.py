@@ -84,13 +84,14 @@ class CloudFilter:
 
     def start(self, prior: Gaussian, source: RandomSource) -> Cloud:
         """Return particles drawn from the prior."""
+        streams = CloudStreams.of(source, "particle")
         runs, n = prior.mean.shape
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
         components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
-        parents = np.full(runs, float(self._particles))
-        streams = CloudStreams.of(source, "particle")
-        return Cloud(components, log_weights, prior.mean, prior.covariance, parents, streams)
+        return Cloud(
+            components, log_weights, prior.mean, prior.covariance, np.full(runs, float(self._particles)), streams
+        )
 
     def predict(self, belief: Cloud, step: Step) -> Cloud:
         """Return the cloud carried over one step, every particle with its own draw of the process noise."""
@@ -141,26 +142,14 @@ class CloudFilter:
         score = log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
         return np.ascontiguousarray(score)
 
-    def _record(
-        self, predicted: Cloud, cloud: Cloud, z: Array, step: Step, evidence: Array, ess: Array
-    ) -> tuple[Cloud, Innovation]:
-        """Return the weighed cloud with its final covariance, and the innovation.
-
-        NIS is that of the predicted cloud's mean and covariance, with h linearised there. Weighted particles
-        underestimate the covariance by its 1 / ess part, and by all of it when one has all the weight; the Kalman
-        update of the predicted moments stands in for that part.
-        """
-        mean, P, epoch = predicted.mean, predicted.covariance, step.epoch
+    def _innovation(self, predicted: Cloud, z: Array, step: Step, evidence: Array, ess: Array) -> Innovation:
+        """Return the record of an update; NIS from the predicted cloud's mean and covariance, h linearised there."""
+        mean, epoch = predicted.mean, step.epoch
         H = self.measurement.jacobian(mean, epoch)
-        HP = H @ P
-        S = HP @ transpose(H) + self.measurement.noise(mean, epoch)
+        S = H @ predicted.covariance @ transpose(H) + self.measurement.noise(mean, epoch)
         residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        factor = CholeskyFactor(S)
-        nis = np.square(factor.whiten(residual)).sum(axis=-1)
-        W = factor.whiten_rows(HP)
-        lost = (P - transpose(W) @ W) / ess[:, None, None]
-        extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
-        return replace(cloud, covariance=cloud.covariance + lost), Innovation(nis, evidence, extras)
+        nis = np.square(CholeskyFactor(S).whiten(residual)).sum(axis=-1)
+        return Innovation(nis, evidence, {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)})
 
     def _resampled_runs(self, ess: Array) -> Rows:
         return np.flatnonzero(ess < self._ess_threshold)

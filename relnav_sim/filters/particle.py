@@ -84,7 +84,7 @@ class ParticleFilter(CloudFilter):
         if self._bandwidth > 0:
             approached, log_weights, evidence, stages = self._approach(belief, score, z, step)
         cloud, last, ess = weigh(approached, log_weights)
-        cloud, innovation = self._record(belief, cloud, z, step, evidence + last, ess)
+        innovation = self._innovation(belief, z, step, evidence + last, ess)
         if self._bandwidth > 0:
             innovation = replace(innovation, extras={**innovation.extras, "stages": stages + 1})
         rows = self._resampled_runs(ess)
@@ -127,8 +127,7 @@ class ParticleFilter(CloudFilter):
             ancestors = self._ancestors(weighted, rows)
             share, width = smoothing(ess[rows], self._bandwidth)
             noise = standard_normals(chosen(cloud.streams.jitter, rows), *cloud.components.shape[1:])
-            covariance = weighted.covariance[rows] / (1 - 1 / ess[rows, None, None])
-            jitter = np.sqrt(width) * spread(square_root(covariance), noise)
+            jitter = np.sqrt(width) * spread(square_root(weighted.covariance[rows]), noise)
             copies = contracted(pick(cloud.components, rows, ancestors), weighted.mean[rows], share)
             cloud = replace(cloud, components=put(cloud.components, rows, copies + jitter))
             cloud = self._settle(cloud, rows, np.full(len(rows), np.inf))
