@@ -27,6 +27,7 @@ _HOME = {
     "FilterHistory": "filters.run",
     "smooth": "filters.smoother",
     "SmoothedHistory": "filters.smoother",
+    "fit_gp_dynamics": "models.gp_fit",
     "LinearDynamics": "models.dynamics",
     "LinearMeasurement": "models.measurement",
     "FunctionMeasurement": "models.measurement",

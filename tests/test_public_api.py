@@ -26,6 +26,7 @@ SIGNATURES = {
     "run_filter": ["filter", "z", "mean0", "cov0", "seed", "runs"],
     "register_filter": ["name", "options_model"],
     "smooth": ["history", "dynamics", "step_s"],
+    "fit_gp_dynamics": ["now", "next", "step_s", "base", "target"],
 }
 
 
