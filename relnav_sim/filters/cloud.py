@@ -198,21 +198,22 @@ def average(matrices: Array, weights: Array) -> Array:
     return np.einsum("bp,bpij->bij", weights, matrices)
 
 
-def smoothing(parents: Array, bandwidth: float) -> tuple[Array, Array]:
+def smoothing(parents: Array, bandwidth: float, observed: int) -> tuple[Array, Array]:
     """Return how far to draw particles to their mean, and the variance of the kernel to add, as shares (runs, 1, 1).
 
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
-    and, to keep the covariance, k = h^2 (Liu and West 2001). But C is that about the cloud's own mean, too small by 1 /
-    parents, and that mean is itself off by C / parents. Left alone both feed back into every later step and, with
-    hardly any process noise, the cloud becomes ever surer of itself; so k = h^2 + (1 + 1/p) / (1 - 1/p) - 1.
+    and, to keep the covariance, k = h^2 (Liu and West 2001). But the next update uses the inverse of a covariance that
+    comes from p particles: the inverse of a Wishart matrix, for m_z measured components too large by (m_z + 1) / p in
+    the mean (Furrer and Bengtsson 2007). Where there is hardly any process noise a cloud that does not allow for that
+    becomes ever surer of itself; so k = h^2 + (m_z + 1) / p.
 
     Args:
         parents: p, the effective number of particles that were copied, (runs,); infinite where none were.
         bandwidth: h, in standard deviations of the cloud.
+        observed: m_z, the number of measured components.
     """
     h = np.where(np.isinf(parents), 0.0, bandwidth)[:, None, None]
-    lost = 1 / np.maximum(parents, 2.0)[:, None, None]
-    return np.sqrt(1 - h**2), h**2 + (1 + lost) / (1 - lost) - 1
+    return np.sqrt(1 - h**2), h**2 + (observed + 1) / parents[:, None, None]
 
 
 def contracted(components: Array, mean: Array, share: Array) -> Array:

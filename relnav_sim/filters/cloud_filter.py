@@ -24,8 +24,9 @@ from relnav_sim.filters.cloud import (
     square_root,
     standard_normals,
 )
+from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
-from relnav_sim.linalg import CholeskyFactor, transpose
+from relnav_sim.linalg import transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options
@@ -60,8 +61,9 @@ class CloudOptions(Options):
         default=0.0,
         ge=0,
         description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "
-        "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean so that the covariance stays (Liu and "
-        "West 2001). Default 0, with which the evidence is unbiased; set 1 where the process noise is too small to "
+        "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean, so that the covariance grows by no "
+        "more than so few particles leave uncertain (Liu and West 2001). Default 0, with which the evidence is "
+        "unbiased; set 1 where the process noise is too small to "
         "part copies, as in orbit",
     )
 
@@ -89,9 +91,8 @@ class CloudFilter:
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
         components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
-        return Cloud(
-            components, log_weights, prior.mean, prior.covariance, np.full(runs, float(self._particles)), streams
-        )
+        parents = np.full(runs, float(self._particles))
+        return Cloud(components, log_weights, prior.mean, prior.covariance, parents, streams)
 
     def predict(self, belief: Cloud, step: Step) -> Cloud:
         """Return the cloud carried over one step, every particle with its own draw of the process noise."""
@@ -99,7 +100,7 @@ class CloudFilter:
         if self._bandwidth > 0:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
             # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
-            share, width = smoothing(belief.parents, self._bandwidth)
+            share, width = smoothing(belief.parents, self._bandwidth, self.measurement.dimension)
             components = contracted(belief.components, belief.mean, share)
             kernel = width * self._carried(belief, step)
         states = transpose(components)
@@ -142,14 +143,22 @@ class CloudFilter:
         score = log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
         return np.ascontiguousarray(score)
 
-    def _innovation(self, predicted: Cloud, z: Array, step: Step, evidence: Array, ess: Array) -> Innovation:
-        """Return the record of an update; NIS from the predicted cloud's mean and covariance, h linearised there."""
+    def _record(
+        self, predicted: Cloud, cloud: Cloud, z: Array, step: Step, evidence: Array, ess: Array
+    ) -> tuple[Cloud, Innovation]:
+        """Return the weighed cloud with its final covariance, and the innovation.
+
+        NIS is that of the predicted cloud's mean and covariance, with h linearised there. Weighted particles
+        underestimate the covariance by its 1 / ess part, and by all of it where one has all the weight; the Kalman
+        update of the predicted moments stands in for that part.
+        """
         mean, epoch = predicted.mean, step.epoch
-        H = self.measurement.jacobian(mean, epoch)
-        S = H @ predicted.covariance @ transpose(H) + self.measurement.noise(mean, epoch)
         residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        nis = np.square(CholeskyFactor(S).whiten(residual)).sum(axis=-1)
-        return Innovation(nis, evidence, {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)})
+        H, R = self.measurement.jacobian(mean, epoch), self.measurement.noise(mean, epoch)
+        kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
+        extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
+        covariance = cloud.covariance + kalman.covariance / ess[:, None, None]
+        return replace(cloud, covariance=covariance), Innovation(innovation.nis, evidence, extras)
 
     def _resampled_runs(self, ess: Array) -> Rows:
         return np.flatnonzero(ess < self._ess_threshold)

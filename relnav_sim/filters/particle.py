@@ -84,7 +84,7 @@ class ParticleFilter(CloudFilter):
         if self._bandwidth > 0:
             approached, log_weights, evidence, stages = self._approach(belief, score, z, step)
         cloud, last, ess = weigh(approached, log_weights)
-        innovation = self._innovation(belief, z, step, evidence + last, ess)
+        cloud, innovation = self._record(belief, cloud, z, step, evidence + last, ess)
         if self._bandwidth > 0:
             innovation = replace(innovation, extras={**innovation.extras, "stages": stages + 1})
         rows = self._resampled_runs(ess)
@@ -125,9 +125,10 @@ class ParticleFilter(CloudFilter):
             power[rows] = power_that_leaves_half(cloud.log_weights[rows], score[rows], left[rows])
             weighted, log_mean, ess = weigh(cloud, power[:, None] * score)
             ancestors = self._ancestors(weighted, rows)
-            share, width = smoothing(ess[rows], self._bandwidth)
+            share, width = smoothing(ess[rows], self._bandwidth, self.measurement.dimension)
             noise = standard_normals(chosen(cloud.streams.jitter, rows), *cloud.components.shape[1:])
-            jitter = np.sqrt(width) * spread(square_root(weighted.covariance[rows]), noise)
+            covariance = weighted.covariance[rows] / (1 - 1 / ess[rows, None, None])
+            jitter = np.sqrt(width) * spread(square_root(covariance), noise)
             copies = contracted(pick(cloud.components, rows, ancestors), weighted.mean[rows], share)
             cloud = replace(cloud, components=put(cloud.components, rows, copies + jitter))
             cloud = self._settle(cloud, rows, np.full(len(rows), np.inf))

@@ -121,7 +121,7 @@ class UnscentedParticleFilter(CloudFilter):
         components, log_ratio = proposal.draw(belief.noise)
         score = self._log_likelihood(belief, components, z, step) + log_ratio
         cloud, evidence, ess = weigh(replace(belief, components=components), score)
-        innovation = self._innovation(belief, z, step, evidence, ess)
+        cloud, innovation = self._record(belief, cloud, z, step, evidence, ess)
         accepted = np.full(len(z), np.nan)
         rows = self._resampled_runs(ess)
         if len(rows):

@@ -167,8 +167,10 @@ def test_one_step_against_a_plain_loop():
         mean = sum(w * x for w, x in zip(weights, predicted.states[run], strict=True))
         offsets = predicted.states[run] - mean
         np.testing.assert_allclose(posterior.mean[run], mean)
-        expected = sum(w * np.outer(d, d) for w, d in zip(weights, offsets, strict=True))
-        np.testing.assert_allclose(posterior.covariance[run], expected, atol=1e-15)
+        scatter = sum(w * np.outer(d, d) for w, d in zip(weights, offsets, strict=True))
+        P = F @ P0 @ F.T + Q
+        kalman = P - P @ H.T @ np.linalg.inv(H @ P @ H.T + R) @ H @ P
+        np.testing.assert_allclose(posterior.covariance[run], scatter + np.square(weights).sum() * kalman, atol=1e-12)
         np.testing.assert_allclose(innovation.log_likelihood[run], np.log(np.mean(likelihood)))
         np.testing.assert_allclose(innovation.extras["ess"][run], 1 / np.square(weights).sum())
 
