@@ -49,6 +49,7 @@ class FilterResult:
         sigma: Standard deviations that the filter states, (runs, times, 6).
         nis: Normalised innovation squared, (runs, times); NaN without a measurement.
         nees: Normalised estimation error squared, (runs, times).
+        diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
     """
 
     summary: Mapping[str, Array]
@@ -56,6 +57,7 @@ class FilterResult:
     sigma: Array
     nis: Array
     nees: Array
+    diagnostics: Mapping[str, Array] = field(default_factory=dict)
 
     def arrays(self) -> dict[str, Array]:
         """Return every array by its name in the layout, in the layout's order and type.
@@ -77,11 +79,23 @@ class FilterResult:
                 arrays[spec.name] = np.ascontiguousarray(array, dtype=spec.dtype)
         return arrays
 
+    def diagnostics_of(self, names: Sequence[str]) -> Array:
+        """Return the diagnostics of these names (runs, names); NaN where the filter did not report one."""
+        absent = np.full(len(self.nis), np.nan)
+        columns = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in names]
+        return np.stack(columns, axis=1) if columns else np.empty((len(self.nis), 0))
+
     @staticmethod
-    def of_arrays(arrays: Mapping[str, Array]) -> FilterResult:
-        """Return the result made of arrays by their names in the layout."""
+    def of_arrays(arrays: Mapping[str, Array], diagnostics: Sequence[str] = ()) -> FilterResult:
+        """Return the result made of arrays by their names in the layout.
+
+        Args:
+            arrays: The arrays.
+            diagnostics: Names of the columns of the array ``diagnostics``, which is there if there are any.
+        """
         series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
-        return FilterResult({spec.name: arrays[spec.name] for spec in layout.SUMMARY}, **series)
+        found = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(diagnostics)}
+        return FilterResult({spec.name: arrays[spec.name] for spec in layout.SUMMARY}, **series, diagnostics=found)
 
     @staticmethod
     def all_failed(runs: int, times: int) -> FilterResult:

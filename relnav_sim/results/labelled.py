@@ -33,7 +33,8 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
         nodes[name] = _dataset(path, case, (layout.TRUTH,) if "failures" in store.names(case) else ())
         for child in [child for child in store.names(case) if case.get(child, getclass=True) is h5py.Group]:
             group = store.subgroup(case, child)
-            nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else layout.FILTER)
+            specs = layout.stored(layout.DIAGNOSTICS.name in store.names(group))
+            nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
     return xarray.DataTree.from_dict(nodes)
 
 

@@ -22,6 +22,7 @@ BLOCKS = ("full", "position", "velocity")
 BLOCK_SIZES = (6, 3, 3)
 LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
 PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
+THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
@@ -83,6 +84,8 @@ DIMENSIONS = {
         Dimension("block", "str", "", "part of the state that is tested against its covariance", BLOCKS),
         Dimension("level", "<f8", "1", "probability that the error ellipsoid should hold", LEVELS),
         Dimension("probability", "<f8", "1", "probability of the quantile", PROBABILITIES),
+        Dimension("threshold", "<f8", "m", "position error that a run has to stay below", THRESHOLDS_M),
+        Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
@@ -127,6 +130,10 @@ SUMMARY = (
         "share of epochs with the error inside the ellipsoid of this probability", "{span}{block}coverage_{level}",
     ),
     Dataset(
+        "outside_late", ("run",), _F8, "1",
+        "share of the epochs in the last half of the run with e^T P^-1 e beyond its 0.9999 quantile", "outside_late",
+    ),
+    Dataset(
         "nis_mean", _PER_SPAN, _F8, "1",
         "mean over updates of the normalised innovation squared; the measurement's dimension when consistent",
         "{span}nis_mean",
@@ -155,6 +162,11 @@ SUMMARY = (
         "convergence_final_s",
     ),
     Dataset(
+        "convergence_level", ("run", "threshold"), _F8, "s",
+        "first time from which |position error| stays below the threshold for convergence_hold_s; NaN: never",
+        "convergence_{threshold}_s",
+    ),
+    Dataset(
         "cpu_per_step", ("run",), _F8, "us", "CPU time of the filter per run and epoch, mean of its block",
         "cpu_us_per_step", timing=True,
     ),
@@ -172,6 +184,13 @@ SERIES = (
     Dataset("nis", ("run", "time"), _F4, "1", "normalised innovation squared; NaN: no measurement"),
     Dataset("nees", ("run", "time"), _F4, "1", "normalised estimation error squared e^T P^-1 e, 6 components"),
 )  # fmt: skip
+
+DIAGNOSTICS = Dataset(
+    "diagnostics", ("run", "diagnostic"), _F8, "1",
+    "mean over updates of a number that the filter reports of its own working; of a flag, the share of updates; "
+    "NaN: never reported",
+)  # fmt: skip
+"""Beside the other statistics, and only where the filter reports any: which ones is the filter's affair."""
 
 TRUTH = Dataset(
     "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
@@ -195,6 +214,7 @@ _LABELS = {
     "norm": NORMS,
     "block": ("", "position_", "velocity_"),
     "level": ("50", "90", "95", "99", "9999"),
+    "threshold": tuple(f"{threshold:g}m" for threshold in THRESHOLDS_M),
     "probability": ("median", "p95", "p99", "p997"),
 }
 
@@ -202,6 +222,11 @@ _LABELS = {
 def case_group(index: int) -> str:
     """Return the name of a case's group."""
     return f"case_{index:03d}"
+
+
+def stored(diagnostics: bool) -> tuple[Dataset, ...]:
+    """Return the datasets of a filter's group; its diagnostics are there only where it reports any."""
+    return (*FILTER, DIAGNOSTICS) if diagnostics else FILTER
 
 
 def quantity_unit(quantity: str) -> str:

@@ -112,6 +112,9 @@ class _CaseWriter:
             name: sorted({run for s in shards if name in s.filters for run in s.runs if run < runs})
             for name in case.filters
         }
+        self.diagnostics = {
+            name: sorted({found for s in shards for found in s.diagnostics.get(name, ())}) for name in case.filters
+        }
         self.order = {name: i for i, name in enumerate(case.filters)}
         self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
         self.failures: dict[tuple[int, str], frozenset[Failure]] = {}
@@ -147,9 +150,11 @@ class _CaseWriter:
                 continue
             group = self.group.create_group(name)
             group.attrs.update({"case": self.case.label, "filter": name})
-            store.write_dimensions(group, layout.FILTER, run=runs, time=time_s)
-            lengths = layout.sizes(len(runs), len(time_s))
-            for spec in layout.FILTER:
+            reported = self.diagnostics[name]
+            specs = layout.stored(bool(reported))
+            store.write_dimensions(group, specs, run=runs, time=time_s, diagnostic=reported)
+            lengths = layout.sizes(len(runs), len(time_s)) | {"diagnostic": len(reported)}
+            for spec in specs:
                 store.create(group, spec, layout.shape(spec, lengths))
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:
@@ -158,11 +163,14 @@ class _CaseWriter:
         owners = self.trajectories if block.shared_truth else block.runs
         _fill_rows(self.group, (layout.TRUTH,), truth, owners, self.trajectories, self.truth_done, f"{where}, truth")
         for name in info.filters:
-            arrays = block.filters[name].arrays()
+            result = block.filters[name]
+            reported = self.diagnostics[name]
+            arrays = result.arrays() | {layout.DIAGNOSTICS.name: result.diagnostics_of(reported)}
             rows, done = self.rows[name], self.done[name]
             if rows:
                 group = self.group[name]
-                _fill_rows(group, layout.FILTER, arrays, block.runs, rows, done, f"{where}, filter {name}")
+                specs = layout.stored(bool(reported))
+                _fill_rows(group, specs, arrays, block.runs, rows, done, f"{where}, filter {name}")
             self._fail(info, block, name)
 
     def _fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import Failure, ResultsError
 from relnav_sim.results.header import read_header
-from relnav_sim.results.pieces import read_failures
+from relnav_sim.results.pieces import diagnostic_names, read_failures
 
 if TYPE_CHECKING:
     import xarray
@@ -179,6 +179,22 @@ class Results:
         if name not in specs:
             raise ResultsError(f"no statistic {name!r}; there are {', '.join(specs)}")
         return self._filter_data(self._check(case, filter), filter, specs[name])
+
+    def diagnostics(self, case: int | str, filter: str) -> dict[str, Array]:
+        """Return what a filter reports of its own working, by name: mean over updates of each run (runs,).
+
+        For example ``rejected`` (share of measurements that the gate refused), ``ess`` or ``alpha``; empty where the
+        filter reports nothing. NaN: never reported in that run.
+        """
+        index = self._check(case, filter)
+        group = self._case(index)
+        if filter not in store.names(group):
+            raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
+        names = diagnostic_names(store.subgroup(group, filter))
+        if not names:
+            return {}
+        stored = self._filter_data(index, filter, layout.DIAGNOSTICS)
+        return {name: stored[:, i] for i, name in enumerate(names)}
 
     def time_s(self, case: int | str) -> Array:
         """Return the stored epochs of a case, (K,), s."""

@@ -168,7 +168,9 @@ class FilterTrack:
             self._cpu_s += time.process_time() - begin
             self._steps += history.nis.size
             error = history.mean - stretch.truth.relative
-            self._errors.add(stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood)
+            self._errors.add(
+                stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood, history.extras
+            )
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -193,7 +195,7 @@ class FilterTrack:
             np.concatenate([self._prior.covariance[:, None], history.covariance], axis=1),
             np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
             np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
-            {},
+            {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
         )
 
     def result(self) -> FilterResult:

@@ -64,6 +64,11 @@ class Convergence:
         first = self._first((self._counts * higher).sum(axis=1))
         return np.where(np.isnan(thresholds), np.nan, first)
 
+    def below_edge(self, threshold: float) -> Array:
+        """Return the first epoch, from 1, that has converged for a threshold that is the edge of a bin; NaN: none."""
+        first = int(bin_of(np.array([threshold]))[0])
+        return self._first(self._counts[:, first:].sum(axis=1))
+
     def below_to_the_end(self) -> Array:
         """Return the first epoch, from 1, from which the error stays below the threshold; NaN: none."""
         return np.where(self._last_above < self._epochs, self._last_above + 1.0, np.nan)

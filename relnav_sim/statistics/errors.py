@@ -6,7 +6,7 @@ as long as the stretches of epochs are the same.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,6 +58,11 @@ class ScoringRules:
         """The first epoch with t >= settle_s (up to rounding of the division), and never the start."""
         return max(1, int(np.ceil(self.settle_s / self.step_s - 1e-9)))
 
+    @property
+    def late_epoch(self) -> int:
+        """The first epoch of the run's last half."""
+        return self.epochs // 2
+
 
 @dataclass(frozen=True)
 class _SpanSums:
@@ -93,6 +98,8 @@ class ErrorAccumulator:
             np.zeros(runs),
         )
         self._spans = {"early": empty, "settled": empty}
+        self._late = np.zeros((2, runs), dtype=np.int64)
+        self._extras: dict[str, Array] = {}
         hold_epochs = max(0, int(np.ceil(rules.convergence_hold_s / rules.step_s - 1e-9)))
         self._convergence = Convergence(runs, rules.convergence_m, hold_epochs)
         lengths = layout.sizes(runs, len(rules.stored_s))
@@ -105,7 +112,15 @@ class ErrorAccumulator:
         """The first epoch of each run that failed so far (runs,); -1: none."""
         return np.where(self._failed_epoch == _NEVER, -1, self._failed_epoch)
 
-    def add(self, times_s: Array, error: Array, covariance: Array, nis: Array, log_likelihood: Array) -> None:
+    def add(
+        self,
+        times_s: Array,
+        error: Array,
+        covariance: Array,
+        nis: Array,
+        log_likelihood: Array,
+        extras: Mapping[str, Array] | None = None,
+    ) -> None:
         """Count the next stretch of epochs. The start (epoch 0) may be given; it is stored but not counted.
 
         Args:
@@ -114,6 +129,7 @@ class ErrorAccumulator:
             covariance: What the filter states, (runs, K, 6, 6).
             nis: Normalised innovation squared (runs, K); NaN without a measurement.
             log_likelihood: Log likelihood of the measurement (runs, K); 0 without one.
+            extras: Further numbers of the filter by name (runs, K); NaN where there is none.
 
         Raises:
             ValueError: The stretch does not continue the last one, or shapes do not fit.
@@ -128,6 +144,13 @@ class ErrorAccumulator:
         epochs = np.arange(first, first + shape[1])
         sound = epochs < self._failed_epoch[:, None]
         self._store(epochs, error, covariance, nis, nees[0], sound)
+        late = sound & (epochs >= self.rules.late_epoch)
+        self._late = self._late + np.stack([late.sum(axis=1), (late & ~(nees[0] <= self._limits[0, -1])).sum(axis=1)])
+        for name, values in (extras or {}).items():
+            counted = sound & np.isfinite(values)
+            total = np.where(counted, values, 0.0).sum(axis=1)
+            before = self._extras.get(name, np.zeros((2, self._runs)))
+            self._extras[name] = before + np.stack([counted.sum(axis=1), total])
         start = 1 if first == 0 else 0
         border = min(max(self.rules.settled_epoch - first, start), shape[1])
         components = np.empty((len(layout.QUANTITIES), *shape))
@@ -169,9 +192,14 @@ class ErrorAccumulator:
             "convergence": self._convergence.below_threshold() * step_s,
             "convergence_relative": self._convergence.below(threshold) * step_s,
             "convergence_final": self._convergence.below_to_the_end() * step_s,
+            "convergence_level": np.stack(
+                [self._convergence.below_edge(threshold) * step_s for threshold in layout.THRESHOLDS_M], axis=1
+            ),
+            "outside_late": _share(self._late[1], self._late[0]),
             "cpu_per_step": np.full(self._runs, cpu_us_per_step),
         }
-        return FilterResult(summary, **self._series)
+        diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
+        return FilterResult(summary, **self._series, diagnostics=diagnostics)
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
         runs, K = self._runs, len(times_s)
@@ -223,6 +251,10 @@ class ErrorAccumulator:
             consistency.nis_sums(nis, sound),
             np.where(sound, log_likelihood, 0.0).sum(axis=-1),
         )
+
+
+def _share(part: NDArray[Any], count: NDArray[Any]) -> Array:
+    return np.where(count > 0, part / np.maximum(count, 1), np.nan)
 
 
 def _norm(vector: Array) -> Array:

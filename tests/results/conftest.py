@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
@@ -33,7 +34,11 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
             arrays[spec.name] = numbers.astype(spec.dtype)
         arrays["nis"][:, 0] = np.nan
         parts.append(arrays)
-    return FilterResult.of_arrays({key: np.concatenate([p[key] for p in parts]) for key in parts[0]})
+    one = FilterResult.of_arrays({key: np.concatenate([p[key] for p in parts]) for key in parts[0]})
+    # The alpha filter reports no `rejected` in runs from 3 on, as one whose blocks had no measurement would.
+    numbers = {key: np.array([10.0 * case + run + len(key) for run in runs]) for key in ("rejected", "ess")}
+    numbers["ess" if name == "ekf" else "rejected"][[name == "ekf" or run >= 3 for run in runs]] = np.nan
+    return replace(one, diagnostics={key: row for key, row in numbers.items() if not np.isnan(row).all()})
 
 
 def block(case: int, runs: Sequence[int], filters: Sequence[str] = FILTERS, shared: bool = False) -> BlockResult:

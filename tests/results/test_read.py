@@ -59,6 +59,15 @@ def test_series_and_summary_give_back_the_blocks(result: Path, make_block) -> No
                 assert (series.case, series.filter, series.run) == (label, name, 3)
 
 
+def test_diagnostics(result: Path) -> None:
+    with open_results(result) as results:
+        ekf, alpha = results.diagnostics(1, "ekf"), results.diagnostics(1, "alpha_0.5")
+    assert ekf.keys() == {"rejected"} and alpha.keys() == {"ess", "rejected"}
+    assert ekf["rejected"].tolist() == [18, 19, 20, 21, 22]
+    np.testing.assert_array_equal(alpha["rejected"], [18, 19, 20, np.nan, np.nan])
+    assert alpha["ess"].tolist() == [13, 14, 15, 16, 17]
+
+
 def test_questions_without_an_answer(result: Path) -> None:
     with open_results(result) as results:
         with pytest.raises(ResultsError, match="no case 'nope'; there are 'scale=1', 'scale=2'"):

@@ -52,6 +52,8 @@ def data_of(path: Path) -> dict[tuple, np.ndarray]:
                 for spec in layout.SUMMARY:
                     if not spec.timing:
                         found[case.id, name, spec.name] = results.statistic(index, name, spec.name)
+                for key, values in results.diagnostics(index, name).items():
+                    found[case.id, name, f"diagnostic {key}"] = values
                 for series in ("error", "sigma", "nis", "nees"):
                     found[case.id, name, series] = np.asarray(getattr(results, series)(index, name))
         found["failures"] = np.array([str(failure) for failure in results.failures()])

@@ -49,7 +49,8 @@ def accumulate(estimates: Estimates, rules: ScoringRules, stretch: int = 64) -> 
     for start in range(0, epochs, stretch):
         part = estimates.part(slice(None), slice(start, start + stretch))
         times = rules.step_s * (1 + start + np.arange(part.nis.shape[1]))
-        accumulator.add(times, part.error, part.covariance, part.nis, part.log_likelihood)
+        extras = {"rejected": np.where(np.isnan(part.nis), np.nan, part.nis > 5), "nis": part.nis}
+        accumulator.add(times, part.error, part.covariance, part.nis, part.log_likelihood, extras)
     return accumulator
 
 
@@ -72,5 +73,8 @@ def same_bits():
     def check(a: FilterResult, b: FilterResult) -> None:
         for (name, left), right in zip(a.arrays().items(), b.arrays().values(), strict=True):
             assert left.tobytes() == right.tobytes(), name
+        assert a.diagnostics.keys() == b.diagnostics.keys()
+        for name, left in a.diagnostics.items():
+            assert left.tobytes() == b.diagnostics[name].tobytes(), name
 
     return check

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import Convergence
 
 
@@ -31,6 +32,8 @@ def test_against_a_search(hold: int, stretch: int) -> None:
     above_it = np.array([_search(row, t * 33 / 32, hold) for row, t in zip(r, thresholds, strict=True)])
     late, early = np.nan_to_num(at_threshold, nan=1e9), np.nan_to_num(above_it, nan=1e9)
     assert ((early <= np.nan_to_num(found, nan=1e9)) & (np.nan_to_num(found, nan=1e9) <= late)).all()
+    for edge in layout.THRESHOLDS_M:  # every one the edge of a bin: no rounding
+        np.testing.assert_array_equal(streaming.below_edge(edge), [_search(row, edge, hold) for row in r])
     last = [np.flatnonzero(row >= 2.0)[-1] if (row >= 2.0).any() else -1 for row in r]
     wanted = [np.nan if k == 199 else k + 2.0 for k in last]
     np.testing.assert_array_equal(streaming.below_to_the_end(), wanted)

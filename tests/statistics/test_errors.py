@@ -102,13 +102,39 @@ def test_any_split_of_the_runs_gives_the_same_bits(draw_estimates, accumulated, 
         one.error[3, 140, 2] = np.nan
         one.covariance[4, 20] -= 100 * np.eye(6)
     stretch = data.draw(st.sampled_from([17, 128, 300]))
-    whole = accumulated(one, RULES, stretch).result().arrays()
+    whole = _everything(accumulated(one, RULES, stretch).result())
     cuts = sorted(data.draw(st.sets(st.integers(1, runs - 1))))
     blocks = [list(range(a, b)) for a, b in zip([0, *cuts], [*cuts, runs], strict=True)]
     for block in [*blocks, *[[run] for run in range(runs)]]:
-        part = accumulated(one.part(block), RULES, stretch).result().arrays()
+        part = _everything(accumulated(one.part(block), RULES, stretch).result())
+        assert part.keys() == whole.keys()
         for name, array in part.items():
             assert array.tobytes() == np.ascontiguousarray(whole[name][block]).tobytes(), (name, block)
+
+
+def _everything(result):
+    return result.arrays() | dict(result.diagnostics)
+
+
+def test_diagnostics_are_means_over_updates(draw_estimates, accumulated) -> None:
+    one = draw_estimates(4, EPOCHS - 1)
+    one.nis[3] = np.nan
+    result = accumulated(one, RULES, 64).result()
+    assert set(result.diagnostics) == {"rejected", "nis"}
+    known = one.nis[:3, [k for k in range(EPOCHS - 1) if k % 3 != 2]]
+    np.testing.assert_array_equal(result.diagnostics["rejected"][:3], (known > 5).mean(axis=1))
+    np.testing.assert_allclose(result.diagnostics["nis"], result.summary["nis_mean"][:, 0], rtol=1e-12)
+    assert np.isnan(result.diagnostics["rejected"][3])
+
+
+def test_the_last_half_outside_the_widest_ellipsoid(draw_estimates, accumulated) -> None:
+    one = draw_estimates(3, EPOCHS - 1)
+    one.error[1, 200:] *= 100
+    one.error[2, :100] *= 100
+    outside = accumulated(one, RULES, 64).result().summary["outside_late"]
+    late = EPOCHS - EPOCHS // 2  # epochs from the middle on; those from 201 are outside
+    assert outside[0] <= 2 / late and outside[2] <= 2 / late
+    assert outside[1] == pytest.approx((EPOCHS - 201) / late, abs=2 / late)
 
 
 def test_memory_order_of_the_input_does_not_show(draw_estimates, accumulated, same_bits) -> None:
