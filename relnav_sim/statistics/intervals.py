@@ -12,16 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.statistics import bootstrap
+from relnav_sim.statistics.bootstrap import FEWEST, RESAMPLES, Method, Statistic
 from relnav_sim.statistics.consistency import chi_square_quantile
 
 Array = NDArray[np.float64]
-Statistic = Literal["mean", "median", "rms", "std"]
-Method = Literal["bca", "percentile"]
 Verdict = Literal["better", "worse", "undecided"]
 
-RESAMPLES = 2000
 _POWER = 0.8
-_PIECE = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -52,11 +50,13 @@ class Comparison:
         verdict: ``better``: the first is, the whole interval is on its good side; ``worse``; else ``undecided``.
         runs_to_decide: Runs at which a difference of the size seen would be told apart with a probability of
             0.8; None where the difference is zero or unknown.
+        p_value: 1 minus the level at which the interval just reaches zero; 1 where nothing is known.
     """
 
     difference: Interval
     verdict: Verdict
     runs_to_decide: int | None
+    p_value: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -72,35 +72,35 @@ def bootstrap_interval(
     values: ArrayLike,
     statistic: Statistic = "mean",
     level: float = 0.95,
-    method: Method = "bca",
+    method: Method = "expanded",
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> Interval:
-    """Return a statistic over runs with its bootstrap interval.
+    """Return a statistic over runs with its bootstrap interval; see `bootstrap.tails` for the methods.
 
-    ``bca`` is bias-corrected and accelerated (Efron 1987; Efron and Tibshirani 1993, eqs. 14.9-14.15). Where the
-    resamples all lie on one side of the estimate it is not defined, and the percentile interval is returned.
+    A mean of fewer than `bootstrap.FEWEST` runs has Student's interval with the default method.
 
     Args:
         values: One figure per run (runs,); NaN: the run has none and is left out.
         statistic: What is taken over the runs.
         level: Confidence.
-        method: ``bca`` or ``percentile``.
+        method: ``expanded``, ``bca`` or ``percentile``.
         resamples: Number of resamples.
         seed: Seed of the resampling; the same for all filters pairs their resamples.
     """
     sample = _known(values)
     if len(sample) == 0:
         return Interval(math.nan, math.nan, math.nan, level, 0)
-    estimate = float(_over_runs(sample[None], statistic)[0])
+    estimate = float(bootstrap.over_runs(sample[None], statistic)[0])
     if len(sample) == 1:
         return Interval(estimate, math.nan, math.nan, level, 1)
-    replicates = _replicates(sample, statistic, resamples, seed)
-    tails = np.array([(1 - level) / 2, (1 + level) / 2])
-    if method == "bca":
-        tails = _bca_tails(sample, statistic, estimate, replicates, tails)
+    if method == "expanded" and statistic == "mean" and len(sample) < FEWEST and np.isfinite(sample).all():
+        half = bootstrap.student_quantile(len(sample), level) * float(sample.std()) / math.sqrt(len(sample))
+        return Interval(estimate, estimate - half, estimate + half, level, len(sample))
+    drawn = bootstrap.replicates(sample, statistic, resamples, seed)
+    tails = bootstrap.tails(sample, statistic, estimate, drawn, level, method)
     with np.errstate(invalid="ignore"):
-        low, high = np.quantile(replicates, tails)
+        low, high = np.quantile(drawn, tails)
     return Interval(estimate, float(low), float(high), level, len(sample))
 
 
@@ -109,7 +109,7 @@ def paired_difference(
     second: ArrayLike,
     level: float = 0.95,
     smaller_is_better: bool = True,
-    method: Method = "bca",
+    method: Method = "expanded",
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> Comparison:
@@ -135,7 +135,10 @@ def paired_difference(
     verdict: Verdict = "undecided"
     if interval.high < 0 or interval.low > 0:
         verdict = "better" if (interval.high < 0) == smaller_is_better else "worse"
-    return Comparison(interval, verdict, _runs_to_decide(differences, level))
+    p_value = 1.0
+    if len(differences) > 1 and np.isfinite(differences).all():
+        p_value = bootstrap.p_value(differences, bootstrap.replicates(differences, "mean", resamples, seed))
+    return Comparison(interval, verdict, runs_to_decide(differences, level), p_value)
 
 
 def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Interval:
@@ -199,70 +202,12 @@ def _known(values: ArrayLike) -> Array:
     return sample[~np.isnan(sample)]
 
 
-def _over_runs(samples: Array, statistic: Statistic) -> Array:
-    """Return the statistic along the last axis."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        match statistic:
-            case "mean":
-                return np.asarray(samples.mean(axis=-1))
-            case "median":
-                return np.asarray(np.median(samples, axis=-1))
-            case "rms":
-                return np.asarray(np.sqrt(np.square(samples).mean(axis=-1)))
-            case "std":
-                return np.asarray(samples.std(axis=-1, ddof=1))
+def runs_to_decide(differences: Array, level: float = 0.95) -> int | None:
+    """Return how many runs would tell a mean difference of the size seen from zero with a probability of 0.8.
 
-
-def _replicates(sample: Array, statistic: Statistic, resamples: int, seed: int) -> Array:
-    """Return the statistic of each resample; drawn in pieces that bound the memory, which changes no number."""
-    rng = np.random.default_rng(seed)
-    rows = max(1, _PIECE // len(sample))
-    pieces = [
-        _over_runs(sample[rng.integers(0, len(sample), (min(rows, resamples - start), len(sample)))], statistic)
-        for start in range(0, resamples, rows)
-    ]
-    return np.concatenate(pieces)
-
-
-def _without_each(sample: Array, statistic: Statistic) -> Array:
-    """Return the statistic of the sample with each run left out in turn, in no particular order."""
-    n = len(sample)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        match statistic:
-            case "mean":
-                return np.asarray((sample.sum() - sample) / (n - 1))
-            case "rms":
-                squares = np.square(sample)
-                return np.asarray(np.sqrt(np.maximum(squares.sum() - squares, 0.0) / (n - 1)))
-            case "std":
-                deviations = np.square(sample - sample.mean())
-                rest = deviations.sum() - deviations * (n / (n - 1))
-                return np.asarray(np.sqrt(np.maximum(rest, 0.0) / (n - 2)))
-            case "median":
-                ordered, rank = np.sort(sample), np.arange(n)
-                # Rank k of the rest is rank k of the whole, or k + 1 where the run left out stands before it.
-                low, high = (n - 2) // 2, (n - 1) // 2
-                return np.asarray((ordered[low + (rank <= low)] + ordered[high + (rank <= high)]) / 2)
-
-
-def _bca_tails(sample: Array, statistic: Statistic, estimate: float, replicates: Array, tails: Array) -> Array:
-    """Return the probabilities at which the bias-corrected and accelerated interval takes its quantiles."""
-    from scipy.special import ndtr, ndtri
-
-    below = ((replicates < estimate).mean() + (replicates <= estimate).mean()) / 2
-    if below in (0.0, 1.0):
-        return tails
-    jackknife = _without_each(sample, statistic)
-    spread = jackknife.mean() - jackknife
-    squares = np.square(spread).sum()
-    acceleration = (spread**3).sum() / (6 * squares**1.5) if squares > 0 else 0.0
-    bias = ndtri(below)
-    shifted = bias + ndtri(tails)
-    corrected: Array = ndtr(bias + shifted / (1 - acceleration * shifted))
-    return corrected if np.isfinite(corrected).all() else tails
-
-
-def _runs_to_decide(differences: Array, level: float) -> int | None:
+    The usual sample size of a paired test, ((z_(1 + level) / 2 + z_0.8) s / d)^2; None where there is no difference
+    or fewer than two runs.
+    """
     if len(differences) < 2 or not np.isfinite(differences).all():
         return None
     mean, spread = abs(float(differences.mean())), float(differences.std(ddof=1))
