@@ -62,5 +62,5 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; the entry point `relnav`."""
+    """Run the command line."""
     app()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import signal
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
@@ -32,6 +33,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_exit_codes(*args: Any, **kwargs: Any) -> None:
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         from relnav_sim.campaign.problems import CampaignError
         from relnav_sim.results.block import ResultsError
 

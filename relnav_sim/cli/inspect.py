@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.output import count_in_words, in_words, print_table
+from relnav_sim.cli.source import readable
 
 if TYPE_CHECKING:
     from relnav_sim.results import Results
@@ -33,14 +34,14 @@ def inspect(
     """
     from relnav_sim.results import open_results
 
-    with open_results(result) as results:
+    with readable(result) as file, open_results(file) as results:
         if campaign:
             typer.echo(results.campaign_text, nl=not results.campaign_text.endswith("\n"))
             return
         _show(results)
         if other is None:
             return
-        with open_results(other) as second:
+        with readable(other) as other_file, open_results(other_file) as second:
             typer.echo(f"\n{other}")
             _show(second)
             _compare(results, second)
@@ -65,6 +66,12 @@ def _show(results: Results) -> None:
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]
+    if len(provenance.sessions) > 1:
+        began = [
+            f"{session.started[:19]}, {in_words(session.wall_time_s)}, relnav {session.relnav}: {session.command_line}"
+            for session in provenance.sessions
+        ]
+        rows.insert(10, ("sessions", "\n".join(began)))
     if results.stopping:
         rows.insert(4, ("stopped", _stop_in_words(results)))
     print_table(rows)

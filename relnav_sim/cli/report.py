@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.source import newest_result, readable
 
 
 class ReportAxes(StrEnum):
@@ -38,22 +39,10 @@ def report(
     from relnav_sim.report import FORMATS, write_report
 
     path = result if result is not None else newest_result(Path("results"))
-    if path.is_dir():
-        raise UserError(f"'{path}' is no result file; give one, or none for the newest below results/")
     words = [word.strip() for word in formats.split(",") if word.strip()]
     unknown = [word for word in words if word not in FORMATS]
     if unknown or not words:
         raise UserError(f"--format takes {', '.join(FORMATS)}, not {(unknown or [formats])[0]!r}")
-    typer.echo(f"wrote {write_report(path, out, formats=words, axes=axes.value)}")
-
-
-def newest_result(folder: Path) -> Path:
-    """Return the newest result in a folder.
-
-    Raises:
-        UserError: There is none.
-    """
-    found = sorted(folder.glob("*.h5"), key=lambda path: path.stat().st_mtime)
-    if not found:
-        raise UserError(f"there is no result in {folder}/; first: relnav run FILE")
-    return found[-1]
+    with readable(path) as file:
+        target = out if out is not None else path.with_suffix("")
+        typer.echo(f"wrote {write_report(file, target, formats=words, axes=axes.value)}")

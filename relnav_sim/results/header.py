@@ -9,7 +9,7 @@ import h5py
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
-from relnav_sim.results.provenance import Provenance
+from relnav_sim.results.provenance import Provenance, Session
 
 
 def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) -> None:
@@ -31,7 +31,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     if header.stopping:
         file.attrs["stopping"] = json.dumps(dict(header.stopping))
     for name, value in asdict(provenance).items():
-        file.attrs[name] = json.dumps(value) if isinstance(value, dict) else value
+        file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
     for index, case in enumerate(header.cases):
         file.create_group(layout.case_group(index)).attrs.update(
@@ -77,8 +77,16 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         started=store.text(file, "started"),
         finished=store.text(file, "finished"),
         wall_time_s=store.number(file, "wall_time_s"),
+        sessions=_read_sessions(file),
     )
     return header, provenance
+
+
+def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
+    try:
+        return tuple(Session(**stored) for stored in store.json_value(file, "sessions", list))
+    except TypeError:
+        raise ResultsError(f"{file.filename}: its list of sessions is damaged") from None
 
 
 def _read_case(group: h5py.Group) -> CaseHeader:

@@ -17,6 +17,25 @@ _PACKAGES = ("numpy", "scipy", "h5py", "joblib", "pydantic", "PyYAML", "scikit-l
 
 
 @dataclass(frozen=True)
+class Session:
+    """One command that worked on a result.
+
+    Attributes:
+        command_line: The command.
+        started: Start, UTC, ISO 8601.
+        finished: End; of a command that was killed the time of its last finished block; empty while it runs.
+        wall_time_s: Seconds between the two.
+        relnav: Version of relnav, with the first letters of its source's commit where that is known.
+    """
+
+    command_line: str
+    started: str
+    finished: str
+    wall_time_s: float
+    relnav: str
+
+
+@dataclass(frozen=True)
 class Provenance:
     """How a result came about.
 
@@ -25,10 +44,12 @@ class Provenance:
         git_commit: Commit of relnav's source, empty where it does not run from a git work tree.
         git_dirty: 1 if that source had changes, 0 if not, -1 if not known.
         machine: Operating system, processor and number of cores.
-        command_line: The command that ran the campaign.
-        started: Start, UTC, ISO 8601.
-        finished: End, UTC, ISO 8601.
-        wall_time_s: Seconds of wall time that the simulation took.
+        command_line: The command that wrote the file.
+        started: Start of the first session, UTC, ISO 8601.
+        finished: End of the last, UTC, ISO 8601.
+        wall_time_s: Seconds of wall time that the simulation took, over all sessions.
+        sessions: Every command that computed a part of the result, in order; interrupted campaigns have several.
+            Versions, commit and machine above are those of the last.
     """
 
     versions: dict[str, str]
@@ -39,10 +60,15 @@ class Provenance:
     started: str
     finished: str
     wall_time_s: float
+    sessions: tuple[Session, ...] = ()
 
 
 def collect_provenance(
-    started: datetime, finished: datetime, wall_time_s: float, command: Sequence[str] | None = None
+    started: datetime,
+    finished: datetime,
+    wall_time_s: float,
+    command: Sequence[str] | None = None,
+    sessions: Sequence[Session] = (),
 ) -> Provenance:
     """Return the provenance of a campaign that ran here.
 
@@ -51,20 +77,34 @@ def collect_provenance(
         finished: End, with its time zone.
         wall_time_s: Seconds of wall time.
         command: The command line; default: this process' own.
+        sessions: The commands that computed it, where there were several.
     """
     commit, dirty = source_revision(Path(__file__).resolve().parents[1])
-    command = sys.argv if command is None else command
-    words = [Path(command[0]).name, *command[1:]] if command else []
     return Provenance(
         versions=_versions(),
         git_commit=commit,
         git_dirty=dirty,
         machine=_machine(),
-        command_line=shlex.join(words),
+        command_line=command_line(command),
         started=started.astimezone(UTC).isoformat(timespec="seconds"),
         finished=finished.astimezone(UTC).isoformat(timespec="seconds"),
         wall_time_s=wall_time_s,
+        sessions=tuple(sessions),
     )
+
+
+def command_line(command: Sequence[str] | None = None) -> str:
+    """Return a command line as text, without the folder of the program; default: this process' own."""
+    command = sys.argv if command is None else command
+    return shlex.join([Path(command[0]).name, *command[1:]]) if command else ""
+
+
+def relnav_in_words() -> str:
+    """Return the version of relnav, and the commit of its source where that is known: ``0.1.0 4bd0d51``."""
+    from relnav_sim import __version__
+
+    commit, dirty = source_revision(Path(__file__).resolve().parents[1])
+    return f"{__version__} {commit[:7]}{'+' if dirty == 1 else ''}".rstrip()
 
 
 def source_revision(package: Path) -> tuple[str, int]:

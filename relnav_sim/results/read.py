@@ -59,6 +59,7 @@ class Results:
 
     Attributes:
         path: The file.
+        header: What the file says of its campaign, in one piece; the attributes below are its parts.
         campaign_name: Name of the campaign.
         campaign_text: The campaign file, word for word.
         campaign_content: Its validated content with all defaults.
@@ -83,6 +84,7 @@ class Results:
         except ResultsError:
             self._file.close()
             raise
+        self.header = header
         self.campaign_name = header.campaign_name
         self.campaign_text = header.text
         self.campaign_content = dict(header.content)

@@ -80,6 +80,8 @@ def open_checked(path: Path, expected: str) -> h5py.File:
     Raises:
         ResultsError: It is missing, no HDF5 file, damaged, of another format or of a newer version.
     """
+    if path.is_dir():
+        raise ResultsError(f"{path} is a directory; give a file in it")
     if not path.is_file():
         raise ResultsError(f"{path}: no such file")
     try:

@@ -6,7 +6,7 @@ import fcntl
 import json
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,6 +48,7 @@ def working_folder(out: Path) -> Iterator[Path]:
             yield folder
         finally:
             _tidy(out, folder)
+            _remove_empty(folder)
     finally:
         os.close(handle)
 
@@ -58,6 +59,12 @@ def _tidy(out: Path, folder: Path) -> None:
     remove_temporaries(out.parent, out.name)
     for marker in folder.glob("*.busy"):
         marker.unlink(missing_ok=True)
+
+
+def _remove_empty(folder: Path) -> None:
+    """Remove the folder if nothing came of it, as when a campaign was refused."""
+    with suppress(OSError):  # it holds something
+        folder.rmdir()
 
 
 def move_aside(out: Path, say: Callable[[str], None]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
 from relnav_sim.results import layout, store
@@ -15,6 +15,7 @@ from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.runner.folder import read_folder_header, shard_folder
+from relnav_sim.runner.sessions import past_sessions, provenance_of
 
 
 def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike[str]]) -> Path:
@@ -53,8 +54,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], Provenance]:
         header = read_folder_header(path)
         found = [shard_piece(shard) for shard in sorted(path.glob("*.h5"))]
         known = {case.id for case in header.cases}
-        times = [datetime.fromtimestamp(piece.info.path.stat().st_mtime, UTC) for piece in found] or [datetime.now(UTC)]
-        history = collect_provenance(min(times), max(times), (max(times) - min(times)).total_seconds())
+        history = provenance_of(past_sessions(path))
         return header, [p for p in found if p.info.case_id in known and p.info.seed == header.seed], history
     with store.open_checked(path, layout.FORMAT) as file:
         header, provenance = read_header(file)
@@ -79,4 +79,5 @@ def _united(histories: Sequence[Provenance]) -> Provenance:
         datetime.fromisoformat(min(part.started for part in histories)),
         datetime.fromisoformat(max(part.finished for part in histories)),
         sum(part.wall_time_s for part in histories),
+        sessions=[session for part in histories for session in part.sessions],
     )

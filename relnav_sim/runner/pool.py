@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from relnav_sim.results.shards import write_shard
+from relnav_sim.runner.headline import Figures, headline_figures
 from relnav_sim.runner.survive import failed_block, simulate_surviving
 from relnav_sim.runner.work import Block
 
@@ -28,10 +29,12 @@ class Done:
     Attributes:
         block: The block.
         failures: Failed runs of filters in it.
+        figures: The headline figure of its runs.
     """
 
     block: Block
     failures: int
+    figures: Figures
 
 
 def computed(
@@ -68,7 +71,7 @@ def compute(block: Block, timeout_s: float | None) -> Done:
         result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s)
     write_shard(block.path, result, block.seed, block.filter_ids)
     block.busy.unlink(missing_ok=True)
-    return Done(block, len(result.failures))
+    return Done(block, len(result.failures), headline_figures(result))
 
 
 def _in_parallel(blocks: Sequence[Block], workers: int, timeout_s: float | None) -> Iterator[Done]:
@@ -123,7 +126,7 @@ def _one_by_one(blocks: Sequence[Block], timeout_s: float | None) -> Iterator[Do
 def _blamed(block: Block) -> Done:
     result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index, _only_filter(block))
     write_shard(block.path, result, block.seed, block.filter_ids)
-    return Done(block, len(result.failures))
+    return Done(block, len(result.failures), {})
 
 
 def _only_filter(block: Block) -> str:

@@ -1,4 +1,7 @@
-"""Progress of a campaign: a bar with the time left on a terminal, plain lines elsewhere."""
+"""Progress of a campaign: a bar with the time left on a terminal, plain lines elsewhere.
+
+Both show the running mean over runs of each filter's position error with its interval, which shrinks as runs come in.
+"""
 
 from __future__ import annotations
 
@@ -6,75 +9,111 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from relnav_sim.runner.headline import Figures
+from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.work import Block
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+CASES_SHOWN = 6
 
 
 class Progress(Protocol):
     """Told of every block that is done."""
 
-    def advance(self, runs: int) -> None:
-        """Count runs (of one case each) as done."""
+    def advance(self, block: Block, figures: Figures) -> None:
+        """Count a block, with the headline figure of its runs."""
         ...
 
 
 class Silent:
     """Says nothing."""
 
-    def advance(self, runs: int) -> None:
+    def advance(self, block: Block, figures: Figures) -> None:
         """Ignore the news."""
 
 
 class Lines:
     """Plain lines on standard error, at most one in ten seconds and one at the end."""
 
-    def __init__(self, total: int, every_s: float = 10.0) -> None:
-        self._total, self._done = total, 0
+    def __init__(self, tally: Tally, every_s: float = 10.0) -> None:
+        self._tally = tally
         self._every_s = every_s
-        self._began = self._last = time.monotonic()
+        self._last = time.monotonic()
 
-    def advance(self, runs: int) -> None:
+    def advance(self, block: Block, figures: Figures) -> None:
         """Count, and print a line when one is due."""
-        self._done += runs
+        tally = self._tally
+        tally.count(block, figures)
         now = time.monotonic()
-        if self._done < self._total and now - self._last < self._every_s:
+        finished = tally.done == tally.total
+        if not finished and now - self._last < self._every_s:
             return
         self._last = now
-        left = (now - self._began) / self._done * (self._total - self._done)
-        rest = f", about {left:.0f} s left" if self._done < self._total else f" in {now - self._began:.0f} s"
-        print(f"{self._done} of {self._total} runs done{rest}", file=sys.stderr, flush=True)
+        rest = f"in {tally.elapsed_s:.0f} s" if finished else f"about {tally.left_s:.0f} s left"
+        label, _, means = tally.row(block.case.id)
+        print(f"{tally.done} of {tally.total} runs done, {rest}", file=sys.stderr)
+        print(f"  {label}: position error {means}", file=sys.stderr, flush=True)
+
+
+class Bar:
+    """A bar over all runs and a row for each case under way, drawn anew by `rich` a few times a second."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+
+    def advance(self, block: Block, figures: Figures) -> None:
+        """Count."""
+        self._tally.count(block, figures)
+
+    def __rich__(self) -> RenderableType:
+        """Return the picture of this moment."""
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+        from rich.text import Text
+
+        tally = self._tally
+        left = f"{_clock(tally.left_s)} left" if tally.done else ""
+        head = Table.grid(padding=(0, 1))
+        head.add_row(
+            Text("simulating", style="bold"),
+            ProgressBar(total=tally.total, completed=tally.done, width=40),
+            Text(f"{tally.done}/{tally.total} runs  {_clock(tally.elapsed_s)}  {left}"),
+        )
+        rows = tally.cases_under_way()
+        cases = Table.grid(padding=(0, 2))
+        for label, count, means in rows[:CASES_SHOWN]:
+            cases.add_row(Text(label, style="dim"), Text(count), Text(means))
+        more = [Text(f"and {len(rows) - CASES_SHOWN} more cases")] if len(rows) > CASES_SHOWN else []
+        return Group(head, cases, *more)
 
 
 @contextmanager
-def progress_of(total: int, show: bool) -> Iterator[Progress]:
-    """Give what to tell of finished runs.
+def progress_of(tally: Tally, show: bool) -> Iterator[Progress]:
+    """Give what to tell of finished blocks.
 
     Args:
-        total: Runs to compute, over all cases; work that is done already does not count.
+        tally: Counts them.
         show: False: say nothing.
     """
-    if not show or total == 0:
+    if not show or tally.total == 0:
         yield Silent()
     elif not sys.stderr.isatty():
-        yield Lines(total)
+        yield Lines(tally)
     else:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
+        from rich.live import Live
 
-        columns = (
-            TextColumn("[bold]{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("runs"),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-        )
-        with Bar(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task("simulating", total=total)
+        bar = Bar(tally)
+        with Live(bar, console=Console(stderr=True), refresh_per_second=4):
+            yield bar
 
-            class OnBar:
-                def advance(self, runs: int) -> None:
-                    bar.advance(task, runs)
 
-            yield OnBar()
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}"

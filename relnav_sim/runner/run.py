@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import shard_piece
-from relnav_sim.results.provenance import Provenance, collect_provenance
+from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.runner.folder import check_same_campaign, move_aside, shard_folder, working_folder, write_folder_header
 from relnav_sim.runner.pool import Backend, computed
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.sessions import begin_session, end_session, past_sessions, provenance_of
 from relnav_sim.runner.stopping import look_at, looks
-from relnav_sim.runner.work import blocks_left, filter_ids, finished_work
+from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.work import Finished, blocks_left, filter_ids, finished_work
 
 Say = Callable[[str], None]
 
@@ -65,7 +65,6 @@ def run_campaign(
     if fresh:
         move_aside(out, say)
     header = result_header(campaign)
-    started, clock = datetime.now(UTC), time.monotonic()
     failures = 0
     with working_folder(out) as folder:
         check_same_campaign(out, header)
@@ -74,16 +73,19 @@ def run_campaign(
         new_blocks = 0
         for runs in looks(campaign, part):
             left = list(blocks_left(replace(campaign, runs=runs), finished.runs, folder, part))
-            if finished.shards and left and not new_blocks:
-                say(f"{len(finished.shards)} finished blocks found; {len(left)} left to compute")
+            if left and not new_blocks:
+                begin_session(folder)
+                if finished.shards:
+                    say(f"{len(finished.shards)} finished blocks found; {len(left)} left to compute")
             with (
-                progress_of(sum(len(block.runs) for block in left), progress) as bar,
+                progress_of(Tally(left, _figures_so_far(finished, campaign)), progress) as bar,
                 closing(computed(left, workers, backend, timeout_s)) as done_blocks,
             ):
                 for done in done_blocks:
                     new_blocks += 1
-                    bar.advance(len(done.block.runs))
-                    finished.add_block(done.block)
+                    bar.advance(done.block, done.figures)
+                    block = done.block
+                    finished.add(block.path, block.case.id, block.filter_ids, block.runs, done.figures)
                     failures += done.failures
                     if max_failures is not None and failures > max_failures:
                         break
@@ -94,10 +96,13 @@ def run_campaign(
             if met:
                 say(f"stopped at {runs} runs: the rule of the campaign is met")
                 break
-        provenance = _provenance(out, started, time.monotonic() - clock, new_blocks)
+        if new_blocks:
+            end_session(folder)
+        else:
+            say("every run was finished already")
+        _say_what_is_left_out(out, header, say)
+        provenance = _provenance(out, header, folder, new_blocks)
         merge_pieces([shard_piece(path) for path in finished.shards], header, provenance, out, complete=False)
-    if not new_blocks:
-        say("every run was finished already")
     say(f"the shards stay in {shard_folder(out)}, so that runs, filters and cases can be added")
     return out
 
@@ -126,12 +131,45 @@ def result_header(campaign: Campaign) -> ResultHeader:
     )
 
 
-def _provenance(out: Path, started: datetime, seconds: float, new_blocks: int) -> Provenance:
-    """Return where the result came from: where nothing was computed, what the file said of it before."""
-    if not new_blocks and out.exists():
-        try:
-            with open_results(out) as results:
-                return results.provenance
-        except ResultsError:
-            pass  # damaged; it is written anew
-    return collect_provenance(started, datetime.now(UTC), seconds)
+def _figures_so_far(finished: Finished, campaign: Campaign) -> dict[tuple[str, str], dict[int, float]]:
+    """Return the headline figures of the finished runs by case id and filter name."""
+    ids = [(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()]
+    return {
+        key[:2]: {run: figure for run, figure in finished.figures.get(key, {}).items() if run < campaign.runs}
+        for key in ids
+    }
+
+
+def _provenance(out: Path, header: ResultHeader, folder: Path, new_blocks: int) -> Provenance:
+    """Return where the result came from; written anew with nothing new in it, the file keeps what it says."""
+    if not new_blocks and (before := _result_before(out)) is not None:
+        stored, provenance = before
+        if (stored.runs, stored.cases) == (header.runs, header.cases):
+            return provenance
+    return provenance_of(past_sessions(folder))
+
+
+def _say_what_is_left_out(out: Path, header: ResultHeader, say: Say) -> None:
+    """Tell of runs, filters and cases that the file held and this campaign does not ask for; their shards stay."""
+    before = _result_before(out)
+    if before is None:
+        return
+    stored = before[0]
+    wanted = {(case.id, name) for case in header.cases for name in case.filters}
+    held = [(case, name) for case in stored.cases for name in case.filters]
+    gone = [f"filter {name} of case {case.label}" for case, name in held if (case.id, name) not in wanted]
+    left_out = [f"runs from {header.runs} on"] if stored.runs > header.runs else []
+    left_out += gone if len(gone) <= 3 else [f"{len(gone)} filters of its cases"]
+    if left_out:
+        say(f"{out} held {', '.join(left_out)}, which this campaign does not ask for; they stay in the shards")
+
+
+def _result_before(out: Path) -> tuple[ResultHeader, Provenance] | None:
+    """Return what the file says now; None where there is none, or none that can be read: it is written anew."""
+    if not out.exists():
+        return None
+    try:
+        with open_results(out) as results:
+            return results.header, results.provenance
+    except ResultsError:
+        return None

@@ -7,7 +7,7 @@ that are fixed beforehand keep that bias small, and the result says which look e
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -65,7 +65,7 @@ def look_at(header: ResultHeader, campaign: Campaign, finished: Finished, runs: 
     return replace(header, runs=runs, stopping=stopping), met and runs < campaign.runs
 
 
-def half_width(figures: dict[int, float]) -> float:
+def half_width(figures: Mapping[int, float]) -> float:
     """Return the half width of Student's 95 % interval of the mean over runs; infinite below two runs.
 
     Args:

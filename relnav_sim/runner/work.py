@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.identity import filter_id
 from relnav_sim.results.block import ResultsError
-from relnav_sim.results.shards import ShardInfo, read_shard, shard_name
+from relnav_sim.results.shards import read_shard, shard_name
+from relnav_sim.runner.headline import Figures, headline_figures
 
 Key = tuple[str, str, str]
 """Case id, filter name, filter id."""
@@ -64,22 +65,21 @@ class Finished:
     Attributes:
         shards: Their files.
         runs: Runs that they hold, by case and filter.
+        figures: The headline figure of the runs that did not fail, m, by case and filter.
     """
 
     shards: list[Path] = field(default_factory=list)
     runs: dict[Key, set[int]] = field(default_factory=dict)
+    figures: dict[Key, dict[int, float]] = field(default_factory=dict)
 
-    def add(self, info: ShardInfo) -> None:
+    def add(
+        self, path: Path, case_id: str, filter_ids: Mapping[str, str], runs: Iterable[int], figures: Figures
+    ) -> None:
         """Count a shard."""
-        self.shards.append(info.path)
-        for name, identity in info.filter_ids.items():
-            self.runs.setdefault((info.case_id, name, identity), set()).update(info.runs)
-
-    def add_block(self, block: Block) -> None:
-        """Count a block whose shard has just been written."""
-        self.shards.append(block.path)
-        for name, identity in block.filter_ids.items():
-            self.runs.setdefault((block.case.id, name, identity), set()).update(block.runs)
+        self.shards.append(path)
+        for name, identity in filter_ids.items():
+            self.runs.setdefault((case_id, name, identity), set()).update(runs)
+            self.figures.setdefault((case_id, name, identity), {}).update(figures.get(name, {}))
 
 
 def filter_ids(case: Case) -> dict[str, str]:
@@ -99,13 +99,13 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
     known = {(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()}
     for path in sorted(folder.glob("*.h5")):
         try:
-            info, _ = read_shard(path)
+            info, block = read_shard(path)
         except ResultsError as error:
             say(f"{error}; computing it again")
             path.unlink()
             continue
         if info.seed == campaign.seed and any((info.case_id, *item) in known for item in info.filter_ids.items()):
-            finished.add(info)
+            finished.add(path, info.case_id, info.filter_ids, info.runs, headline_figures(block))
     return finished
 
 

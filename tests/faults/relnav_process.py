@@ -10,7 +10,7 @@ from pathlib import Path
 
 from small_campaign import TEXT
 
-RELNAV = [sys.executable, "-c", "import sys; sys.argv[0] = 'relnav'; from relnav_sim.cli.app import main; main()"]
+RELNAV = [sys.executable, "-c", "import sys; sys.argv[0] = 'relnav'; from relnav_sim.__main__ import main; main()"]
 LONGEST_S = 120.0
 
 

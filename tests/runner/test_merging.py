@@ -32,7 +32,17 @@ def parts(tmp_path_factory, make_campaign):
 def everything(path):
     """Every dataset and attribute but provenance and timings, byte by byte."""
     found = {}
-    times = {"versions", "git_commit", "git_dirty", "machine", "command_line", "started", "finished", "wall_time_s"}
+    times = {
+        "versions",
+        "git_commit",
+        "git_dirty",
+        "machine",
+        "command_line",
+        "started",
+        "finished",
+        "wall_time_s",
+        "sessions",
+    }
 
     def visit(name, item):
         for key, value in item.attrs.items():

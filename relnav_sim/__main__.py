@@ -1,0 +1,28 @@
+"""The program `relnav`, also `python -m relnav_sim`: as little as can be imported before Ctrl-C is taken care of."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+
+
+def main() -> None:
+    """Run the command line."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, _end_at_once)  # until a command begins, see `cli.failures.guarded`
+    from relnav_sim.cli.app import main as run
+
+    run()
+
+
+def _end_at_once(number: int, frame: FrameType | None) -> None:
+    """End while the program is imported or reads its arguments: there is nothing to lose yet."""
+    os.write(2, b"relnav: interrupted before it began\n")
+    os._exit(130)
+
+
+if __name__ == "__main__":
+    sys.argv[0] = "relnav"  # the name in help, and in the commands that are told to the user
+    main()

@@ -1,0 +1,73 @@
+"""The sessions of a campaign: each command that computed a part of it, kept beside the shards.
+
+A session that is killed can't write its end; the next one fills it in with the time of the last finished block.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from relnav_sim.results.atomic import written_whole
+from relnav_sim.results.provenance import Provenance, Session, collect_provenance, command_line, relnav_in_words
+
+SESSIONS = "sessions.json"
+
+
+def begin_session(folder: Path) -> None:
+    """Note that this command begins to compute."""
+    now = datetime.now(UTC)
+    _write(folder, [*past_sessions(folder), Session(command_line(), _iso(now), "", 0.0, relnav_in_words())])
+
+
+def end_session(folder: Path) -> None:
+    """Note that this command, the last that began, has ended."""
+    *earlier, last = _read(folder)
+    _write(folder, [*earlier, _ended(last, datetime.now(UTC))])
+
+
+def past_sessions(folder: Path) -> list[Session]:
+    """Return the sessions of a folder of shards, each with an end."""
+    sessions = _read(folder)
+    if sessions and not sessions[-1].finished:
+        newest = max((path.stat().st_mtime for path in folder.glob("*.h5")), default=0.0)
+        sessions[-1] = _ended(sessions[-1], datetime.fromtimestamp(newest, UTC))
+    return sessions
+
+
+def provenance_of(sessions: Sequence[Session]) -> Provenance:
+    """Return the provenance of what these sessions have computed and this command writes."""
+    if not sessions:
+        now = datetime.now(UTC)
+        return collect_provenance(now, now, 0.0)
+    return collect_provenance(
+        min(datetime.fromisoformat(session.started) for session in sessions),
+        max(datetime.fromisoformat(session.finished) for session in sessions),
+        sum(session.wall_time_s for session in sessions),
+        sessions=sessions,
+    )
+
+
+def _ended(session: Session, end: datetime) -> Session:
+    start = datetime.fromisoformat(session.started)
+    end = max(start, end)
+    return replace(session, finished=_iso(end), wall_time_s=(end - start).total_seconds())
+
+
+def _iso(time: datetime) -> str:
+    return time.isoformat(timespec="milliseconds")
+
+
+def _read(folder: Path) -> list[Session]:
+    try:
+        return [Session(**stored) for stored in json.loads((folder / SESSIONS).read_text(encoding="utf-8"))]
+    except (OSError, TypeError, ValueError):
+        return []  # Only history: that it is missing or damaged must not keep a campaign from going on.
+
+
+def _write(folder: Path, sessions: Sequence[Session]) -> None:
+    with written_whole(folder / SESSIONS) as temporary:
+        temporary.write_text(json.dumps([asdict(session) for session in sessions], indent=1), encoding="utf-8")
