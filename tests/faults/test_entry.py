@@ -8,15 +8,24 @@ import time
 
 import pytest
 
+CODE = """
+import signal, sys
+from relnav_sim.__main__ import main
+plain = signal.signal
+def told(*arguments):
+    plain(*arguments)
+    open({ready!r}, "w").close()
+signal.signal = told
+sys.argv = ["relnav", "schema"]
+main()
+"""
+
 
 @pytest.mark.parametrize("after_s", [0.0, 0.05, 0.1, 0.15, 0.25])
 def test_an_early_interrupt_shows_no_traceback(after_s, tmp_path):
-    """From the first line of relnav's own code on; before it, the interpreter is not yet ours."""
+    """From the first line of `main` on; before it, the interpreter is not yet ours."""
     ready = tmp_path / "ready"
-    code = (
-        "import sys; sys.argv = ['relnav', 'schema']; from relnav_sim.__main__ import main; "
-        f"open({str(ready)!r}, 'w').close(); main()"
-    )
+    code = CODE.format(ready=str(ready))
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
     )
