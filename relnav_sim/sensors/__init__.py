@@ -1,5 +1,6 @@
 """What is measured: radar, GNSS receiver and star tracker with their noise, and the chain that feeds the filters."""
 
+from relnav_sim.sensors.availability import reading_probability
 from relnav_sim.sensors.front_end import attitude_covariance, filter_inputs, measurement_model
 from relnav_sim.sensors.gnss import GnssOptions
 from relnav_sim.sensors.noise import noise_kinds
@@ -18,5 +19,6 @@ __all__ = [
     "filter_inputs",
     "measurement_model",
     "noise_kinds",
+    "reading_probability",
     "sensor_kinds",
 ]

@@ -108,6 +108,32 @@ def steps_per_reading(period_s: float | None, step_s: float) -> int:
     return count
 
 
+def true_reading(options: RadarOptions, carrier: Array, other: Array) -> Vector:
+    """Return the range (m), azimuth and elevation (rad) that a perfect radar would read, each (runs or 1, K).
+
+    Args:
+        options: The radar, whose mounting counts.
+        carrier: ECI states of the craft with the radar, (runs or 1, K, 6).
+        other: ECI states of the craft it looks at, (runs or 1, K, 6).
+    """
+    difference = other[..., :3] - carrier[..., :3]
+    in_nadir = in_axes(nadir_axes(carrier), (difference[..., 0], difference[..., 1], difference[..., 2]))
+    return polar(rotate(rows(options.mounting), in_nadir))
+
+
+def in_sight(options: RadarOptions, reading: Vector) -> NDArray[np.bool_]:
+    """Return where a true reading is within the range limits and the field of view."""
+    distance, azimuth, elevation = reading
+    seen = np.ones(distance.shape, dtype=bool)
+    if options.range_limits_m is not None:
+        nearest, farthest = options.range_limits_m
+        seen &= (distance >= nearest) & (distance <= farthest)
+    if options.field_of_view_deg is not None and options.boresight == "fixed":
+        half_azimuth, half_elevation = np.radians(options.field_of_view_deg)
+        seen &= (np.abs(azimuth) <= half_azimuth) & (np.abs(elevation) <= half_elevation)
+    return seen
+
+
 class Radar:
     """The radar over one block of runs.
 
@@ -122,7 +148,6 @@ class Radar:
 
     def __init__(self, options: RadarOptions, source: RandomSource, step_s: float) -> None:
         self._options = options
-        self._radar_from_nadir = rows(options.mounting)
         self._biases = np.array(
             [options.range_bias_m, *np.radians([options.azimuth_bias_deg, options.elevation_bias_deg])]
         )
@@ -138,10 +163,8 @@ class Radar:
             other: ECI states of the craft it looks at, (runs or 1, K, 6).
             first_epoch: Number of the first epoch; readings are due at whole numbers of periods.
         """
-        difference = other[..., :3] - carrier[..., :3]
-        in_nadir = in_axes(nadir_axes(carrier), (difference[..., 0], difference[..., 1], difference[..., 2]))
-        truth = polar(rotate(self._radar_from_nadir, in_nadir))
-        measured = self._seen(truth) & (np.arange(first_epoch, first_epoch + len(times_s)) % self._every == 0)
+        truth = true_reading(self._options, carrier, other)
+        measured = in_sight(self._options, truth) & (np.arange(first_epoch, first_epoch + len(times_s)) % self._every == 0)
         z = self._noise.sample(times_s)
         z *= self._options.sigmas
         z += np.stack(truth, axis=-1) + self._biases
@@ -149,15 +172,3 @@ class Radar:
         if not measured.all():
             z[np.broadcast_to(~measured, z.shape[:2])] = np.nan
         return z
-
-    def _seen(self, truth: Vector) -> NDArray[np.bool_]:
-        """Return where the other craft is within the range limits and the field of view."""
-        distance, azimuth, elevation = truth
-        seen = np.ones(distance.shape, dtype=bool)
-        if self._options.range_limits_m is not None:
-            nearest, farthest = self._options.range_limits_m
-            seen &= (distance >= nearest) & (distance <= farthest)
-        if self._options.field_of_view_deg is not None and self._options.boresight == "fixed":
-            half_azimuth, half_elevation = np.radians(self._options.field_of_view_deg)
-            seen &= (np.abs(azimuth) <= half_azimuth) & (np.abs(elevation) <= half_elevation)
-        return seen
