@@ -15,7 +15,7 @@ from relnav_sim.truth import TruthOptions
 MOST_EPOCHS = 10_000_000
 LINEAR_ONLY = frozenset({"kf"})
 """Filters whose measurement must be linear in the state."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "truth", "failures"})
+RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
 """Names that stand beside the filters' in a results file."""
 
 

@@ -69,6 +69,11 @@ class Settings(Options):
     stop: StopOptions | None = Field(
         default=None, description="Stop before `runs` once a figure is known well enough; default: run them all"
     )
+    bound: bool = Field(
+        default=True,
+        description="Compute the Cramér-Rao bound of each case, which reports show beside the filters; default true: "
+        "it costs about as much as a few runs of one filter",
+    )
 
 
 SECTIONS: dict[str, tuple[Any, str]] = {

@@ -9,8 +9,8 @@ from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
 
-OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop"})
-"""Keys that change how much is computed and in which pieces, but no number."""
+OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound"})
+"""Keys that change how much is computed and in which pieces, but no number that is."""
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:

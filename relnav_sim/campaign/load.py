@@ -56,6 +56,7 @@ class Campaign:
         hash: SHA-256 of the content without what changes no number.
         block_runs: Runs that are computed together.
         stop: When to stop before all runs are computed.
+        bound: Whether to compute the Cramér-Rao bound of each case.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Campaign:
     hash: str
     block_runs: int
     stop: StopOptions | None = None
+    bound: bool = True
 
 
 def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
@@ -136,6 +138,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         hash=campaign_hash(content),
         block_runs=settings.block_runs or block_size(settings.runs, [case.config for case in cases]),
         stop=settings.stop,
+        bound=settings.bound,
     )
 
 

@@ -61,6 +61,11 @@ class Clock(Options):
         """Every how many epochs one is stored."""
         return round(exact(self.store_every_s) / exact(self.step_s))
 
+    @property
+    def stored(self) -> int:
+        """Number of stored epochs, the start included."""
+        return (self.epochs - 1) // self.store_every + 1
+
 
 class FirstFixStart(Options):
     """Every filter starts at the first radar measurement, converted to a position; needs the radar."""

@@ -30,12 +30,16 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
     nodes = {"/": xarray.Dataset(attrs=store.attributes(file))}
     for name in [name for name in store.names(file) if name.startswith("case_")]:
         case = store.subgroup(file, name)
-        nodes[name] = _dataset(path, case, (layout.TRUTH,) if "failures" in store.names(case) else ())
+        nodes[name] = _dataset(path, case, (layout.TRUTH, *_bound(case)) if "failures" in store.names(case) else ())
         for child in [child for child in store.names(case) if case.get(child, getclass=True) is h5py.Group]:
             group = store.subgroup(case, child)
-            specs = layout.stored(layout.DIAGNOSTICS.name in store.names(group))
+            specs = (*layout.stored(layout.DIAGNOSTICS.name in store.names(group)), *_bound(group))
             nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
     return xarray.DataTree.from_dict(nodes)
+
+
+def _bound(group: h5py.Group) -> tuple[layout.Dataset, ...]:
+    return (layout.BOUND,) if layout.BOUND.name in store.names(group) else ()
 
 
 def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> xarray.Dataset:

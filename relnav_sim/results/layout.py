@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
+BOUND_FORMAT = "relnav bound"
 FORMAT_VERSION = 1
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
@@ -197,6 +198,12 @@ TRUTH = Dataset(
     f"true state of the deputy relative to the chief, RTN {_STATE_NOTE}",
 )  # fmt: skip
 
+BOUND = Dataset(
+    "bound", ("time", "quantity"), _F8, STATE_UNITS,
+    "posterior Cramer-Rao bound on the rms error over runs under the white part of the noise: beside the truth of a "
+    f"perfect model, in a filter's group of its own model and process noise {_QUANTITY_NOTE}",
+)  # fmt: skip
+
 FAILURES = (
     Dataset("run", ("failure",), _I8, "1", "run that failed"),
     Dataset("epoch", ("failure",), _I8, "1", "first failed epoch; -1: not known"),
@@ -205,7 +212,7 @@ FAILURES = (
 )
 
 FILTER = (*SUMMARY, *SERIES)
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "truth", "failures"})
+RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
 """Names inside a case's group that no filter may take."""
 
 _LABELS = {

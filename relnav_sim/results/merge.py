@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.bound import BoundResult, bounds_of, write_case_bound
 from relnav_sim.results.header import write_header
 from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.provenance import Provenance
@@ -27,7 +28,12 @@ def merge_shards(
 
 
 def merge_pieces(
-    pieces: Iterable[Piece], header: ResultHeader, provenance: Provenance, out: Path, complete: bool = True
+    pieces: Iterable[Piece],
+    header: ResultHeader,
+    provenance: Provenance,
+    out: Path,
+    complete: bool = True,
+    bounds: Iterable[BoundResult] = (),
 ) -> None:
     """Unite pieces by case, filter and run into the results file.
 
@@ -41,6 +47,7 @@ def merge_pieces(
         provenance: How the result came about.
         out: The results file; replaced as a whole or left as it was.
         complete: Refuse to write while runs are missing; else write what there is.
+        bounds: Bounds of the cases, as far as there are any.
 
     Raises:
         ResultsError: A piece is damaged.
@@ -51,13 +58,16 @@ def merge_pieces(
         if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
     by_case = _by_case(pieces, header)
+    limits = bounds_of(header, bounds)
     if complete and (missing := missing_runs(by_case, header)):
         raise RefusedError("runs are missing: " + "; ".join(missing))
     with written_whole(out) as temporary, store.create_file(temporary) as file:
         write_header(file, header, provenance)
         for index, case in enumerate(header.cases):
             if by_case[case.id]:
-                _CaseWriter(file[layout.case_group(index)], case, by_case[case.id], header.runs).write()
+                group = file[layout.case_group(index)]
+                _CaseWriter(group, case, by_case[case.id], header.runs).write()
+                write_case_bound(group, case, limits[case.id])
 
 
 def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -> list[str]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import Failure, ResultsError
+from relnav_sim.results.bound import stored_bound
 from relnav_sim.results.header import read_header
 from relnav_sim.results.pieces import diagnostic_names, read_failures
 
@@ -240,6 +241,27 @@ class Results:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no truth of run {run}")
         truth = self._shared(index, layout.TRUTH, int(own[0]))
         return Series(self.cases[index], filter, run, self.time_s(index), **parts, truth=truth)
+
+    def bound(self, case: int | str, filter: str | None = None) -> Array | None:
+        """Return the posterior Cramér-Rao bound on the rms error over runs at the stored epochs, (K, 8).
+
+        Columns are x, y, z, vx, vy, vz and the norms r and v, m and m/s. It counts the white noise of the measurement
+        chain only. NaN where no run could start; docs/bound.md says how to read it.
+
+        Args:
+            case: The case.
+            filter: The filter whose own model and process noise count; None: a perfect model, without process noise.
+
+        Returns:
+            None where the file holds no bound.
+        """
+        index = self.case_index(case) if filter is None else self._check(case, filter)
+        group = self._case(index)
+        if filter is not None:
+            if filter not in store.names(group):
+                return None
+            group = store.subgroup(group, filter)
+        return stored_bound(group)
 
     def failures(self, case: int | str | None = None) -> tuple[tuple[str, Failure], ...]:
         """Return the failures as (case label, failure), of one case or of all."""

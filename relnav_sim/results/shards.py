@@ -100,7 +100,7 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         file.attrs["format"] = layout.SHARD_FORMAT
         file.attrs["format_version"] = layout.FORMAT_VERSION
         file.attrs["header"] = json.dumps(header)
-        file.attrs["checksum"] = _checksum(header, arrays)
+        file.attrs["checksum"] = checksum(header, arrays)
         for name, array in arrays.items():
             file.create_dataset(name, data=array, track_times=False)
 
@@ -131,7 +131,7 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
             group = store.subgroup(groups, name)
             for spec in layout.stored(name in info.diagnostics):
                 arrays[f"filters/{name}/{spec.name}"] = store.read(group, spec)
-        if store.text(file, "checksum") != _checksum(header, arrays):
+        if store.text(file, "checksum") != checksum(header, arrays):
             raise ResultsError(f"{path}: checksum does not match; the shard is damaged")
     filters = {
         name: FilterResult.of_arrays(
@@ -166,7 +166,8 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
         raise ResultsError(f"{path}: the shard's header is damaged") from None
 
 
-def _checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
+def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
+    """Return a digest of a file's header and of all its numbers."""
     digest = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name, array in sorted(arrays.items()):
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())

@@ -45,8 +45,8 @@ def write(group: h5py.Group, spec: Dataset, values: Any) -> None:
 
 
 def write_dimensions(group: h5py.Group, specs: Iterable[Dataset], **given: Sequence[Any] | Array) -> None:
-    """Write the coordinates that the datasets need: the layout's fixed ones, and those given by name."""
-    for name in dict.fromkeys(dim for spec in specs for dim in spec.dims):
+    """Write the coordinates that the datasets need and the group lacks: the layout's, and those given by name."""
+    for name in dict.fromkeys(dim for spec in specs for dim in spec.dims if dim not in group):
         dimension = layout.DIMENSIONS[name]
         values = given[name] if dimension.values is None else dimension.values
         array = np.asarray(values, dtype=object if dimension.dtype == "str" else dimension.dtype)

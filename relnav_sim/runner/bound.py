@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from relnav_sim.models.radar import PolarRadar
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.runner.block import create_campaign_filter
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
+from relnav_sim.runner.survive import BlockTimeout, time_limit
+from relnav_sim.runner.work import filter_ids
 from relnav_sim.sensors import measurement_model, reading_probability
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.statistics.bound import BoundRecursion, matrix_root
@@ -28,77 +31,79 @@ from relnav_sim.truth import nominal_chief, truth_trajectory
 Array = NDArray[np.float64]
 
 ENSEMBLE = 20
-"""Truths over which the information is averaged where the truth is dispersed: those of runs 0 to 19, run or not, so
-that the bound does not depend on the number of runs."""
+"""Truths over which the information is averaged where the truth is dispersed: those of runs 0 to 19, whether they are
+run or not, so that no bound depends on the number of runs."""
 
 
-@dataclass(frozen=True)
-class _Ensemble:
-    """The truth of a case at all epochs.
+def bound_surviving(case: Case, seed: int, timeout_s: float | None = None) -> BoundResult:
+    """Return the bounds of a case; what can't be computed is left out with the reason, and nothing is raised.
 
-    Attributes:
-        chief: ECI state of the chief, mean over the ensemble, (T, 6).
-        relative: Relative states, RTN, (b, T, 6).
-        probability: Probability of a measurement, (b, T).
+    Args:
+        case: The case with all its filters.
+        seed: The campaign's seed.
+        timeout_s: Most seconds for it.
     """
+    try:
+        with time_limit(timeout_s):
+            return case_bound(case, seed)
+    except BlockTimeout:
+        return failed_bound(case, seed, f"took longer than {timeout_s:g} s")
+    except Exception as error:  # whatever the cause, it must not end the campaign
+        return failed_bound(case, seed, f"{type(error).__name__}: {error}")
 
-    chief: Array
-    relative: Array
-    probability: Array
+
+def failed_bound(case: Case, seed: int, reason: str) -> BoundResult:
+    """Return the result of a case that has no bounds."""
+    return BoundResult(seed, case.id, filter_ids(case), None, {}, reason)
 
 
-def case_bound(case: Case, seed: int, case_index: int = 0) -> BoundResult:
+def case_bound(case: Case, seed: int) -> BoundResult:
     """Return the bound of a perfect model and the bounds of the filters' own models at the stored epochs.
 
-    The information of a reading is that of the campaign's radar at the true states, its noise white as simulated and
-    joined by the white errors of attitude and orbit; the average over the ensemble of truths weighs a reading with
-    its probability. Biases and correlated errors are not in it: the bound is that of a chain without them.
+    The information of a reading is that of the campaign's radar at the true states, with its white noise as simulated
+    and the white errors of attitude and orbit beside it, times the probability that there is a reading, on average
+    over the ensemble of truths. Biases and correlated errors are not in it.
 
     The perfect model has no process noise; its transitions are those of relative motion under a point mass and J2,
     about the true chief's orbit and along the true relative motion. A filter's model has the transitions of its own
-    dynamics at the true states (with the true orbit of the chief where it estimates it) and its own process noise.
+    dynamics along the same states (about the true orbit of the chief where it estimates that) and its own process
+    noise. Transitions are those at the ensemble's mean state: their spread is of the size of separation over orbit
+    radius, as is its effect.
 
     Args:
-        case: The case.
+        case: The case with all its filters.
         seed: The campaign's seed.
-        case_index: Number of the case, passed on to the result.
     """
     config = case.config
     clock = config.clock
     truth = _ensemble(config, seed)
-    models: dict[str, _Model] = {}
-    model_of = {}
-    for name, entry in config.filters.items():
-        model_of[name] = key = _model_key(entry)
-        if key not in models:
-            models[key] = _Model(create_campaign_filter(entry, config, seed).dynamics, clock.step_s)
-    perfect = NonlinearJ2Dynamics(_true_orbit(config), np.zeros((6, 6)), clock.step_s)
-    chain = [_Model(perfect, clock.step_s), *models.values()]
-
+    names = {_model_key(entry): name for name, entry in config.filters.items()}
+    models = {key: _Model(partial(_believed, name, config, seed), clock.step_s) for key, name in names.items()}
+    chain = [_Model(partial(_perfect, config), clock.step_s), *models.values()]
     information = _Information(config, truth)
+    covariances = np.full((clock.stored, len(chain), 6, 6), np.nan)
     start = _start(config, truth, information)
-    bounds = [start]
-    recursion = BoundRecursion(np.broadcast_to(start, (len(chain), 6, 6)))
-    mean = truth.relative.mean(axis=0)
-    for epochs in _stretches(1, clock.epochs):
-        roots = matrix_root(information.at(epochs))
-        F = np.empty((len(epochs), len(chain), 6, 6))
-        Q = np.empty((len(epochs), len(chain), 6, 6))
-        for i, model in enumerate(chain):
-            F[:, i], Q[:, i] = model.at(epochs, truth.chief, mean)
-        noise_roots = matrix_root(Q)
-        for k, epoch in enumerate(epochs):
-            recursion.advance(F[k], noise_roots[k], roots[k])
-            if epoch % clock.store_every == 0:
-                bounds.append(recursion.covariance)
-    covariance = np.stack([np.broadcast_to(bound, (len(chain), 6, 6)) for bound in bounds], axis=1)
-    deviations = _deviations(covariance)
-    place = {key: i for i, key in enumerate(models, start=1)}
+    if start is not None:
+        covariances[0] = start
+        recursion = BoundRecursion(covariances[0])
+        for epochs in _stretches(1, clock.epochs):
+            states = truth.relative_mean[epochs - 1]
+            steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in chain]
+            transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
+            noise_roots, roots = matrix_root(noises), matrix_root(information.at(epochs))
+            for k, epoch in enumerate(epochs):
+                recursion.advance(transitions[k], noise_roots[k], roots[k])
+                if epoch % clock.store_every == 0:
+                    covariances[epoch // clock.store_every] = recursion.covariance
+    bounds = dict(zip(["", *models], _deviations(covariances).swapaxes(0, 1), strict=True))
+    keys = {name: _model_key(entry) for name, entry in config.filters.items()}
     return BoundResult(
-        case_index=case_index,
+        seed=seed,
         case_id=case.id,
-        perfect=deviations[0],
-        filters={name: deviations[place[key]] for name, key in model_of.items()},
+        filter_ids=filter_ids(case),
+        perfect=bounds[""],
+        filters={name: bounds[key] for name, key in keys.items() if not models[key].broken},
+        reason="; ".join(f"{names[key]}: {model.broken}" for key, model in models.items() if model.broken),
     )
 
 
@@ -109,16 +114,26 @@ def _deviations(covariance: Array) -> Array:
     return np.sqrt(np.concatenate([variances, np.stack(norms, axis=-1)], axis=-1))
 
 
-def _model_key(entry: FilterEntry) -> str:
-    """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
-    if isinstance(entry.dynamics, GpOptions):
-        return entry.model_dump_json()
-    return entry.dynamics.model_dump_json() + entry.process_noise.model_dump_json()
-
-
 def _stretches(first: int, end: int) -> Iterator[NDArray[np.int64]]:
     for start in range(first, end, STRETCH_EPOCHS):
         yield np.arange(start, min(start + STRETCH_EPOCHS, end))
+
+
+@dataclass(frozen=True)
+class _Ensemble:
+    """The truth of a case at all epochs; NaN where a trajectory has ended.
+
+    Attributes:
+        chief: ECI state of the chief, mean over the ensemble, (T, 6).
+        relative: Relative states, RTN, (b, T, 6).
+        relative_mean: Their mean, (T, 6).
+        probability: Probability of a reading, (b, T); NaN where a trajectory has ended.
+    """
+
+    chief: Array
+    relative: Array
+    relative_mean: Array
+    probability: Array
 
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
@@ -127,89 +142,129 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     chief, relative, probability = [], [], []
     for epochs in _stretches(0, config.clock.epochs):
         truth = trajectory.at(epochs * config.clock.step_s)
-        chief.append(truth.chief.mean(axis=0))
+        chief.append(_mean(truth.chief))
         relative.append(truth.relative)
-        probability.append(reading_probability(config.sensors, truth, int(epochs[0]), config.clock.step_s))
-    return _Ensemble(np.concatenate(chief), np.concatenate(relative, axis=1), np.concatenate(probability, axis=1))
+        likely = reading_probability(config.sensors, truth, int(epochs[0]), config.clock.step_s)
+        probability.append(np.where(np.isnan(truth.relative[..., 0]), np.nan, likely))
+    states = np.concatenate(relative, axis=1)
+    return _Ensemble(np.concatenate(chief), states, _mean(states), np.concatenate(probability, axis=1))
 
 
-def _true_orbit(config: CaseConfig):
-    """Return the constants by which the perfect model goes: without J2 where the truth has none."""
-    orbit = nominal_chief(config.truth)
-    return orbit if config.truth.forces.zonals >= 2 else replace(orbit, j2=0.0)
+def _mean(values: Array) -> Array:
+    """Return the mean over the leading axis of what is no NaN; NaN where there is nothing."""
+    known = ~np.isnan(values)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, values, 0.0).sum(axis=0) / known.sum(axis=0))
 
 
 class _Model:
-    """Transitions and process noise of one model along the truth."""
+    """A model of the motion, along the truth.
 
-    def __init__(self, dynamics: Dynamics, step_s: float) -> None:
-        self._dynamics = dynamics
+    Attributes:
+        broken: The exception that it raised, in words; empty: none.
+    """
+
+    def __init__(self, make: Callable[[], Dynamics], step_s: float) -> None:
+        self.broken = ""
         self._step_s = step_s
+        self._dynamics: Dynamics | None = None
+        try:
+            self._dynamics = make()
+        except Exception as error:  # of a user's own filter or dynamics; the other bounds go on
+            self.broken = f"{type(error).__name__}: {error}"
 
-    def at(self, epochs: Array, chief: Array, relative: Array) -> tuple[Array, Array]:
-        """Return F and Q of the steps that end at `epochs`, (K, 6, 6) each.
+    def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
+        """Return F and Q of the steps that end at `epochs` (K,), (K, 6, 6) each; NaN and 0 once it is broken.
 
         Args:
             epochs: (K,).
-            chief: ECI states of the chief at all epochs, (T, 6).
-            relative: Relative states, RTN, at all epochs, (T, 6).
+            chief: ECI states of the chief one step before, (K, 6).
+            states: Relative states one step before, RTN, (K, 6).
         """
-        begin = epochs - 1
-        states = relative[begin]
-        if isinstance(self._dynamics, NonlinearJ2Dynamics):
-            # The epochs take the place of runs: each has a chief of its own, and a step is a step.
-            along = self._dynamics.with_chief(chief[begin, None], first_epoch=0)
-            step = Step(1, self._step_s)
-            return along.transition(states, step), along.process_noise(states, step)
-        steps = [Step(int(epoch), self._step_s) for epoch in epochs]
-        pairs = [
-            (self._dynamics.transition(state[None], step), self._dynamics.process_noise(state[None], step))
-            for state, step in zip(states, steps, strict=True)
-        ]
-        F, Q = (np.stack([np.reshape(pair[i], (6, 6)) for pair in pairs]) for i in (0, 1))
-        return F, Q
+        shape = (len(epochs), 6, 6)
+        if self._dynamics is not None and not self.broken:
+            try:
+                F, Q = _steps(self._dynamics, self._step_s, epochs, chief, states)
+                return F.reshape(shape), Q.reshape(shape)
+            except Exception as error:  # as above
+                self.broken = f"{type(error).__name__}: {error}"
+        return np.full(shape, np.nan), np.zeros(shape)
+
+
+def _steps(
+    dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], chief: Array, states: Array
+) -> tuple[Array, Array]:
+    if isinstance(dynamics, NonlinearJ2Dynamics):
+        # The epochs take the place of runs, each with a chief of its own.
+        step = Step(1, step_s)
+        F = dynamics.with_chief(chief[:, None], first_epoch=0).transition(states, step)
+        return F, np.broadcast_to(dynamics.process_noise(states, step), F.shape)
+    pairs = []
+    for epoch, state in zip(epochs, states[:, None], strict=True):
+        step = Step(int(epoch), step_s)
+        pairs.append((dynamics.transition(state, step), dynamics.process_noise(state, step)))
+    return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
+
+
+def _believed(name: str, config: CaseConfig, seed: int) -> Dynamics:
+    """Return the motion that a filter believes in."""
+    return create_campaign_filter(config.filters[name], config, seed).dynamics
+
+
+def _perfect(config: CaseConfig) -> Dynamics:
+    """Return the motion as it is: point mass and J2, no process noise."""
+    orbit = nominal_chief(config.truth)
+    if config.truth.forces.zonals < 2:
+        orbit = replace(orbit, j2=0.0)
+    return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
+
+
+def _model_key(entry: FilterEntry) -> str:
+    """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
+    if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
+        return entry.model_dump_json()
+    return entry.dynamics.model_dump_json() + entry.process_noise.model_dump_json()
 
 
 class _Information:
-    """The information E[H^T I H] of the measurement chain along an ensemble of truths."""
+    """The information of the measurement chain along an ensemble of truths, E[H^T I H]."""
 
     def __init__(self, config: CaseConfig, truth: _Ensemble) -> None:
         radar = config.sensors.radar
         assert radar is not None  # a campaign has one: its filters need it
         model = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
         assert isinstance(model, PolarRadar)
-        self._model = model
-        self._truth = truth
-        law = white_law(noise_parts(radar.noise), 3)
+        law = white_law(noise_parts(radar.noise), len(radar.sigmas))
+        self._model, self._truth = model, truth
         self._own = np.diag(np.square(law.nominal * radar.sigmas))
-        every = max(truth.relative.shape[1] // 1000, 1)
-        attitude = self._attitude(truth.relative.reshape(-1, 6))
+        attitude = np.concatenate([self._attitude(states) for states in truth.relative])
         self._reading = ReadingInformation(law.weights, law.scales * radar.sigmas, attitude)
 
     def _attitude(self, states: Array) -> Array:
         """Return the covariance that the attitude's error adds to the angles, (N, 2, 2)."""
-        total = np.broadcast_to(self._model.noise(states, 0), (len(states), 3, 3))
-        return total[:, 1:, 1:] - self._own[1:, 1:]
+        R = self._model.noise(states, 0) - self._own
+        return np.asarray(np.broadcast_to(R[..., 1:, 1:], (len(states), 2, 2)))
 
-    def at(self, epochs: Array) -> Array:
-        """Return the information of the readings at some epochs, (K, 6, 6)."""
+    def at(self, epochs: NDArray[np.int64]) -> Array:
+        """Return the information of the readings at some epochs, (K, 6, 6); 0 where no trajectory goes on."""
         states, probability = self._truth.relative[:, epochs], self._truth.probability[:, epochs]
-        b, K = probability.shape
         flat = states.reshape(-1, 6)
         H = self._model.jacobian(flat, 0)
-        information = H.swapaxes(1, 2) @ self._reading.at(self._attitude(flat)) @ H
-        weighed = np.where(probability[..., None, None] > 0, information.reshape(b, K, 6, 6), 0.0)
-        return (probability[..., None, None] * weighed).mean(axis=0)
+        information = (H.swapaxes(1, 2) @ self._reading.at(self._attitude(flat)) @ H).reshape(*states.shape, 6)
+        # Where nothing is measured the information may be anything, as of a target on the radar's axis.
+        weighed = np.where(probability[..., None, None] > 0, probability[..., None, None] * information, 0.0)
+        going = np.maximum((~np.isnan(probability)).sum(axis=0), 1)
+        return np.asarray(weighed.sum(axis=0) / going[:, None, None])
 
 
-def _start(config: CaseConfig, truth: _Ensemble, information: _Information) -> Array:
-    """Return J_0^-1 (6, 6), the covariance with which the filters could start; NaN where no run can."""
+def _start(config: CaseConfig, truth: _Ensemble, information: _Information) -> Array | None:
+    """Return J_0^-1 (6, 6), the covariance of the error with which filters start at best; None where none can."""
     start = config.start
     if isinstance(start, FirstFixStart):
-        share = truth.probability[:, 0].mean()  # runs without a first fix have failed and do not count
-        if share == 0:
-            return np.full((6, 6), np.nan)
-        J = information.at(np.array([0])) / share
-        J[0, 3:, 3:] += np.diag(1 / np.square(start.velocity_sigma_m_s))
-        return np.asarray(np.linalg.inv(J[0]))
+        share = float(truth.probability[:, 0].mean())  # a run without a first fix has failed and does not count
+        if not share > 0:
+            return None
+        J = information.at(np.zeros(1, dtype=np.int64))[0] / share
+        J[3:, 3:] += np.diag(1 / np.square(start.velocity_sigma_m_s))
+        return np.asarray(np.linalg.inv(J))
     return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s]))

@@ -9,11 +9,13 @@ from pathlib import Path
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import RefusedError, ResultHeader
+from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
+from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.folder import read_folder_header, shard_folder
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 
@@ -35,32 +37,35 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
         raise RefusedError(f"{out} exists; give the merged result another name")
     headers: list[ResultHeader] = []
     pieces: list[Piece] = []
+    bounds: list[BoundResult] = []
     histories: list[Provenance] = []
     for path in map(Path, parts):
-        header, found, history = _read(path)
+        header, found, limits, history = _read(path)
         if headers:
             _check_same(Path(parts[0]), headers[0], path, header)
         headers.append(header)
         pieces += found
+        bounds += limits
         histories.append(history)
     out.parent.mkdir(parents=True, exist_ok=True)
-    merge_pieces(pieces, headers[0], _united(histories), out)
+    merge_pieces(pieces, headers[0], _united(histories), out, bounds=bounds)
     return out
 
 
-def _read(path: Path) -> tuple[ResultHeader, list[Piece], Provenance]:
+def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Provenance]:
     if path.is_dir():
         # A folder holds shards of filters and cases that the campaign had once, too; these are passed over.
         header = read_folder_header(path)
         found = [shard_piece(shard) for shard in sorted(path.glob("*.h5"))]
         known = {case.id for case in header.cases}
         history = provenance_of(past_sessions(path))
-        return header, [p for p in found if p.info.case_id in known and p.info.seed == header.seed], history
+        found = [piece for piece in found if piece.info.case_id in known and piece.info.seed == header.seed]
+        return header, found, sound_bounds(path), history
     with store.open_checked(path, layout.FORMAT) as file:
         header, provenance = read_header(file)
     if header.only is not None:
         raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")
-    return header, result_pieces(path), provenance
+    return header, result_pieces(path), result_bounds(path), provenance
 
 
 def _check_same(first_path: Path, first: ResultHeader, path: Path, header: ResultHeader) -> None:

@@ -11,7 +11,10 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
+from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
+from relnav_sim.runner.bound import bound_surviving, failed_bound
+from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.headline import Figures, headline_figures
 from relnav_sim.runner.survive import failed_block, simulate_surviving
 from relnav_sim.runner.work import Block
@@ -24,21 +27,21 @@ PARENT_CHECKED_EVERY_S = 0.25
 
 @dataclass(frozen=True)
 class Done:
-    """A block whose shard is written.
+    """A block or a bound whose file is written.
 
     Attributes:
-        block: The block.
+        block: What was computed.
         failures: Failed runs of filters in it.
         figures: The headline figure of its runs.
     """
 
-    block: Block
+    block: Task
     failures: int
     figures: Figures
 
 
 def computed(
-    blocks: Sequence[Block], workers: int, backend: Backend, timeout_s: float | None
+    blocks: Sequence[Task], workers: int, backend: Backend, timeout_s: float | None
 ) -> Generator[Done, None, None]:
     """Compute blocks in any order; yield each as soon as its shard is written.
 
@@ -61,20 +64,30 @@ def computed(
         yield from _in_parallel(blocks, workers, timeout_s)
 
 
-def compute(block: Block, timeout_s: float | None) -> Done:
-    """Compute one block and write its shard."""
+def compute(block: Task, timeout_s: float | None) -> Done:
+    """Compute one block or bound and write its file."""
     from threadpoolctl import threadpool_limits
 
     block.busy.touch()
     # Threads of BLAS would fight with the other workers; the matrices here are small.
     with threadpool_limits(1):
-        result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s)
-    write_shard(block.path, result, block.seed, block.filter_ids)
+        done = _bound(block, timeout_s) if isinstance(block, BoundTask) else _simulated(block, timeout_s)
     block.busy.unlink(missing_ok=True)
+    return done
+
+
+def _bound(task: BoundTask, timeout_s: float | None) -> Done:
+    write_bound(task.path, bound_surviving(task.case, task.seed, timeout_s))
+    return Done(task, 0, {})
+
+
+def _simulated(block: Block, timeout_s: float | None) -> Done:
+    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s)
+    write_shard(block.path, result, block.seed, block.filter_ids)
     return Done(block, len(result.failures), headline_figures(result))
 
 
-def _in_parallel(blocks: Sequence[Block], workers: int, timeout_s: float | None) -> Iterator[Done]:
+def _in_parallel(blocks: Sequence[Task], workers: int, timeout_s: float | None) -> Iterator[Done]:
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -97,7 +110,7 @@ def _in_parallel(blocks: Sequence[Block], workers: int, timeout_s: float | None)
             yield from _one_by_one(suspects, timeout_s)
 
 
-def _one_by_one(blocks: Sequence[Block], timeout_s: float | None) -> Iterator[Done]:
+def _one_by_one(blocks: Sequence[Task], timeout_s: float | None) -> Iterator[Done]:
     """Compute blocks in one worker process, so that it is known which of them kills it; cut that one."""
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -123,7 +136,10 @@ def _one_by_one(blocks: Sequence[Block], timeout_s: float | None) -> Iterator[Do
             executor.shutdown(kill_workers=True)
 
 
-def _blamed(block: Block) -> Done:
+def _blamed(block: Task) -> Done:
+    if isinstance(block, BoundTask):
+        write_bound(block.path, failed_bound(block.case, block.seed, KILLED))
+        return Done(block, 0, {})
     result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index, _only_filter(block))
     write_shard(block.path, result, block.seed, block.filter_ids)
     return Done(block, len(result.failures), {})
@@ -138,7 +154,7 @@ def _only_filter(block: Block) -> str:
     return names[0] if len(names) == 1 else ""
 
 
-def _compute_as_worker(block: Block, timeout_s: float | None, parent: int) -> Done:
+def _compute_as_worker(block: Task, timeout_s: float | None, parent: int) -> Done:
     """Compute a block in a worker process, which ends by itself if the campaign's process is killed."""
     if os.getppid() != parent:
         os._exit(1)

@@ -10,10 +10,12 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
+from relnav_sim.results.bound import read_bound
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
+from relnav_sim.runner.bound_task import BoundTask, bound_tasks, is_finished
 from relnav_sim.runner.folder import check_same_campaign, move_aside, shard_folder, working_folder, write_folder_header
 from relnav_sim.runner.pool import Backend, computed
 from relnav_sim.runner.progress import progress_of
@@ -70,19 +72,23 @@ def run_campaign(
         check_same_campaign(out, header)
         write_folder_header(folder, header)
         finished = finished_work(folder, campaign, say)
+        tasks = bound_tasks(campaign, folder, part)
+        bounds_left = [task for task in tasks if not is_finished(task, say)]
         new_blocks = 0
         for runs in looks(campaign, part):
             left = list(blocks_left(replace(campaign, runs=runs), finished.runs, folder, part))
-            if left and not new_blocks:
+            if (left or bounds_left) and not new_blocks:
                 begin_session(folder)
-                if finished.shards:
+                if finished.shards and left:
                     say(f"{len(finished.shards)} finished blocks found; {len(left)} left to compute")
             with (
                 progress_of(Tally(left, _figures_so_far(finished, campaign)), progress) as bar,
-                closing(computed(left, workers, backend, timeout_s)) as done_blocks,
+                closing(computed([*left, *bounds_left], workers, backend, timeout_s)) as done_blocks,
             ):
                 for done in done_blocks:
                     new_blocks += 1
+                    if isinstance(done.block, BoundTask):
+                        continue
                     bar.advance(done.block, done.figures)
                     block = done.block
                     finished.add(block.path, block.case.id, block.filter_ids, block.runs, done.figures)
@@ -92,6 +98,7 @@ def run_campaign(
             if max_failures is not None and failures > max_failures:
                 say(f"stopped: {failures} failures are more than the {max_failures} allowed; the result is incomplete")
                 break
+            bounds_left = []
             header, met = look_at(header, campaign, finished, runs)
             if met:
                 say(f"stopped at {runs} runs: the rule of the campaign is met")
@@ -102,7 +109,13 @@ def run_campaign(
             say("every run was finished already")
         _say_what_is_left_out(out, header, say)
         provenance = _provenance(out, header, folder, new_blocks)
-        merge_pieces([shard_piece(path) for path in finished.shards], header, provenance, out, complete=False)
+        bounds = [read_bound(task.path) for task in tasks if task.path.exists()]
+        pieces = [shard_piece(path) for path in finished.shards]
+        merge_pieces(pieces, header, provenance, out, complete=False, bounds=bounds)
+    labels = {case.id: case.label for case in campaign.cases}
+    for bound in bounds:
+        if bound.reason:
+            say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}")
     say(f"the shards stay in {shard_folder(out)}, so that runs, filters and cases can be added")
     return out
 

@@ -11,6 +11,7 @@ from relnav_sim.results.block import ResultsError
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.shards import read_shard
+from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.folder import read_folder_header, shard_folder
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 
@@ -37,7 +38,8 @@ def results_so_far(out: Path) -> Iterator[Path]:
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == header.seed]
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
-        merge_pieces(mine, header, provenance_of(past_sessions(folder)), path, complete=False)
+        provenance = provenance_of(past_sessions(folder))
+        merge_pieces(mine, header, provenance, path, complete=False, bounds=sound_bounds(folder))
         yield path
 
 

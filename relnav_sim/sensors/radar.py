@@ -164,7 +164,9 @@ class Radar:
             first_epoch: Number of the first epoch; readings are due at whole numbers of periods.
         """
         truth = true_reading(self._options, carrier, other)
-        measured = in_sight(self._options, truth) & (np.arange(first_epoch, first_epoch + len(times_s)) % self._every == 0)
+        measured = in_sight(self._options, truth) & (
+            np.arange(first_epoch, first_epoch + len(times_s)) % self._every == 0
+        )
         z = self._noise.sample(times_s)
         z *= self._options.sigmas
         z += np.stack(truth, axis=-1) + self._biases

@@ -48,7 +48,7 @@ class BoundRecursion:
         array[..., m : m + n, m:] = moved
         array[..., m + n :, m:] = noise_root
         array[..., m:, :m] = array[..., m:, m:] @ information_root.swapaxes(-1, -2)
-        self._root = np.linalg.qr(array, mode="r")[..., m:, m:]
+        self._root = np.asarray(np.linalg.qr(array, mode="r"))[..., m:, m:]
 
 
 def matrix_root(A: ArrayLike) -> Array:
@@ -82,7 +82,9 @@ def posterior_cramer_rao(
     try:
         F, Q = (np.broadcast_to(np.asarray(A, dtype=float), M.shape) for A in (transitions, process_noises))
     except ValueError:
-        raise ValueError(f"transitions and process_noises must be (T, n, n) or (n, n) with T, n = {M.shape[:2]}") from None
+        raise ValueError(
+            f"transitions and process_noises must be (T, n, n) or (n, n) with T, n = {M.shape[:2]}"
+        ) from None
     recursion = BoundRecursion(covariance)
     bounds = np.empty(M.shape)
     for k, (transition, noise, information) in enumerate(zip(F, matrix_root(Q), matrix_root(M), strict=True)):

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SPACING = 0.1
-"""Step of the trapezoidal rule in asinh of the whitened noise: an error of some 1e-7 of the information up to a ratio of 100."""
+"""Step of the trapezoidal rule in asinh of the whitened noise: 1e-7 of the information at ratios up to 100."""
 REACH = 7.0
 """Standard deviations of the widest component at which the integral ends: 1e-11 of the probability lie beyond."""
 TOLERANCE = 1e-6
@@ -115,7 +115,8 @@ class ReadingInformation:
         self._variances = np.square(deviations)
         self._d = float(self._variances[:, 1:].min())
         known = self._bounded(attitude[~np.isnan(attitude).any(axis=(1, 2))])
-        self._low, self._high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(3), np.zeros(3))
+        self._low: Array = known.min(axis=0, initial=1.0)
+        self._high: Array = known.max(axis=0, initial=-1.0)
         self._nodes: list[Array] = []
         if len(weights) > 1:
             self._refine()
@@ -173,7 +174,8 @@ class ReadingInformation:
     def _marginal(self, channels: list[int]) -> tuple[Array, Array]:
         """Return the mixture of some channels alone: weights (k,) and variances (k, channels)."""
         variances, place = np.unique(self._variances[:, channels], axis=0, return_inverse=True)
-        return np.bincount(place.ravel(), self._weights), variances
+        weights: Array = np.bincount(place.ravel(), self._weights).astype(np.float64)
+        return weights, variances
 
     def _bounded(self, attitude: Array) -> Array:
         """Return the three variables of A, (N, 3)."""

@@ -13,7 +13,9 @@ import pytest
 
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
-from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.bound import BoundResult
+from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shards import shard_name, write_shard
 
@@ -67,6 +69,13 @@ def filter_ids(names: Iterable[str]) -> dict[str, str]:
     return {name: f"settings of {name}" for name in names}
 
 
+def bound(case: int, filters: Sequence[str] = FILTERS) -> BoundResult:
+    """Return made-up bounds of a case."""
+    numbers = {name: np.random.default_rng([case, len(name)]).uniform(size=(TIMES, 8)) for name in ("", *filters)}
+    perfect = numbers.pop("")
+    return BoundResult(SEED, f"id{case}", filter_ids(filters), perfect, numbers)
+
+
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:
     return ResultHeader(
         campaign_name="trial <script>",
@@ -102,6 +111,10 @@ class MakeBlock(Protocol):
     ) -> BlockResult: ...
 
 
+class MakeBound(Protocol):
+    def __call__(self, case: int, filters: Sequence[str] = FILTERS) -> BoundResult: ...
+
+
 class MakeHeader(Protocol):
     def __call__(self, runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader: ...
 
@@ -113,6 +126,11 @@ class WriteBlocks(Protocol):
 @pytest.fixture
 def make_block() -> MakeBlock:
     return block
+
+
+@pytest.fixture
+def make_bound() -> MakeBound:
+    return bound
 
 
 @pytest.fixture
@@ -132,8 +150,9 @@ def facts() -> Provenance:
 
 @pytest.fixture(scope="session")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished result of 2 cases, 2 filters and 5 runs."""
+    """A finished result of 2 cases, 2 filters and 5 runs; the first case has bounds."""
     folder = tmp_path_factory.mktemp("result")
     shards = write_blocks(folder / "shards", [block(case, runs) for case in (0, 1) for runs in ([0, 1, 2], [3, 4])])
-    merge_shards(shards, header(), provenance(), folder / "trial.h5")
+    pieces = [shard_piece(path) for path in shards]
+    merge_pieces(pieces, header(), provenance(), folder / "trial.h5", bounds=[bound(0)])
     return folder / "trial.h5"

@@ -1,0 +1,79 @@
+"""The Cramér-Rao bounds of a campaign as pieces of work beside its blocks, kept in files as these are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+from relnav_sim.campaign import Campaign, Case
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.bound import SUFFIX, BoundResult, bound_name, read_bound
+from relnav_sim.runner.work import Block, filter_ids
+
+
+@dataclass(frozen=True)
+class BoundTask:
+    """The bounds of one case.
+
+    Attributes:
+        seed: Seed of the campaign.
+        case: The case with all its filters.
+        folder: Where the file belongs.
+    """
+
+    seed: int
+    case: Case
+    folder: Path
+
+    @property
+    def path(self) -> Path:
+        """The file of the result."""
+        return self.folder / bound_name(self.seed, self.case.id, filter_ids(self.case))
+
+    @property
+    def busy(self) -> Path:
+        """The marker that stands while a worker computes it; it outlives a worker that is killed."""
+        return self.path.with_suffix(".busy")
+
+    def pieces(self) -> list[Block]:
+        """Return nothing: a bound can't be cut."""
+        return []
+
+
+Task = Block | BoundTask
+
+
+def bound_tasks(campaign: Campaign, folder: Path, part: tuple[int, int] = (1, 1)) -> list[BoundTask]:
+    """Return the bounds that a campaign asks for; of several parts the one with a case's first runs has its bound."""
+    if not campaign.bound:
+        return []
+    number, parts = part
+    blocks = ceil(campaign.runs / campaign.block_runs)
+    cases = [case for index, case in enumerate(campaign.cases) if (index * blocks + 1 - number) % parts == 0]
+    return [BoundTask(campaign.seed, case, folder) for case in cases]
+
+
+def is_finished(task: BoundTask, say: Callable[[str], None]) -> bool:
+    """Return whether a bound's file is there and verifies; one that does not is told of and removed."""
+    if not task.path.exists():
+        return False
+    try:
+        read_bound(task.path)
+    except ResultsError as error:
+        say(f"{error}; computing it again")
+        task.path.unlink()
+        return False
+    return True
+
+
+def sound_bounds(folder: Path) -> list[BoundResult]:
+    """Return the bounds in a folder of shards; damaged ones, which the campaign will compute again, are left out."""
+    bounds = []
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        try:
+            bounds.append(read_bound(path))
+        except ResultsError:
+            continue
+    return bounds
