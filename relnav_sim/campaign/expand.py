@@ -151,7 +151,9 @@ def _unequal(variables: list[Variable]) -> list[Problem]:
 
 
 def _labels(text: str, flat: list[dict[str, Any]]) -> tuple[str, ...]:
-    """Return a label for each value: the fewest keys that tell the values apart, `kind` alone if it does.
+    """Return a label for each value: every key that differs, or `kind` alone if that tells the values apart.
+
+    Of the keys of a section only the first is written with its whole path: ``truth.drag.area_m2=1,mass_kg=50``.
 
     Args:
         text: The variable's path.
@@ -160,12 +162,13 @@ def _labels(text: str, flat: list[dict[str, Any]]) -> tuple[str, ...]:
     varied = [
         name for name in dict.fromkeys(itertools.chain(*flat)) if len({_word(leaves.get(name)) for leaves in flat}) > 1
     ]
-    names = next(([name] for name in varied if _tells_apart(name, flat)), varied) or list(flat[0])[:1]
+    kinds = [name for name in varied if name == f"{text}.kind" and _tells_apart(name, flat)]
+    names = kinds or varied or list(flat[0])[:1]
     labels = []
     for leaves in flat:
         shown = [name for name in names if name in leaves]
         words = [f"{name}={_word(leaves[name])}" for name in shown] or [f"{name}=default" for name in names]
-        labels.append(",".join(words))
+        labels.append(",".join([words[0], *(word.removeprefix(f"{text}.") for word in words[1:])]))
     if max(map(len, labels)) > LONGEST_LABEL:
         return tuple(f"{text}=#{position}" for position in range(1, len(flat) + 1))
     return tuple(labels)

@@ -48,6 +48,8 @@ def inspect(
 
 
 def _show(results: Results) -> None:
+    from relnav_sim.results.stopping import stopping_in_words
+
     provenance = results.provenance
     source = provenance.git_commit[:12] + (", with changes" if provenance.git_dirty == 1 else "")
     failures = results.failures()
@@ -73,7 +75,7 @@ def _show(results: Results) -> None:
         ]
         rows.insert(10, ("sessions", "\n".join(began)))
     if results.stopping:
-        rows.insert(4, ("stopped", _stop_in_words(results)))
+        rows.insert(4, ("stopped", stopping_in_words(results.stopping)))
     print_table(rows)
     if failures:
         typer.echo()
@@ -92,17 +94,6 @@ def _runs_in_words(results: Results) -> str:
     missing = {run for runs in results.missing().values() for run in runs}
     to_do = f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
     return f"{len(results.runs)} of {results.planned_runs}{to_do}"
-
-
-def _stop_in_words(results: Results) -> str:
-    rule = results.stopping
-    which = f" of {rule['filter']}" if rule["filter"] else " of every filter"
-    looks = ", ".join(str(n) for n in rule["at"])
-    found = "not known" if rule["widest"] is None else f"{rule['widest']:.3g}"
-    return (
-        f"{'met' if rule['met'] else 'not met'} at {rule['reached']} runs: half width of the 95 % interval of "
-        f"{rule['metric']}{which} {found}, wanted {rule['half_width']:g}; looked at {looks} runs"
-    )
 
 
 def _compare(first: Results, second: Results) -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from relnav_sim.report.axes import Axes
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.report.wording import counted, figure
+from relnav_sim.results.stopping import stopping_in_words
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -42,6 +40,7 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "content hash": results.campaign_hash,
         "varied": ", ".join(varied) or "nothing",
         "runs": f"{results.planned_runs} of each case",
+        "stopping rule": stopping_in_words(results.stopping) if results.stopping else "",
         "result file": results.path.name,
         "computed": f"{shown_time(origin.started)} to {shown_time(origin.finished)}, {figure(origin.wall_time_s)} s",
         "source": f"{origin.git_commit}{state}" if origin.git_commit else "installed package",
@@ -49,29 +48,6 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
     }
     return tuple((name, value) for name, value in facts.items() if value)
-
-
-def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:
-    """Return the commands that compute the result and its report again."""
-    report = f"relnav report {shlex.quote(_from_here(results.path))}{'' if axes == 'rtn' else f' --axes {axes}'}"
-    recorded = results.provenance.command_line
-    try:
-        program = Path(shlex.split(recorded)[0]).name if recorded else ""
-    except ValueError:
-        program = ""
-    if program == "relnav":
-        return (recorded, report)
-    file = shlex.quote(f"{results.campaign_name}.yaml")
-    return (
-        f"relnav run {file} --runs {results.planned_runs}   # the campaign file below, saved as {file}",
-        report,
-    )
-
-
-def _from_here(path: Path) -> str:
-    """Return a path as a command run from this folder needs it; elsewhere the name must do."""
-    whole, here = path.resolve(), Path.cwd()
-    return str(whole.relative_to(here)) if whole.is_relative_to(here) else path.name
 
 
 def filters_table(results: Results) -> Table:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from relnav_sim.report import captions, figures, layouts
 from relnav_sim.report.axes import Axes
+from relnav_sim.report.case_tables import all_case_tables
 from relnav_sim.report.drawing import Picture, draw, file_name
 from relnav_sim.report.facts import case_facts
 from relnav_sim.report.page import CaseSection
@@ -54,7 +55,7 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
     if not case.filters:
         return CaseSection(case.number, case.label, tuple(notes), None, (), ())
     failures = [layouts.failures_table(case)] if case.failures else []
-    other = [layouts.case_table(case, "whole")] if case.span == "settled" else []
+    other = [*all_case_tables(ranking)] + ([layouts.case_table(case, "whole")] if case.span == "settled" else [])
     shown = cases <= _MOST_CASES_WITH_WHOLE_SPAN
     return CaseSection(
         number=case.number,

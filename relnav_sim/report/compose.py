@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 from relnav_sim.report import campaign_facts, captions, figures, html
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_section import compose_case
+from relnav_sim.report.commands import reproduce_commands
 from relnav_sim.report.drawing import Picture, draw, within
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.summary import summarise
+from relnav_sim.results.stopping import stopping_in_words
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -28,10 +30,11 @@ _READING = (
     "Error is estimate minus truth. Mean and std are taken over the time of each run, as in Table 2 of Shi et al. "
     "(2025); a table shows their means over runs. The rows r and v are those of the error's size.",
     "RMS is taken over the time of each run, then averaged over runs.",
-    "Intervals are 95 % bootstrap intervals (BCa) over runs, because epochs of one run are correlated and runs are "
-    "not. They are not widened for the number of comparisons.",
-    "Filters of a campaign share their random numbers. They are compared run by run: not told apart means that the "
-    "95 % interval of the mean difference holds zero.",
+    "Intervals are 95 % bootstrap intervals over runs (BCa, widened for small samples after Hesterberg 2015; Student's "
+    "below 6 runs), because epochs of one run are correlated and runs are not.",
+    "Filters of a campaign share their random numbers. They are compared run by run, and a verdict holds at 95 % for "
+    "all pairs of its case together (Holm 1979); cases are not guarded against each other. The intervals themselves "
+    "are not widened for the number of comparisons.",
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
     "more where it claims too much, less where it claims too little.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
@@ -89,11 +92,11 @@ def _without_pictures(
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
-        summary=summarise(rankings),
+        summary=(*summarise(rankings), *_stopped(results)),
         overview=overview_table(rankings),
         pictures=(),
         cases=tuple(sections),
-        commands=campaign_facts.reproduce_commands(results, axes),
+        commands=reproduce_commands(results, axes),
         settings=campaign_facts.provenance_facts(results),
         filters=campaign_facts.filters_table(results),
         all_settings=campaign_facts.settings_table(results),
@@ -101,6 +104,10 @@ def _without_pictures(
         reading=(*_READING, _WHOLE_SPAN) if any(section.file_tables for section in sections) else _READING,
         footer=f"Written by relnav from {results.path.name}, computed with relnav {version} on {finished}.",
     )
+
+
+def _stopped(results: Results) -> tuple[str, ...]:
+    return (f"Stopping rule {stopping_in_words(results.stopping)}.",) if results.stopping else ()
 
 
 def _overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path) -> tuple[Picture, ...]:

@@ -14,7 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
+from relnav_sim.report.commands import run_command
 from relnav_sim.results import layout
+from relnav_sim.statistics import divergence
+from relnav_sim.statistics.correlation import integrated_time
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -50,6 +53,10 @@ class FilterFacts:
         anees: NEES / 6 over time (n, 2 spans).
         nis: Mean NIS over time (n, 2 spans).
         cpu_us: CPU time per filter step (n,), microseconds.
+        stored: Every dataset of `layout.SUMMARY` as it is stored.
+        diagnostics: What the filter reports of its own working, by name (n,).
+        diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
+        nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
     """
 
     name: str
@@ -60,6 +67,10 @@ class FilterFacts:
     anees: Array
     nis: Array
     cpu_us: Array
+    stored: Mapping[str, NDArray[Any]]
+    diagnostics: Mapping[str, Array]
+    diverged: NDArray[np.bool_]
+    nees_time_s: float
 
     @property
     def failed(self) -> int:
@@ -83,6 +94,10 @@ class FilterFacts:
     def consistency(self, which: Literal["anees", "nis"], span: Span) -> Array:
         """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
         return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
+
+    def figure(self, name: str, *place: int) -> Array:
+        """Return one figure per completed run of a stored dataset, for example ``figure("coverage", 1, 0, 2)``."""
+        return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
 
     def median_row(self, span: Span) -> int:
         """Return which of the completed runs has the median position RMS, the lower of two."""
@@ -112,6 +127,7 @@ class CaseFacts:
         waiting: Names of the filters that have none yet.
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
+        command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
     """
 
     number: int
@@ -127,6 +143,11 @@ class CaseFacts:
     waiting: tuple[str, ...]
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
+    command: str
+
+    def trace_command(self, run: int) -> str:
+        """Return the command that computes one run of the case again and stores every step."""
+        return f"{self.command} --only {self.index}:{run} --trace"
 
     @property
     def span(self) -> Span:
@@ -172,24 +193,32 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
     label = header.label
     if len(results.headers) == 1 and label == _ONLY_CASE:
         label = "all runs"
+    settle_s = float(case_setting(results, index, "statistics.settle_s", 0.0))
+    times_s = results.time_s(index) if held else np.empty(0)
     return CaseFacts(
         number=index + 1,
         index=index,
         label=label,
         axes=axes,
-        times_s=results.time_s(index) if held else np.empty(0),
-        settle_s=float(case_setting(results, index, "statistics.settle_s", 0.0)),
+        times_s=times_s,
+        settle_s=settle_s,
         convergence_m=float(case_setting(results, index, "statistics.convergence_m", np.nan)),
         hold_s=float(case_setting(results, index, "statistics.convergence_hold_s", np.nan)),
         planned_runs=results.planned_runs,
-        filters=tuple(_filter_facts(results, index, name, axes) for name in held),
+        filters=tuple(_filter_facts(results, index, name, axes, times_s >= settle_s) for name in held),
         waiting=tuple(name for name in header.filters if name not in held),
         all_filters=results.filters,
         failures=tuple(
             FailedRun(failure.run, failure.filter, failure.epoch, failure.reason)
             for _, failure in results.failures(index)
         ),
+        command=run_command(results),
     )
+
+
+def span_index(span: Span) -> int:
+    """Return where a span stands along the layout's dimension of that name."""
+    return _SPANS[span]
 
 
 def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
@@ -211,10 +240,13 @@ def _inside(value: Any, keys: list[str], default: Any) -> Any:
     return value
 
 
-def _filter_facts(results: Results, index: int, name: str, axes: Axes) -> FilterFacts:
-    def statistic(which: str) -> Array:
-        return np.asarray(results.statistic(index, name, which), dtype=float)
+def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: NDArray[np.bool_]) -> FilterFacts:
+    stored = {spec.name: results.statistic(index, name, spec.name) for spec in layout.SUMMARY}
 
+    def statistic(which: str) -> Array:
+        return np.asarray(stored[which], dtype=float)
+
+    times_s = results.time_s(index)
     whole_state = layout.BLOCKS.index("full")
     return FilterFacts(
         name=name,
@@ -229,7 +261,27 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes) -> Filter
         anees=statistic("anees")[..., whole_state],
         nis=statistic("nis_mean"),
         cpu_us=statistic("cpu_per_step"),
+        stored=stored,
+        diagnostics=results.diagnostics(index, name),
+        diverged=_diverged(results, index, name, statistic("failed") == 1, statistic("outside_late"), times_s),
+        nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
     )
+
+
+def _diverged(
+    results: Results, index: int, name: str, failed: NDArray[np.bool_], outside_late: Array, times_s: Array
+) -> NDArray[np.bool_]:
+    lost = divergence.diverged(failed, outside_late)
+    bound = getattr(results, "bound", lambda _: None)(index)
+    if bound is None:
+        return lost
+    r = np.linalg.norm(results.error(index, name)[..., :3], axis=-1)
+    return lost | divergence.far_beyond_bound(r, times_s, bound[:, layout.QUANTITIES.index("r")])
+
+
+def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:
+    chosen = settled if settled.sum() > 1 else np.arange(len(times_s)) > 0
+    return integrated_time(nees[:, chosen], float(times_s[1] - times_s[0])) if chosen.sum() > 1 else np.nan
 
 
 def _in_axes(stored: Array, axes: Axes, signed: bool) -> Array:

@@ -10,10 +10,13 @@ import numpy as np
 from relnav_sim.report.axes import COMPONENTS, describe_axes
 from relnav_sim.report.facts import CaseFacts, FilterFacts, Span
 from relnav_sim.report.tables import Column, Number, Row, Table, Words, decimals_for
+from relnav_sim.report.wording import figure
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
-_INTERVALS = "Figures are means over runs; in brackets their 95 % interval (bootstrap over runs)."
+INTERVALS = "Figures are means over runs; in brackets their 95 % interval (bootstrap over runs)."
 _ONE_RUN = "One run only: there are no intervals."
+_NO_RUN = "No run was completed: there are no figures."
+_WORST_RUNS = 2
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
 
@@ -72,6 +75,7 @@ def failures_table(case: CaseFacts) -> Table:
                 Words(failure.filter or "the whole run"),
                 Words(str(failure.epoch) if failure.epoch >= 0 else "not known"),
                 Words(failure.reason),
+                Words(case.trace_command(failure.run)),
             ),
         )
         for failure in case.failures
@@ -81,7 +85,30 @@ def failures_table(case: CaseFacts) -> Table:
         title=f"Failed runs ({len(case.failures)})",
         caption="Epoch: the first that failed. The other runs are not affected.",
         corner="run",
-        columns=(Column("filter", numeric=False), Column("epoch", numeric=False), Column("reason", numeric=False)),
+        columns=tuple(Column(label, numeric=False) for label in ("filter", "epoch", "reason", "a closer look")),
+        rows=tuple(rows),
+    )
+
+
+def worst_runs_table(case: CaseFacts) -> Table:
+    """Return the completed runs with the largest position RMS of each filter, and the command that shows them again."""
+    found: dict[int, list[str]] = {}
+    for item in case.filters:
+        sizes = item.errors("rms", case.span, "r")[item.ok]
+        median = float(np.median(sizes)) if len(sizes) else math.nan
+        for place in np.argsort(-sizes, kind="stable")[:_WORST_RUNS] if len(sizes) > _WORST_RUNS else ():
+            lost = " (diverged)" if item.diverged[item.ok][place] else ""
+            words = f"{item.name} {figure(sizes[place])} m, {figure(sizes[place] / median, 2)} times its median{lost}"
+            found.setdefault(int(item.runs[item.ok][place]), []).append(words)
+    rows = [
+        Row(f"run {run}", (Words("; ".join(words)), Words(case.trace_command(run)))) for run, words in found.items()
+    ]
+    return Table(
+        name=f"case_{case.number:03d}_worst",
+        title="Worst runs",
+        caption=f"The {_WORST_RUNS} completed runs of each filter with the largest position RMS ({case.when}).",
+        corner="run",
+        columns=(Column("position RMS", numeric=False), Column("a closer look", numeric=False)),
         rows=tuple(rows),
     )
 
@@ -119,7 +146,8 @@ def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     """Return what a reader must know to read the figures of these cases."""
     filters = [item for case in cases for item in case.filters]
     notes = [f"{describe_axes(cases[0].axes)}."] if axes and cases else []
-    notes.append(_ONE_RUN if filters and max(item.completed for item in filters) <= 1 else _INTERVALS)
+    most = max((item.completed for item in filters), default=0)
+    notes.append(INTERVALS if most > 1 else _ONE_RUN if most else _NO_RUN)
     if failed := sum(item.failed for item in filters):
         notes.append(f"{failed} failed run{'s are' if failed > 1 else ' is'} counted, and left out of every mean.")
     levels = {(case.convergence_m, case.hold_s) for case in cases}

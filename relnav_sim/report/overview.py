@@ -35,7 +35,13 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         ]
         columns.insert(0, Column("filter", numeric=False))
         rows = [
-            replace(row, label=heading, cells=(Words(row.label), *row.cells), opens_block=not place)
+            replace(
+                row,
+                label=f"{ranking.case.number}" if place else heading,
+                cells=(Words(row.label), *row.cells),
+                opens_block=not place,
+                record=heading,
+            )
             for ranking, heading in zip(rankings, headings, strict=True)
             for place, row in enumerate(_rows(ranking))
         ]

@@ -3,17 +3,50 @@
 The headline figure is the RMS over time of the position error of each run. Filters of a campaign share their
 random numbers, so they are compared run by run: the interval of the mean difference decides, not whether
 two intervals overlap.
+
+All pairs of a case are one family of comparisons, guarded together by Holm's procedure: the best filter is chosen from
+the same figures, so to compare only with it would count a lucky filter's luck against the others.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relnav_sim.report.axes import Array
 from relnav_sim.report.facts import CaseFacts, FilterFacts
-from relnav_sim.statistics.intervals import Comparison, Interval, bootstrap_interval, paired_difference
+from relnav_sim.statistics.intervals import (
+    Comparison,
+    Interval,
+    bootstrap_interval,
+    paired_difference,
+    runs_to_decide,
+)
+from relnav_sim.statistics.multiple import holm
+
+LEVEL = 0.95
+_NOTHING = Interval(math.nan, math.nan, math.nan, LEVEL, 0)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two filters of a case on their common runs.
+
+    Attributes:
+        first: The filter with the larger mean.
+        second: The other.
+        comparison: First minus second; its verdict and its p-value are guarded for all pairs of the case.
+        percent: The difference in percent of the second's mean on those runs.
+    """
+
+    first: str
+    second: str
+    comparison: Comparison
+    percent: Interval
 
 
 @dataclass(frozen=True)
@@ -48,10 +81,19 @@ class Standing:
 
 @dataclass(frozen=True)
 class Ranking:
-    """The filters of one case with a completed run, best first; empty where there is none."""
+    """The filters of one case with a completed run, best first; empty where there is none.
+
+    Attributes:
+        case: The case.
+        standings: The filters.
+        position: All pairs that have runs in common, by the RMS of the position error, m.
+        velocity: The same by the RMS of the velocity error, m/s; a family of its own.
+    """
 
     case: CaseFacts
     standings: tuple[Standing, ...]
+    position: tuple[Pair, ...] = ()
+    velocity: tuple[Pair, ...] = ()
 
     @property
     def best(self) -> Standing:
@@ -70,34 +112,69 @@ class Ranking:
 
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
-    sizes = {item.name: _completed(item, case, "r") for item in case.filters if item.completed}
-    position = {name: bootstrap_interval(values) for name, values in sizes.items()}
+    held = [item for item in case.filters if item.completed]
+    position = {item.name: bootstrap_interval(_completed(item, case, "r")) for item in held}
     # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
     order = sorted(position, key=lambda name: (not np.isfinite(position[name].estimate), position[name].estimate))
+    pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
+    against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
-    for place, name in enumerate(order):
-        facts = case.filter(name)
-        comparison, percent = None, Interval(np.nan, np.nan, np.nan, 0.95, 0)
-        if place:
-            comparison, percent = _against(facts, case.filter(order[0]), case)
+    for name in order:
+        facts, pair = case.filter(name), against.get(name)
         velocity = bootstrap_interval(_completed(facts, case, "v"))
+        comparison, percent = (pair.comparison, pair.percent) if pair else (None, _NOTHING)
         standings.append(Standing(facts, position[name], velocity, comparison, percent))
-    return Ranking(case, tuple(standings))
+    return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
+
+
+def guarded(differences: Mapping[tuple[str, str], Array]) -> dict[tuple[str, str], Comparison]:
+    """Return the comparisons of a family of pairs, each verdict and p-value guarded for all of them.
+
+    An undecided pair is told how many runs would decide it at the level that the number of pairs asks for.
+
+    Args:
+        differences: First minus second on each common run, by the pair's names.
+    """
+    found = {pair: paired_difference(values, np.zeros(len(values)), LEVEL) for pair, values in differences.items()}
+    adjusted = holm([comparison.p_value for comparison in found.values()])
+    level = 1 - (1 - LEVEL) / max(len(found), 1)
+    kept = {}
+    for (pair, comparison), p_value in zip(found.items(), adjusted, strict=True):
+        decided = comparison.verdict if p_value <= 1 - LEVEL else "undecided"
+        needed = runs_to_decide(differences[pair], level)
+        kept[pair] = replace(comparison, verdict=decided, p_value=p_value, runs_to_decide=needed)
+    return kept
+
+
+def in_percent(difference: Interval, reference: float) -> Interval:
+    """Return a difference in percent of a reference."""
+    return replace(
+        difference,
+        estimate=100 * difference.estimate / reference,
+        low=100 * difference.low / reference,
+        high=100 * difference.high / reference,
+    )
+
+
+def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair, ...]:
+    """Return the pairs of a case, the later of the order first."""
+    differences, references = {}, {}
+    for second, first in itertools.combinations(order, 2):
+        a, b = _on_common_runs(case.filter(first), case.filter(second), case, component)
+        if len(a):
+            differences[first, second], references[first, second] = a - b, float(b.mean())
+    return tuple(
+        Pair(first, second, comparison, in_percent(comparison.difference, references[first, second]))
+        for (first, second), comparison in guarded(differences).items()
+    )
+
+
+def _on_common_runs(one: FilterFacts, other: FilterFacts, case: CaseFacts, component: str) -> tuple[Array, Array]:
+    _, here, there = np.intersect1d(one.runs, other.runs, return_indices=True)
+    first, second = _completed(one, case, component)[here], _completed(other, case, component)[there]
+    both = np.isfinite(first) & np.isfinite(second)
+    return first[both], second[both]
 
 
 def _completed(item: FilterFacts, case: CaseFacts, component: str) -> Array:
     return np.where(item.ok, item.errors("rms", case.span, component), np.nan)
-
-
-def _against(item: FilterFacts, best: FilterFacts, case: CaseFacts) -> tuple[Comparison | None, Interval]:
-    _, here, there = np.intersect1d(item.runs, best.runs, return_indices=True)
-    first, second = _completed(item, case, "r")[here], _completed(best, case, "r")[there]
-    both = np.isfinite(first) & np.isfinite(second)
-    if not both.any():
-        return None, Interval(np.nan, np.nan, np.nan, 0.95, 0)
-    comparison = paired_difference(first[both], second[both])
-    found, reference = comparison.difference, second[both].mean() / 100
-    percent = Interval(
-        found.estimate / reference, found.low / reference, found.high / reference, found.level, found.runs
-    )
-    return comparison, percent

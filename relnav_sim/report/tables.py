@@ -94,7 +94,7 @@ class Row:
     """A row: its heading, its unit and its cells, which together span the table's columns.
 
     ``key`` is the case the row belongs to, ``order`` what a sort by heading goes by, ``opens_block`` asks
-    for a line above the row.
+    for a line above the row. ``record`` is the heading in CSV, where every row must stand for itself; empty: the label.
     """
 
     label: str
@@ -103,6 +103,7 @@ class Row:
     key: str = ""
     order: float | None = None
     opens_block: bool = False
+    record: str = ""
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,8 @@ def shown_number(value: float, decimals: int) -> str:
         return MISSING
     if math.isinf(value):
         return "∞" if value > 0 else f"{MINUS}∞"
-    text = f"{value:.{decimals}f}" if abs(value) < _LARGEST_PLAIN else f"{value:.2e}"
+    lost = decimals >= _MOST_DECIMALS and 0 < abs(value) < 0.5 * 10.0**-_MOST_DECIMALS
+    text = f"{value:.2e}" if abs(value) >= _LARGEST_PLAIN else f"{value:.0e}" if lost else f"{value:.{decimals}f}"
     if text.startswith("-") and not text.strip("-0."):
         text = text[1:]
     return text.replace("-", MINUS, 1) if text.startswith("-") else text
@@ -184,7 +186,7 @@ def comma_separated(table: Table) -> str:
             heads += [f"{column.full_label} low 95", f"{column.full_label} high 95"]
     writer.writerow(heads)
     for row in table.rows:
-        fields: list[str] = [row.label, row.unit]
+        fields: list[str] = [row.record or row.label, row.unit]
         for column, cell in zip(table.columns, _spread(row.cells), strict=True):
             fields += _fields(cell, column.numeric)
         writer.writerow(fields)

@@ -9,6 +9,9 @@ from relnav_sim.statistics.quantiles import BINS, Counts, bin_counts, bin_of
 
 Array = NDArray[np.float64]
 
+RELATIVE_CONVERGENCE = 3.0
+"""How many times its settled RMS a run may still be off when it counts as converged relative to itself."""
+
 
 class Convergence:
     """Streaming convergence times of the position error, per run.

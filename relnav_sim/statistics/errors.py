@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from relnav_sim.results import layout
 from relnav_sim.results.block import Failure, FilterResult
 from relnav_sim.statistics import consistency, moments, quantiles
-from relnav_sim.statistics.convergence import Convergence
+from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE, Convergence
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,7 +24,6 @@ Mask = NDArray[np.bool_]
 NO_MEAN = "non-finite mean"
 NO_COVARIANCE = "non-finite covariance"
 NOT_DEFINITE = "covariance not positive definite"
-_RELATIVE_CONVERGENCE = 3.0
 _NEVER = np.iinfo(np.int64).max
 
 
@@ -183,7 +182,7 @@ class ErrorAccumulator:
         settled = self._spans["settled"]
         with np.errstate(over="ignore", invalid="ignore"):
             spans = [_span_figures(span) for span in (_merged(self._spans["early"], settled), settled)]
-            threshold = _RELATIVE_CONVERGENCE * spans[1]["rms"][:, layout.QUANTITIES.index("r")]
+            threshold = RELATIVE_CONVERGENCE * spans[1]["rms"][:, layout.QUANTITIES.index("r")]
         step_s = self.rules.step_s
         summary: dict[str, NDArray[Any]] = {name: np.stack([span[name] for span in spans], axis=1) for name in spans[0]}
         summary |= {

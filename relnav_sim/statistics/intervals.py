@@ -104,6 +104,25 @@ def bootstrap_interval(
     return Interval(estimate, float(low), float(high), level, len(sample))
 
 
+def median_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+    """Return the median over runs with its exact interval, two of the ordered values (Conover 1999, section 3.2).
+
+    Infinite values count as the largest: a time that is never reached. Fewer than six runs have no interval of 95 %.
+    """
+    from scipy.special import bdtr
+
+    ordered = np.sort(_known(values))
+    n = len(ordered)
+    if n == 0:
+        return Interval(math.nan, math.nan, math.nan, level, 0)
+    middle = float((ordered[(n - 1) // 2] + ordered[n // 2]) / 2)
+    # Value k (from 0) lies above the median with the probability that at most k of n coin tosses fall on one side.
+    k = int(np.searchsorted(bdtr(np.arange((n + 1) // 2), n, 0.5), (1 - level) / 2, side="right")) - 1
+    if k < 0:
+        return Interval(middle, math.nan, math.nan, level, n)
+    return Interval(middle, float(ordered[k]), float(ordered[n - 1 - k]), level, n)
+
+
 def paired_difference(
     first: ArrayLike,
     second: ArrayLike,

@@ -61,7 +61,12 @@ def test_grid_and_zip_together(base):
     ]
 
 
-def test_a_label_names_the_fewest_keys_that_tell_values_apart(base):
+def test_a_label_names_every_key_that_differs_between_values(base):
+    both = "[{kind: mixture, scale: 2, fraction: 0.1}, {kind: mixture, scale: 5, fraction: 0.3}]"
+    assert labels(base + f"grid:\n  sensors.radar.noise: {both}\n") == [
+        "sensors.radar.noise.scale=2,fraction=0.1",
+        "sensors.radar.noise.scale=5,fraction=0.3",
+    ]
     parts = "[{kind: mixture, scale: 2, fraction: 0.1}, {kind: mixture, scale: 5, fraction: 0.1}]"
     assert labels(base + f"grid:\n  sensors.radar.noise: {parts}\n") == [
         "sensors.radar.noise.scale=2",

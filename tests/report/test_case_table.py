@@ -96,7 +96,8 @@ def test_failed_runs_are_counted_and_left_out(make_result: ResultMaker) -> None:
     assert "2 failed runs are counted, and left out of every mean." in table.caption
     failures = failures_table(facts)
     assert [row.label for row in failures.rows] == ["run 2", "run 5"]
-    assert [cell.text for cell in failures.rows[0].cells] == ["ekf", "17", "the covariance is not positive definite"]
+    reason, command = "the covariance is not positive definite", "relnav run campaigns/invented.yaml --only 0:2 --trace"
+    assert [cell.text for cell in failures.rows[0].cells] == ["ekf", "17", reason, command]
 
 
 def test_a_filter_without_a_completed_run_shows_dashes(make_result: ResultMaker) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from relnav_sim.statistics import bootstrap
+from relnav_sim.statistics import bootstrap, intervals
 from relnav_sim.statistics.intervals import (
     bootstrap_interval,
     chi_square_band,
@@ -207,3 +207,21 @@ def test_p_values_beyond_the_resamples_are_those_of_student() -> None:
     assert found == pytest.approx(stats.ttest_1samp(sample, 0).pvalue, rel=1e-9) and found < 1e-12
     assert paired_difference(np.full(9, 2.0), np.full(9, 1.0)).p_value == 0
     assert paired_difference(np.ones(9), np.ones(9)).p_value == 1
+
+
+@pytest.mark.parametrize("size", [1, 5, 6, 7, 60, 61])
+def test_the_median_and_its_exact_interval(size: int) -> None:
+    values = np.random.default_rng(size).permutation(np.arange(1.0, size + 1))
+    found = intervals.median_interval(values)
+    assert found.estimate == np.median(values) and found.runs == size
+    if size < 6:
+        assert np.isnan([found.low, found.high]).all()
+        return
+    theirs = stats.quantile_test(values, p=0.5).confidence_interval(0.95)
+    assert (found.low, found.high) == (theirs.low, theirs.high)
+
+
+def test_the_median_of_times_that_are_never_reached() -> None:
+    found = intervals.median_interval([3.0, np.inf, 5.0, np.inf, np.inf, np.inf, np.inf, np.inf])
+    assert found.estimate == np.inf and found.low == 3 and found.high == np.inf
+    assert np.isnan(intervals.median_interval([]).estimate)
