@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
 from relnav_sim.truth import TruthOptions
@@ -48,6 +49,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
     for name, entry in parts.filters.items():
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
+        yield from _check_considered(name, entry)
         if entry.kind in LINEAR_ONLY and entry.measurement != "cartesian":
             yield Problem(
                 ("filters", name, "measurement"),
@@ -57,6 +59,19 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield Problem(
                 ("filters", name, "measurement"),
                 "cartesian needs the radar on the chief: a deputy's orbit frame turns with the state",
+            )
+
+
+def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
+    """Yield the extra states that the filter is to account for without estimating them, where it can't."""
+    if filter_kinds()[entry.kind].considers:
+        return
+    for place, option in enumerate(entry.augment):
+        if option.mode == "consider":
+            yield Problem(
+                ("filters", name, "augment", place, "mode"),
+                f"the {entry.kind} filter can't account for a state without estimating it, which takes a gain whose "
+                "rows can be left out; take estimate",
             )
 
 

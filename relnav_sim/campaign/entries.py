@@ -8,9 +8,10 @@ import operator
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import Field, SerializeAsAny, TypeAdapter, create_model
+from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
 from relnav_sim.filters.registry import FilterKind, filter_kinds
+from relnav_sim.models.extra_states import ExtraStateOption
 from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.models.registry import dynamics_kinds
 from relnav_sim.options import Options
@@ -45,6 +46,20 @@ class FilterEntry(Options):
         "total (one Gaussian with the covariance of all white noise; default) or mixture (its components too, for "
         "filters that use them). No filter is told of biases, correlated parts or outages",
     )
+
+    augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(
+        default=(),
+        description="Extra states that the filter carries behind position and velocity: biases of the radar, errors "
+        "of the attitude, drag; each estimated or only accounted for. Default: none",
+    )
+
+    @field_validator("augment")
+    @classmethod
+    def _each_once(cls, augment: tuple[ExtraStateOption, ...]) -> tuple[ExtraStateOption, ...]:
+        kinds = [option.kind for option in augment]
+        if twice := sorted({kind for kind in kinds if kinds.count(kind) > 1}):
+            raise ValueError(f"{twice[0]} stands there twice; a filter carries each kind of extra state once")
+        return augment
 
     def __reduce__(self) -> tuple[Callable[[dict[str, Any]], FilterEntry], tuple[dict[str, Any]]]:
         """Pickle as plain data: the models of the kinds are made at run time and have no importable name."""

@@ -80,6 +80,31 @@ class Filter(Protocol):
 B = TypeVar("B")
 
 
+def considered_states(dynamics: Dynamics) -> tuple[int, ...]:
+    """Return the places of the states that are accounted for but not estimated.
+
+    Dynamics say so by an attribute ``considered``, as `AugmentedDynamics` has; without it there are none.
+    """
+    return tuple(getattr(dynamics, "considered", ()))
+
+
+def keep_considered(predicted: Gaussian, corrected: Gaussian, considered: tuple[int, ...]) -> Gaussian:
+    """Return the update of Schmidt's filter (NASA TN D-1493, 1962) from the optimal one.
+
+    Schmidt's gain is the optimal one with the rows of the considered states set to zero. That leaves their mean and
+    covariance as predicted, and all else, the correlations included, as in the optimal update: with K = [K_x; 0],
+    (I - K H) P (I - K H)^T + K R K^T differs from the optimal covariance in the considered block alone.
+    """
+    if not considered:
+        return corrected
+    places = list(considered)
+    block = np.ix_(range(len(corrected.mean)), places, places)
+    mean, covariance = corrected.mean.copy(), corrected.covariance.copy()
+    mean[:, places] = predicted.mean[:, places]
+    covariance[block] = predicted.covariance[block]
+    return replace(corrected, mean=mean, covariance=covariance)
+
+
 def where_runs(condition: NDArray[np.bool_], chosen: B, other: B) -> B:
     """Return a belief that takes the runs where `condition` (runs,) holds from `chosen`, the rest from `other`.
 

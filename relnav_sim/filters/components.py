@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.belief import Gaussian, keep_considered
 from relnav_sim.filters.kalman import innovation_of, joseph_update
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.models.measurement import Measurement
@@ -31,7 +31,13 @@ def noise_components(measurement: Measurement, mean: Array, epoch: int) -> tuple
 
 
 def component_updates(
-    measurement: Measurement, means: Array, covariances: Array, noises: Array, z: Array, epoch: int
+    measurement: Measurement,
+    means: Array,
+    covariances: Array,
+    noises: Array,
+    z: Array,
+    epoch: int,
+    considered: tuple[int, ...] = (),
 ) -> tuple[Array, Array, Array]:
     """Return the extended Kalman update of every state component with every noise component given for it.
 
@@ -42,6 +48,7 @@ def component_updates(
         noises: (c or 1, k, m, m) or (runs, c or 1, k, m, m).
         z: (runs, m).
         epoch: The epoch.
+        considered: Places of the states that are not estimated.
 
     Returns:
         Means (runs, c, k, n), covariances (runs, c, k, n, n) and log-likelihoods (runs, c, k).
@@ -51,15 +58,17 @@ def component_updates(
     m, k = nu.shape[-1], noises.shape[-3]
     H = np.broadcast_to(measurement.jacobian(means, epoch), (runs, c, m, n))
     flat = runs * c * k
+    prior = Gaussian(
+        np.broadcast_to(means[:, :, None], (runs, c, k, n)).reshape(flat, n),
+        np.broadcast_to(covariances[:, :, None], (runs, c, k, n, n)).reshape(flat, n, n),
+    )
     posterior, innovation = joseph_update(
-        Gaussian(
-            np.broadcast_to(means[:, :, None], (runs, c, k, n)).reshape(flat, n),
-            np.broadcast_to(covariances[:, :, None], (runs, c, k, n, n)).reshape(flat, n, n),
-        ),
+        prior,
         np.broadcast_to(nu[:, :, None], (runs, c, k, m)).reshape(flat, m),
         np.broadcast_to(H[:, :, None], (runs, c, k, m, n)).reshape(flat, m, n),
         np.broadcast_to(noises, (runs, c, k, m, m)).reshape(flat, m, m),
     )
+    posterior = keep_considered(prior, posterior, considered)
     return (
         posterior.mean.reshape(runs, c, k, n),
         posterior.covariance.reshape(runs, c, k, n, n),

@@ -15,7 +15,7 @@ from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import LinearMeasurement, Measurement, MeasurementDefaults
+from relnav_sim.models.measurement import Measurement, MeasurementDefaults
 
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]
@@ -25,13 +25,10 @@ def observed_states(measurement: Measurement, dimension: int) -> Index:
     """Return which components of the state the measurement depends on.
 
     A measurement says so by an attribute ``depends_on``, a tuple of component numbers; without it, or where it is
-    None, the measurement is taken to depend on all of them. A `LinearMeasurement` needs none: H has zero columns.
+    None, the measurement is taken to depend on all of them.
     """
-    if isinstance(measurement, LinearMeasurement):
-        H = measurement.jacobian(np.zeros((1, dimension)), 0)
-        depends_on = tuple(np.flatnonzero(H.any(axis=0)).tolist())
-    else:
-        depends_on = getattr(measurement, "depends_on", None) or tuple(range(dimension))
+    stated = getattr(measurement, "depends_on", None)
+    depends_on = tuple(range(dimension)) if stated is None else stated
     first, last = min(depends_on, default=0), max(depends_on, default=0)
     if set(depends_on) == set(range(first, last + 1)):
         return slice(first, last + 1)
@@ -163,6 +160,8 @@ class SamplingFilter(GaussianFilter):
     """Prediction, linearisation and fallback of a filter that samples the predicted Gaussian in its update."""
 
     stochastic = True
+    # The sampled covariance, with one block put back, would in the end be indefinite.
+    considers = False
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         super().__init__(dynamics, measurement, options)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
     component_updates,
     mixture_mean,
@@ -73,9 +73,11 @@ class GaussianSumFilter:
     """
 
     stochastic = False
+    considers = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianSumOptions) -> None:
         self.dynamics = dynamics
+        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._components = options.components
 
@@ -110,7 +112,7 @@ class GaussianSumFilter:
         mean, covariance = moment_match(belief.weights, belief.means, belief.covariances)
         weights, noises = noise_components(self.measurement, mean, epoch)
         means, covariances, log_likelihoods = component_updates(
-            self.measurement, belief.means, belief.covariances, noises[..., None, :, :, :], z, epoch
+            self.measurement, belief.means, belief.covariances, noises[..., None, :, :, :], z, epoch, self._considered
         )
         nis = nominal_nis(self.measurement, mean, covariance, noises, z, epoch)
         runs, n = mean.shape

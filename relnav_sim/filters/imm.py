@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
     component_updates,
     mixture_mean,
@@ -70,9 +70,11 @@ class InteractingModelsFilter:
     """
 
     stochastic = False
+    considers = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImmOptions) -> None:
         self.dynamics = dynamics
+        self._considered = considered_states(dynamics)
         self.measurement = measurement
         self._persistence = options.persistence
 
@@ -116,7 +118,7 @@ class InteractingModelsFilter:
         # Each model is updated with its own noise only.
         own = noises[..., :, None, :, :]
         means, covariances, log_likelihoods = component_updates(
-            self.measurement, belief.means, belief.covariances, own, z, step.epoch
+            self.measurement, belief.means, belief.covariances, own, z, step.epoch, self._considered
         )
         weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
         nis = nominal_nis(self.measurement, belief.means[:, 0], belief.covariances[:, 0], noises, z, step.epoch)

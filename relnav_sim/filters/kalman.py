@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import chdtri
 
-from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import (
     LOG_TWO_PI,
@@ -42,14 +42,20 @@ class GaussianFilterOptions(Options):
 
 
 class GaussianFilter:
-    """Prediction, gating and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own."""
+    """Prediction, gating and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
+
+    Attributes:
+        considers: Whether the filter can account for states without estimating them.
+    """
 
     stochastic = False
+    considers = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
         self.measurement = measurement
         probability = options.gate_probability
+        self._considered = considered_states(dynamics)
         self._gate = None if probability is None else float(chdtri(measurement.dimension, 1 - probability))
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
@@ -67,6 +73,7 @@ class GaussianFilter:
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
         corrected, innovation = self.correct(belief, z, step)
+        corrected = self.keep_considered(belief, corrected)
         if self._gate is None:
             return corrected, innovation
         rejected = innovation.nis > self._gate
@@ -75,6 +82,10 @@ class GaussianFilter:
             where_runs(~rejected, corrected, belief),
             Innovation(innovation.nis, innovation.log_likelihood, extras),
         )
+
+    def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
+        """Return the corrected belief with the considered states as predicted."""
+        return keep_considered(predicted, corrected, self._considered)
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the belief after the measurement, and its innovation."""

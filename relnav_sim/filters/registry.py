@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
-from relnav_sim.filters.belief import Filter
+from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options
@@ -66,6 +66,11 @@ class FilterKind:
     factory: Callable[[Dynamics, Measurement, Any], Filter]
     measurement: MeasurementKind
     cost_us: float
+
+    @property
+    def considers(self) -> bool:
+        """Whether it can account for states without estimating them: `considers` of its class."""
+        return bool(getattr(self.factory, "considers", False))
 
     @property
     def description(self) -> str:
@@ -128,7 +133,8 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
         **options: The filter's options, as in a campaign.
 
     Raises:
-        ValueError: The name is not registered, or an option is unknown or out of range.
+        ValueError: The name is not registered, an option is unknown or out of range, or the dynamics have considered
+            states and the filter can't do that.
     """
     kinds = filter_kinds()
     if name not in kinds:
@@ -144,6 +150,8 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
             f"{'.'.join(map(str, item['loc'])) or 'options'}: {item['msg']}" for item in error.errors()
         )
         raise ValueError(f"filter {name!r}: {problems}") from None
+    if considered_states(dynamics) and not kind.considers:
+        raise ValueError(f"filter {name!r} can't account for states without estimating them")
     return kind.factory(dynamics, measurement, checked)
 
 

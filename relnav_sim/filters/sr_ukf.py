@@ -99,8 +99,19 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         white = whiten(S, residual)
         nis = np.square(white).sum(axis=-1)
         log_likelihood = -0.5 * (nis + m * LOG_TWO_PI + log_determinant(S))
-        mean = prior.mean + np.einsum("bnm,bm->bn", root[:, m:, :m], white)
-        return RootGaussian(mean, root[:, m:, m:]), Innovation(nis, log_likelihood)
+        gain, posterior = root[:, m:, :m].copy(), root[:, m:, m:]
+        if self._considered:
+            # What the update took from the considered block is put back as further columns of the root.
+            kept = np.zeros_like(gain)
+            places = list(self._considered)
+            kept[:, places], gain[:, places] = gain[:, places], 0.0
+            posterior = triangular_root(_beside(posterior, kept))
+        mean = prior.mean + np.einsum("bnm,bm->bn", gain, white)
+        return RootGaussian(mean, posterior), Innovation(nis, log_likelihood)
+
+    def keep_considered(self, predicted: Any, corrected: Any) -> Any:
+        """Return the corrected belief, whose considered states `correct` has kept already."""
+        return corrected
 
     def _points(self, belief: RootGaussian) -> Array:
         """Return the sigma points (runs, 2 n + 1, n), the centre first."""

@@ -93,6 +93,8 @@ class TwoStepFilter(GaussianFilter):
     linear first step; those of the first measurement include the start's slack.
     """
 
+    considers = False
+
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: TwoStepOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options

@@ -165,6 +165,7 @@ class LinearMeasurement(MeasurementDefaults):
         if self._H.ndim != 2:
             raise ValueError(f"matrix has shape {self._H.shape}; it must be (m, n)")
         self.dimension = self._H.shape[0]
+        self.depends_on = tuple(np.flatnonzero(self._H.any(axis=0)).tolist())
         self._noise = _checked_noise(noise, self.dimension)
 
     def predict(self, states: Array, epoch: int) -> Array:

@@ -16,6 +16,7 @@ from relnav_sim.models.radar_geometry import (
     Vector,
     components,
     polar,
+    polar_gradients,
     rotate,
     rows,
     sight_vector,
@@ -113,19 +114,11 @@ class PolarRadar(MeasurementDefaults):
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
         by_state: Array | None = None
         if self._orbit is None:
-            x, y, z = self._sight(states)
+            sight = self._sight(states)
         else:
             seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
-            x, y, z = rotate(self._radar_from_rtn, seen)
-        in_plane = x * x + y * y
-        squared = in_plane + z * z
-        distance, level = np.sqrt(squared), np.sqrt(in_plane)
-        slope = z / (squared * level)
-        gradients = (
-            (x / distance, y / distance, z / distance),
-            (-y / in_plane, x / in_plane, _ZERO),
-            (slope * x, slope * y, -level / squared),
-        )
+            sight = rotate(self._radar_from_rtn, seen)
+        gradients = polar_gradients(sight)
         H = np.zeros((*states.shape[:-1], 3, states.shape[-1]))
         by_position = H if by_state is None else np.empty((*states.shape[:-1], 3, 3))
         for i, row in enumerate(gradients):

@@ -18,9 +18,11 @@ from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import ChiefFollower, NonlinearJ2Dynamics, NonlinearJ2Options
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.runner.extra import extended_prior, extension_of, mounting_of
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.training import training_track
@@ -93,16 +95,37 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
 
 
-def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> Filter:
-    """Return the filter of a campaign's entry, with its dynamics and its measurement."""
-    orbit = nominal_chief(config.truth)
-    measurement = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit)
+@dataclass(frozen=True)
+class CampaignFilter:
+    """The filter of a campaign's entry.
+
+    Attributes:
+        filter: The filter, over [x; b] where it carries extra states b.
+        dynamics: How x alone moves.
+        extension: The extra states; None without any.
+    """
+
+    filter: Filter
+    dynamics: Dynamics
+    extension: Extension | None
+
+
+def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
+    """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
+    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit)
     if isinstance(entry.dynamics, GpOptions):
-        dynamics: Dynamics = _learned(entry, entry.dynamics, config, seed)
+        motion: Dynamics = _learned(entry, entry.dynamics, config, seed)
     else:
         options: Any = entry.dynamics
-        dynamics = options.build(orbit, entry.process_noise, config.clock.step_s)
-    return filter_kinds()[entry.kind].factory(dynamics, measurement, entry)
+        motion = options.build(orbit, entry.process_noise, step_s)
+    factory = filter_kinds()[entry.kind].factory
+    extension = extension_of(entry, config)
+    if extension is None:
+        return CampaignFilter(factory(motion, radar, entry), motion, None)
+    dynamics = extension.dynamics(motion, orbit, step_s)
+    measurement = extension.measurement(radar, mounting_of(config))
+    return CampaignFilter(factory(dynamics, measurement, entry), motion, extension)
 
 
 _LEARNED: dict[tuple[str, str, int], Dynamics] = {}
@@ -119,13 +142,13 @@ def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: i
     return _LEARNED[key]
 
 
-def _chief_follower(filter: Filter, entry: FilterEntry, config: CaseConfig, runs: int) -> ChiefFollower | None:
+def _chief_follower(dynamics: Dynamics, entry: FilterEntry, config: CaseConfig, runs: int) -> ChiefFollower | None:
     """Return what supplies the dynamics with the chief's orbit from its GNSS fixes, where they go by it.
 
     With the receiver on the deputy, or none, they go by the nominal orbit.
     """
     gnss, radar = config.sensors.gnss, config.sensors.radar
-    options, dynamics = entry.dynamics, filter.dynamics
+    options = entry.dynamics
     if not isinstance(options, NonlinearJ2Options) or not isinstance(dynamics, NonlinearJ2Dynamics):
         return None
     if gnss is None or (radar is not None and radar.carrier == "deputy"):
@@ -154,9 +177,12 @@ class FilterTrack:
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
-            self._filter = create_campaign_filter(entry, config, source.seed)
-            self._follower = _chief_follower(self._filter, entry, config, len(source.runs))
-            self._belief = self._filter.start(prior, source)
+            made = create_campaign_filter(entry, config, source.seed)
+            self._filter = made.filter
+            self._follower = _chief_follower(made.dynamics, entry, config, len(source.runs))
+            if made.extension is not None:
+                self._prior = extended_prior(prior, made.extension, config)
+            self._belief = self._filter.start(self._prior, source)
 
     def add(self, stretch: Stretch) -> None:
         """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
@@ -167,9 +193,10 @@ class FilterTrack:
             history = self._advance(stretch)
             self._cpu_s += time.process_time() - begin
             self._steps += history.nis.size
-            error = history.mean - stretch.truth.relative
+            error = history.mean[..., :6] - stretch.truth.relative
+            covariance = history.covariance[..., :6, :6]
             self._errors.add(
-                stretch.truth.times_s, error, history.covariance, history.nis, history.log_likelihood, history.extras
+                stretch.truth.times_s, error, covariance, history.nis, history.log_likelihood, history.extras
             )
 
     @contextmanager

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from relnav_sim.models.radar_geometry import components, rotate, rows
+from relnav_sim.models.radar_geometry import ARCSEC, components, rotate, rows
 from relnav_sim.options import Options
 from relnav_sim.sensors.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, noise_parts
@@ -14,8 +14,6 @@ from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
 CHANNELS = 3
-ARCSEC = np.pi / (180 * 3600)
-"""One second of arc, rad."""
 
 
 class StarTrackerOptions(Options):
