@@ -51,8 +51,8 @@ def shape_at(place: str, whole: Shape | None = None) -> Shape:
     """Return the shape of a place of the file.
 
     Args:
-        place: Keys from the top joined by points; ``kind=word`` picks a form and ``*`` any name, for example
-            ``filters.*.kind=ekf`` or ``sensors.radar.noise.kind=mixture``.
+        place: Keys from the top joined by points; ``kind=word`` picks a form, ``*`` any name and ``0`` an entry of a
+            list, for example ``filters.*.kind=ekf.augment.0`` or ``sensors.radar.noise.kind=mixture``.
         whole: The whole file's shape, where it is at hand.
 
     Raises:
@@ -64,7 +64,7 @@ def shape_at(place: str, whole: Shape | None = None) -> Shape:
             forms = {form.kind: form for form in shape.alternatives}
             shape = forms[word.removeprefix("kind=")]
         else:
-            found = shape.chosen({}).at((word,), {})
+            found = shape.chosen([] if word == "0" else {}).at((_part(word),), {})
             if found is None:
                 raise KeyError(place)
             shape = found
@@ -80,10 +80,14 @@ def shape_at_any(place: str, whole: Shape | None = None) -> Shape:
     """Return the shape of a place with all its forms."""
     *parents, last = place.split(".")
     shape = shape_at(".".join(parents) or "top", whole)
-    found = shape.at((last,), {})
+    found = shape.at((_part(last),), {})
     if found is None:
         raise KeyError(place)
     return found
+
+
+def _part(word: str) -> str | int:
+    return 0 if word == "0" else word
 
 
 def markdown_table(keys: tuple[Key, ...]) -> str:
@@ -126,7 +130,7 @@ def renewed(text: str) -> str:
 def _headed(place: str, whole: Shape) -> str:
     """Return a section's heading, what it is, and its table."""
     shape = shape_at(place, whole)
-    section = re.sub(r"\.kind=[^.]+", "", place)
+    section = re.sub(r"\.kind=[^.]+", "", place).replace(".0", "[]")
     heading = f"`{section}`" + (f" of `kind: {shape.kind}`" if shape.kind else "")
     return f"### {heading}\n\n{shape.model_description}\n\n{markdown_table(keys_of(shape))}"
 

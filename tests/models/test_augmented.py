@@ -184,4 +184,4 @@ def test_states_that_the_reading_depends_on():
     measurement = extra.measurement(radar("polar"), MOUNTING)
     assert measurement.depends_on == (0, 1, 2, 6, 8, 9, 10, 11, 12)
     linear = AugmentedMeasurement(LinearMeasurement(np.eye(2, 3), np.eye(2)), 3, AdditiveBias([[0, 1], [0, 0]]))
-    assert linear.depends_on == (0, 1, 2, 4)
+    assert linear.depends_on == (0, 1, 4)
