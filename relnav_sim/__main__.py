@@ -11,15 +11,15 @@ from types import FrameType
 def main() -> None:
     """Run the command line."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, _end_at_once)  # until a command begins, see `cli.failures.guarded`
+        signal.signal(signal.SIGINT, _end_at_once)  # except within a command, see cli.failures
     from relnav_sim.cli.app import main as run
 
     run()
 
 
 def _end_at_once(number: int, frame: FrameType | None) -> None:
-    """End while the program is imported or reads its arguments: there is nothing to lose yet."""
-    os.write(2, b"relnav: interrupted before it began\n")
+    """End while the program is imported, reads its arguments or leaves: there is nothing to lose."""
+    os.write(2, b"relnav: interrupted\n")
     os._exit(130)
 
 

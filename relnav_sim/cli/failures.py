@@ -33,12 +33,13 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_exit_codes(*args: Any, **kwargs: Any) -> None:
-        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
         from relnav_sim.campaign.problems import CampaignError
         from relnav_sim.results.block import ResultsError
 
+        before = signal.getsignal(signal.SIGINT)
         try:
+            if before is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             command(*args, **kwargs)
         except CampaignError as error:
             for problem in error.problems:
@@ -54,6 +55,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             _stop(_os_sentence(error), Exit.INPUT_OUTPUT)
         except KeyboardInterrupt:
             _stop("interrupted; the same command continues where it stopped", Exit.INTERRUPTED)
+        finally:
+            signal.signal(signal.SIGINT, before)
 
     return with_exit_codes
 
