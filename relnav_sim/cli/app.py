@@ -9,6 +9,7 @@ import typer
 
 from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import guarded
+from relnav_sim.cli.figure import figure
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
@@ -31,6 +32,7 @@ app = typer.Typer(
 COMMANDS: dict[str, Callable[..., None]] = {
     "run": run,
     "report": report,
+    "figure": figure,
     "validate": validate,
     "list": list_names,
     "show": show,

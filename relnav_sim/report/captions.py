@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim.report.axes import describe_axes
 from relnav_sim.report.facts import CaseFacts, FilterFacts
-from relnav_sim.report.figures import drawn_epochs
+from relnav_sim.report.figures.data import drawn_step
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.wording import counted, figure
 
@@ -99,7 +99,7 @@ def accuracy_alt(rankings: Sequence[Ranking]) -> str:
 
 
 def _thinned(case: CaseFacts) -> list[str]:
-    step = drawn_epochs(case.times_s).step
+    step = drawn_step(len(case.times_s))
     return [f"One stored epoch in {step} is drawn."] if step > 1 else []
 
 

@@ -11,6 +11,7 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
@@ -21,13 +22,15 @@ PNG_DPI = 200
 _PNG_COLOURS = 64
 _LABEL_INCH = 0.16  # height of an axis label and its distance from the figure's edge
 
-# Okabe and Ito (2008), without its yellow, which is too pale on white paper.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+# Okabe and Ito (2008), without its yellow, too pale on white paper, and its black, which is the bound's; the last
+# is the indigo of Tol (2021).
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#332288")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 INK = "#222222"
 FAINT = "#8a8a8a"
-ENVELOPE = PALETTE[1]
-ONE_RUN = PALETTE[0]
+BAND = "#c9ccd1"  # spread over runs, chi-square bands
+CLAIMED = "#555555"  # what a filter states, where its own colour is taken by what it does
+BOUND = "#000000"
 
 _SETTINGS: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -63,6 +66,9 @@ _SETTINGS: dict[str, Any] = {
     "xtick.major.pad": 2.0,
     "ytick.major.pad": 2.0,
     "path.simplify_threshold": 0.5,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "relnav",
+    "pdf.fonttype": 42,
 }
 
 
@@ -80,6 +86,23 @@ def line_styles(filters: Sequence[str]) -> dict[str, LineStyle]:
         name: LineStyle(PALETTE[index % len(PALETTE)], _DASHES[index // len(PALETTE) % len(_DASHES)])
         for index, name in enumerate(filters)
     }
+
+
+def marker(filters: Sequence[str], name: str) -> str:
+    """Return the shape of one filter's points, the same in every figure."""
+    return "os^Dv<>"[filters.index(name) % 7]
+
+
+def nested_width(place: int, count: int, widest: float = 2.4) -> float:
+    """Return a line width: lines that coincide stay visible where each is thinner than the one below it."""
+    return widest - (widest - 0.9) * place / max(1, count - 1)
+
+
+def key(colour: str, dashes: Any, width: float) -> Any:
+    """Return a line for a legend."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=colour, linestyle=dashes, linewidth=width)
 
 
 @contextmanager
@@ -172,7 +195,25 @@ def png(figure: Figure) -> bytes:
 
 def pdf(figure: Figure) -> bytes:
     """Return the figure as vector PDF, without a date: the same result gives the same bytes."""
+    return _saved(figure, "pdf", {"CreationDate": None})
+
+
+def svg(figure: Figure) -> bytes:
+    """Return the figure as SVG with letters as text, without a date."""
+    return _saved(figure, "svg", {"Date": None})
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a figure to a file; the name's ending says whether PDF, SVG or PNG."""
+    from relnav_sim.results.atomic import written_whole
+
+    data = {".pdf": pdf, ".svg": svg, ".png": png}[path.suffix](figure)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _saved(figure: Figure, form: str, metadata: dict[str, Any]) -> bytes:
     file = io.BytesIO()
     with house_style():
-        figure.savefig(file, format="pdf", metadata={"CreationDate": None})
+        figure.savefig(file, format=form, metadata=metadata, dpi=PNG_DPI)
     return file.getvalue()

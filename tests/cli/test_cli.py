@@ -259,3 +259,15 @@ class TestNothingIsOverwritten:
     def test_overwrite_says_so(self, precious):
         assert CliRunner().invoke(app, ["schema", "--out", "precious.yaml", "--overwrite"]).exit_code == 0
         assert precious.read_text(encoding="utf-8").startswith("{")
+
+
+def test_one_figure_of_a_result(demo):
+    succeeds("run", demo, "--out", "r.h5", *TINY)
+    assert "position_start" in succeeds("figure")
+    assert succeeds("figure", "r.h5", "rms", "--case", "1", "--filter", "kf") == "wrote rms.pdf\n"
+    assert Path("rms.pdf").read_bytes().startswith(b"%PDF")
+    assert "rms.pdf exists already" in fails(2, "figure", "r.h5", "rms")
+    assert "no figure 'erors'; there are errors" in fails(2, "figure", "r.h5", "erors")
+    assert "takes no run" in fails(2, "figure", "r.h5", "boxes", "--run", "1", "--out", "b.png")
+    assert "ends in .pdf, .png, .svg" in fails(2, "figure", "r.h5", "rms", "--out", "rms.gif")
+    assert "no case 7" in fails(3, "figure", "r.h5", "rms", "--case", "7", "--overwrite")

@@ -51,6 +51,7 @@ def invented_result(
     summaries: Mapping[str, Mapping[str, Array]] | None = None,
     waiting: Sequence[str] = (),
     computed_cases: int | None = None,
+    variables: Sequence[Mapping[str, Any]] | None = None,
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -68,13 +69,20 @@ def invented_result(
         summaries: Summary datasets by filter that replace the invented ones.
         waiting: Filters that have no run yet.
         computed_cases: How many of the cases have runs; default all.
+        variables: What each case varies; default one radar sigma.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
     time_s = np.linspace(0.0, 6000.0, times)
     names = (*sizes, *waiting)
     cases = tuple(
-        CaseHeader(f"case{i:04d}", label, {"sensors.radar.range_sigma_m": i}, names, dict.fromkeys(names, "0"))
+        CaseHeader(
+            f"case{i:04d}",
+            label,
+            dict(variables[i]) if variables else {"sensors.radar.range_sigma_m": i},
+            names,
+            dict.fromkeys(names, "0"),
+        )
         for i, label in enumerate(labels)
     )
     header = ResultHeader(
