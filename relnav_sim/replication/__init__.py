@@ -1,0 +1,1 @@
+"""Three papers replicated claim by claim: campaigns, rules written before the results, verdicts and a page."""
