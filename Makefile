@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # Small matrices are slower on many BLAS threads, and two workers share the cores.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test check-slow bench schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -19,6 +19,15 @@ setup: $(VENV)/installed  ## Create .venv and install relnav with its developmen
 demo: setup  ## Run the demo campaign and write its report
 	$(BIN)/relnav run campaigns/demo.yaml
 	$(BIN)/relnav report results/demo.h5
+
+reproduce: setup  ## Replicate three papers, claim by claim, in less than 20 minutes on two cores
+	$(BIN)/relnav reproduce
+
+reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case; goes on where it stopped
+	$(BIN)/relnav reproduce --full
+
+reproduce-docs: setup  ## Write docs/replication.md, its data and its figures from what `make reproduce` found
+	$(BIN)/relnav reproduce --docs docs
 
 test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff check .

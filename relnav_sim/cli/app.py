@@ -15,6 +15,7 @@ from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
 from relnav_sim.cli.new import new
 from relnav_sim.cli.report import report
+from relnav_sim.cli.reproduce import reproduce
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
 from relnav_sim.cli.show import show
@@ -41,6 +42,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "inspect": inspect,
     "merge": merge,
     "export": export,
+    "reproduce": reproduce,
 }
 for name, command in COMMANDS.items():
     app.command(name)(guarded(command))

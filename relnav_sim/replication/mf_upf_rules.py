@@ -84,7 +84,8 @@ RULES = (
     ),
     Rule(
         "B4",
-        "The RMS over time (after 1000 s) of the velocity error, averaged over runs, is 0.01 m/s within a factor of two.",
+        "The RMS over time (after 1000 s) of the velocity error, averaged over runs, is 0.01 m/s within a factor of "
+        "two.",
         (
             within_factor(
                 Part(

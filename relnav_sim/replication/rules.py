@@ -32,14 +32,16 @@ class Reading:
         filters: Filter of the campaign by its role in the rule.
         case: Swept variables that pick the case; empty where the campaign has one.
         columns: Columns of the summary that take the place of those in the rule's parts.
+        samples: For counted operations: the number of samples; no campaign then.
     """
 
     name: str
     words: str
-    campaign: str
-    filters: Mapping[str, str]
+    campaign: str = ""
+    filters: Mapping[str, str] = field(default_factory=dict)
     case: Mapping[str, Any] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    samples: int = 0
 
 
 @dataclass(frozen=True)

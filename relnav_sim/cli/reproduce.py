@@ -1,0 +1,56 @@
+"""`relnav reproduce`: three papers replicated, claim by claim."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.interrupts import ending_promptly
+from relnav_sim.cli.output import print_table
+
+if TYPE_CHECKING:
+    from relnav_sim.replication.plan import Size
+
+
+def reproduce(
+    full: Annotated[
+        bool, typer.Option("--full", help="At the papers' own sizes with 100 runs of each case: hours.")
+    ] = False,
+    trial: Annotated[
+        bool, typer.Option("--trial", help="Three shortened runs of each case, to see that all works: minutes.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder to write to.", show_default="results/reproduce, with -full or -trial added"),
+    ] = None,
+    campaigns: Annotated[Path, typer.Option(help="The folder with the campaign files.")] = Path("campaigns"),
+    docs: Annotated[
+        Path | None,
+        typer.Option(help="Also write replication.md, its data and its figures into this folder.", show_default="no"),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
+) -> None:
+    """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
+
+    The same command continues where an earlier one was interrupted.
+    """
+    if full and trial:
+        raise UserError("--full and --trial exclude each other")
+    if not campaigns.is_dir():
+        raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
+    size: Size = "full" if full else "trial" if trial else "usual"
+    folder = out or Path("results") / ("reproduce" if size == "usual" else f"reproduce-{size}")
+    with ending_promptly("interrupted; what is finished is kept, and the same command continues"):
+        from relnav_sim.replication.pages import verdict_lines
+        from relnav_sim.replication.reproduce import SUMMARY_FILE, reproduce
+
+        summary = reproduce(size, campaigns, folder, workers, docs, progress=True, say=_say)
+        print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
+        typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}")
+
+
+def _say(sentence: str) -> None:
+    typer.echo(sentence, err=True)

@@ -1,0 +1,90 @@
+"""From the campaigns' results to the summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from relnav_sim.replication import (
+    alpha_kf_part,
+    alpha_kf_rules,
+    mf_upf_part,
+    mf_upf_rules,
+    two_step_part,
+    two_step_rules,
+)
+from relnav_sim.replication.effects import Judgement, judge
+from relnav_sim.replication.evidence import evidence_table, found_in_words, runs_of
+from relnav_sim.replication.measured import Measured
+from relnav_sim.replication.papers import paper_of
+from relnav_sim.replication.plan import Size
+from relnav_sim.replication.reasons import why
+from relnav_sim.replication.summary import Claim, Experiment, PaperPart, Summary
+from relnav_sim.report.tables import Column, Number, Row, Table, Words
+
+RULES = (*alpha_kf_rules.RULES, *mf_upf_rules.RULES, *two_step_rules.RULES)
+
+
+def summarised(measured: Measured, size: Size, figures: Path) -> Summary:
+    """Return everything a replication found; its figures are written to a folder.
+
+    Args:
+        measured: Results of the plan's campaigns.
+        size: Size of the plan.
+        figures: Folder for the figures.
+    """
+    parts: tuple[PaperPart, ...] = (
+        alpha_kf_part.part(measured, figures),
+        mf_upf_part.part(measured, figures),
+        two_step_part.part(measured, figures),
+    )
+    experiments = tuple(item for part in parts for item in part.experiments)
+    claims = tuple(_claim(judge(rule, measured), experiments) for rule in RULES)
+    return Summary(size, claims, parts, _campaigns(measured))
+
+
+def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
+    rule = judgement.rule
+    return Claim(
+        number=rule.claim,
+        text=paper_of(rule.claim).claims[rule.claim],
+        rule=rule.text,
+        verdict=judgement.verdict,
+        conditions=judgement.conditions,
+        found=found_in_words(judgement),
+        runs=runs_of(judgement.evidence),
+        why=why(rule.claim, experiments),
+        evidence=evidence_table(judgement),
+        missing=judgement.missing,
+    )
+
+
+def _campaigns(measured: Measured) -> Table:
+    rows = []
+    for name in measured.campaigns:
+        results = measured.results(name)
+        content = results.campaign_content
+        failed = sum(
+            len({f.run for f in (failure for _, failure in results.failures(i))}) for i in range(len(results.cases))
+        )
+        rows.append(
+            Row(
+                name,
+                (
+                    Number(float(len(results.cases)), decimals=0),
+                    Number(float(len(results.runs)), decimals=0),
+                    Number(float(len(results.filters)), decimals=0),
+                    Number(float(content["clock"]["duration_s"]), decimals=0),
+                    Number(float(failed), decimals=0),
+                    Words(results.campaign_hash[:12]),
+                ),
+            )
+        )
+    columns = ("cases", "runs of each", "filters", "duration [s]", "runs with a failed filter")
+    return Table(
+        "campaigns",
+        "Campaigns behind these pages",
+        "In campaigns/; the hash is of the content as it was run.",
+        "campaign",
+        (*(Column(label) for label in columns), Column("hash", numeric=False)),
+        tuple(rows),
+    )

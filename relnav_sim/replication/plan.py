@@ -1,0 +1,90 @@
+"""Which campaigns a replication runs, and how large each is: what decides a claim gets the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from relnav_sim.campaign import Campaign, load_campaign
+from relnav_sim.runner import run_campaign
+
+Size = Literal["trial", "usual", "full"]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One campaign with its size.
+
+    Attributes:
+        name: The file without ``.yaml``.
+        runs: Runs in the usual size; the full size takes those of the file.
+        changes: What the usual size changes, as ``--set`` takes it.
+        trial: What the trial changes besides its three runs.
+    """
+
+    name: str
+    runs: int
+    changes: tuple[str, ...] = ()
+    trial: tuple[str, ...] = ("clock.duration_s=120", "statistics.settle_s=60")
+
+
+PLAN = (
+    Planned("two_step", 200, trial=("clock.duration_s=350",)),
+    Planned("alpha_kf_start", 100, trial=()),
+    Planned("alpha_kf_gaussian", 100),
+    Planned("alpha_kf_mixture", 100),
+    Planned("alpha_kf_sweep", 100),
+    Planned("alpha_kf_process_noise", 40),
+    Planned("alpha_kf_bias", 40),
+    Planned("alpha_kf_geometry", 40),
+    Planned("alpha_kf_attitude", 40),
+    Planned("alpha_kf_epsilon", 40),
+    # 10000 draws an epoch cost 700 us a step and run: a quarter of the duration, and few runs.
+    Planned(
+        "alpha_kf_draws",
+        4,
+        ("clock.duration_s=1500",),
+        ("clock.duration_s=60", "statistics.settle_s=30"),
+    ),
+)
+TRIAL_RUNS = 3
+
+
+def planned_campaign(planned: Planned, size: Size, folder: Path) -> Campaign:
+    """Return a campaign of the plan in a size.
+
+    Raises:
+        CampaignError: The file is missing or wrong.
+    """
+    path = folder / f"{planned.name}.yaml"
+    if size == "full":
+        return load_campaign(path)
+    runs = planned.runs if size == "usual" else TRIAL_RUNS
+    changes = planned.changes if size == "usual" else planned.trial
+    return load_campaign(path, (f"runs={runs}", *changes))
+
+
+def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: bool, say: Say) -> dict[str, Path]:
+    """Run every campaign of the plan; what is finished is taken as it is. Return the results files by name.
+
+    Args:
+        size: ``trial`` (minutes, proves nothing), ``usual`` or ``full`` (the papers' sizes).
+        campaigns: Folder of the campaign files.
+        out: Folder of the results files.
+        workers: Processes.
+        progress: Show progress.
+        say: Told what a user should know, a sentence at a time.
+
+    Raises:
+        CampaignError: A campaign file is missing or wrong.
+    """
+    # All files are read first: a mistake in the last one should not show after an hour.
+    loaded = [(planned.name, planned_campaign(planned, size, campaigns)) for planned in PLAN]
+    paths = {}
+    for number, (name, campaign) in enumerate(loaded, start=1):
+        say(f"{number} of {len(loaded)}: {name}, {len(campaign.cases)} cases of {campaign.runs} runs")
+        paths[name] = run_campaign(campaign, out / f"{name}.h5", workers=workers, progress=progress)
+    return paths
