@@ -19,6 +19,7 @@ from relnav_sim.campaign.models import (
     StartOptions,
     StatisticsOptions,
     StopOptions,
+    TuneOptions,
 )
 from relnav_sim.campaign.problems import Path, Problem
 from relnav_sim.campaign.shape import Shape
@@ -73,6 +74,9 @@ class Settings(Options):
         default=True,
         description="Compute the Cramér-Rao bound of each case, which reports show beside the filters; default true: "
         "it costs about as much as a few runs of one filter",
+    )
+    tune: TuneOptions | None = Field(
+        default=None, description="How `relnav tune` searches the filters' free numbers; changes no result"
     )
 
 

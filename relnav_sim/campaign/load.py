@@ -16,7 +16,7 @@ from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Se
 from relnav_sim.campaign.identity import campaign_hash, case_id
 from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
 from relnav_sim.campaign.messages import unknown_key
-from relnav_sim.campaign.models import CaseConfig, StopOptions
+from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
@@ -57,6 +57,7 @@ class Campaign:
         block_runs: Runs that are computed together.
         stop: When to stop before all runs are computed.
         bound: Whether to compute the Cramér-Rao bound of each case.
+        tune: How `relnav tune` searches; None: nothing is said.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Campaign:
     block_runs: int
     stop: StopOptions | None = None
     bound: bool = True
+    tune: TuneOptions | None = None
 
 
 def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
@@ -139,6 +141,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         block_runs=settings.block_runs or block_size(settings.runs, [case.config for case in cases]),
         stop=settings.stop,
         bound=settings.bound,
+        tune=settings.tune,
     )
 
 

@@ -158,6 +158,52 @@ class StopOptions(Options):
         return at
 
 
+TuneObjective = Literal["position", "velocity", "consistency", "both"]
+TuneSpan = Literal["settled", "whole"]
+
+
+class TuneOptions(Options):
+    """How `relnav tune` searches the free numbers of the filters; a campaign's own run does not look at it."""
+
+    objective: TuneObjective = Field(
+        default="both",
+        description="What is made small: position or velocity (RMS error over the span, mean over runs, geometric mean "
+        "over cases), consistency (squared log of the mean ANEES, mean over cases) or both (log of the position RMS + "
+        "`weight` x consistency); default both: by the error alone, any process noise that is small enough is as good",
+    )
+    weight: float = Field(
+        default=0.25,
+        gt=0,
+        description="Objective both: weight of consistency; default 0.25, with which an ANEES of 2 or 1/2 counts as "
+        "much as 12 % of position error",
+    )
+    span: TuneSpan = Field(
+        default="settled", description="settled (after `settle_s`; default) or whole (from the first epoch)"
+    )
+    budget: int = Field(
+        default=25, ge=5, le=1000, description="Most candidates tried for each filter, the same for all; default 25"
+    )
+    runs: int = Field(
+        default=20,
+        ge=2,
+        le=10_000,
+        description="Runs of each case for every candidate; default 20: fewer hardly cost less, computed as one",
+    )
+    check_runs: int = Field(
+        default=30,
+        ge=0,
+        le=10_000,
+        description="Further runs, on yet another seed, on which start and tuned filter are compared; default 30, 0: "
+        "no check",
+    )
+    free: dict[str, tuple[float, float] | None] = Field(
+        default={},
+        description="Numbers to search, by path (filters.ekf.alpha), each with its range [low, high], or nothing for "
+        "the range that the filter declares. A filter named here has these free and no others; default: what "
+        "`relnav show filter` lists",
+    )
+
+
 class CaseConfig(Options):
     """One point of a campaign's grid: everything that a run needs but its number and the seed."""
 

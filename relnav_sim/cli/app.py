@@ -19,6 +19,7 @@ from relnav_sim.cli.reproduce import reproduce
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
 from relnav_sim.cli.show import show
+from relnav_sim.cli.tune import tune
 from relnav_sim.cli.validate import validate
 
 app = typer.Typer(
@@ -35,6 +36,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "report": report,
     "figure": figure,
     "validate": validate,
+    "tune": tune,
     "list": list_names,
     "show": show,
     "new": new,

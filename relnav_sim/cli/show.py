@@ -38,3 +38,24 @@ def show(
         [(key.name, key.takes.replace("`", ""), key.default, key.meaning.replace("`", "")) for key in entry.keys],
         headings=("key", "takes", "default", "meaning"),
     )
+    if what is What.FILTER:
+        typer.echo("\nrelnav tune searches:")
+        print_table(_tunable(name))
+
+
+def _tunable(filter: str) -> list[tuple[str, str]]:
+    """Return the numbers of a filter that `relnav tune` searches, with their ranges."""
+    from relnav_sim.campaign.entries import FilterEntry
+    from relnav_sim.campaign.problems import dotted
+    from relnav_sim.filters.registry import filter_kinds
+    from relnav_sim.tuning.scalars import marked
+
+    rows = []
+    for path, mark in (*marked(FilterEntry), *marked(filter_kinds()[filter].options_model)):
+        words = f"{mark.low:g} to {mark.high:g}{', on a logarithmic scale' if mark.log else ''}"
+        if mark.when is not None:
+            words += f", where {mark.when[0]} is {mark.when[1]}"
+        if mark.scales_noise:
+            words += ", where the objective counts the covariance"
+        rows.append((dotted(path), words))
+    return rows

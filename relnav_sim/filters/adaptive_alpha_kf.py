@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -40,14 +41,14 @@ class AdaptiveAlphaOptions(GaussianFilterOptions):
     alpha_max: float = Field(
         default=1.0, ge=1, le=4, description="Largest alpha; above 1 (at most 4) where R may be stated too large"
     )
-    gate_scheme_probability: float = Field(
+    gate_scheme_probability: Annotated[float, Tunable(0.5, 0.999, log=False, when=("scheme", "gate"))] = Field(
         default=0.95,
         gt=0,
         lt=1,
         description="Scheme gate: alpha is lowered until the NIS is at most the chi-square quantile c of this "
         "probability; default 0.95",
     )
-    degrees_of_freedom: float = Field(
+    degrees_of_freedom: Annotated[float, Tunable(1, 100, when=("scheme", "student_t"))] = Field(
         default=4.0, gt=0, description="Scheme student_t: of the noise; 3 to 5 suit glint, smaller trusts R less"
     )
     per_channel: bool = Field(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOpt
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 class AdaptiveTwoStepOptions(TwoStepOptions):
     """Options of the adaptive two-step filter."""
 
-    forgetting: float = Field(
+    forgetting: Annotated[float, Tunable(0.9, 0.998, log=False)] = Field(
         default=0.98,
         gt=0,
         lt=1,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
@@ -73,7 +74,7 @@ class ImportanceOptions(GaussianFilterOptions):
 class AlphaOptions(ImportanceOptions):
     """Options of the alpha-divergence filter."""
 
-    alpha: float = Field(
+    alpha: Annotated[float, Tunable(0.01, 1, scales_noise=True)] = Field(
         default=0.5,
         gt=0,
         le=1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_
 from relnav_sim.linalg import transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
-from relnav_sim.options import Options
+from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
@@ -57,7 +58,7 @@ class CloudOptions(Options):
         description="Resample when the effective sample size 1 / sum w^2 falls below this fraction of N; default 0.5, "
         "the usual choice; 1 resamples at every measurement, 0 never",
     )
-    roughening: float = Field(
+    roughening: Annotated[float, Tunable(0, 2, log=False)] = Field(
         default=0.0,
         ge=0,
         description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from relnav_sim.filters.particle import ParticleFilter, ParticleOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.filters.unscented_particle import UnscentedParticleFilter, UnscentedParticleOptions
+from relnav_sim.options import Tunable
 
 
 class GpParticleOptions(ParticleOptions):
@@ -23,7 +26,7 @@ class GpParticleOptions(ParticleOptions):
         description="Resample when the effective sample size falls below this fraction of N; default 1: always, as the "
         "paper's listed steps do",
     )
-    roughening: float = Field(
+    roughening: Annotated[float, Tunable(0, 2, log=False)] = Field(
         default=1.0,
         ge=0,
         description="As in `particle`; default 1, because the variance of a well trained process parts no copies",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -12,6 +14,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 
 Array = NDArray[np.float64]
 
@@ -19,7 +22,7 @@ Array = NDArray[np.float64]
 class HuberOptions(GaussianFilterOptions):
     """Options of the Huber filter."""
 
-    threshold: float = Field(
+    threshold: Annotated[float, Tunable(0.3, 10)] = Field(
         default=1.345,
         gt=0,
         description="c, in sigmas: residuals beyond it lose weight as c / |e|; 1.345 keeps 95 % efficiency when the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
-from relnav_sim.options import Options
+from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 class ImmOptions(Options):
     """Options of the interacting-multiple-model filter."""
 
-    persistence: float = Field(
+    persistence: Annotated[float, Tunable(0, 0.95, log=False)] = Field(
         default=0.0,
         ge=0,
         lt=1,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -23,7 +25,7 @@ from relnav_sim.linalg import (
 )
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
-from relnav_sim.options import Options
+from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -156,7 +158,7 @@ def innovation_last(L: Array, white: Array) -> Innovation:
 class KalmanOptions(GaussianFilterOptions):
     """Options of the linear Kalman filter."""
 
-    r_scale: float = Field(
+    r_scale: Annotated[float, Tunable(0.1, 100, scales_noise=True)] = Field(
         default=1.0,
         gt=0,
         description="Factor on R; r_scale = 1/alpha gives exactly what the one-step alpha-divergence filter tends "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -12,6 +14,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 
 Array = NDArray[np.float64]
 SMALLEST_WEIGHT = 1e-6
@@ -20,7 +23,7 @@ SMALLEST_WEIGHT = 1e-6
 class CorrentropyOptions(GaussianFilterOptions):
     """Options of the maximum-correntropy filter."""
 
-    bandwidth: float = Field(
+    bandwidth: Annotated[float, Tunable(0.5, 30)] = Field(
         default=3.0,
         gt=0,
         description="sigma of the correntropy kernel exp(-e^2 / (2 sigma^2)), in sigmas of the noise; 2 to 5 suit "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -12,6 +14,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.options import Tunable
 
 Array = NDArray[np.float64]
 
@@ -19,7 +22,7 @@ Array = NDArray[np.float64]
 class StudentOptions(GaussianFilterOptions):
     """Options of the Student-t filter."""
 
-    degrees_of_freedom: float = Field(
+    degrees_of_freedom: Annotated[float, Tunable(1, 100)] = Field(
         default=4.0,
         gt=0,
         description="Degrees of freedom of the measurement noise; 3 to 5 suit glint; very large: the extended filter",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
-from relnav_sim.options import Options
+from relnav_sim.options import Options, Tunable
 
 Array = NDArray[np.float64]
 Row = tuple[float, float, float, float, float, float]
@@ -16,7 +18,7 @@ Row = tuple[float, float, float, float, float, float]
 class ProcessNoiseOptions(Options):
     """What the filter adds to its covariance each step: exactly one of the three forms."""
 
-    acceleration_psd_m2_s3: float | None = Field(
+    acceleration_psd_m2_s3: Annotated[float | None, Tunable(1e-14, 1e-2)] = Field(
         default=None,
         ge=0,
         description="Power spectral density S_a of a white acceleration on each axis, m^2/s^3 = (m/s^2)^2/Hz; "

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-EXTENSIONS = ("runs", "block_runs", "stop", "bound", "grid", "zip")
-"""Top-level keys that add to a result: runs, cases. A case is known by its own id, so the grid may grow."""
+EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "grid", "zip")
+"""Top-level keys that add to a result, runs or cases, or change none. A case is known by its own id, so the grid may
+grow."""
 
 
 def changed_keys(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,179 @@
+"""`relnav tune`: find the free numbers of a campaign's filters, every filter with the same budget."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.interrupts import ending_promptly
+from relnav_sim.cli.output import new_file, print_table
+
+if TYPE_CHECKING:
+    from relnav_sim.campaign import Campaign
+    from relnav_sim.campaign.models import TuneOptions
+
+
+class Objective(StrEnum):
+    """What is made small."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+    CONSISTENCY = "consistency"
+    BOTH = "both"
+
+
+class Span(StrEnum):
+    """What the figures are taken over."""
+
+    SETTLED = "settled"
+    WHOLE = "whole"
+
+
+def tune(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign, a YAML file.")],
+    filters: Annotated[
+        list[str] | None,
+        typer.Option("--filter", metavar="NAME", help="Tune this filter; may be repeated.", show_default="all"),
+    ] = None,
+    objective: Annotated[Objective | None, typer.Option(help="What is made small.", show_default="both")] = None,
+    budget: Annotated[
+        int | None, typer.Option(min=5, max=1000, help="Most candidates for each filter.", show_default="25")
+    ] = None,
+    runs: Annotated[
+        int | None, typer.Option(min=2, max=10_000, help="Runs of each case for a candidate.", show_default="20")
+    ] = None,
+    check_runs: Annotated[
+        int | None,
+        typer.Option(min=0, max=10_000, help="Further runs that compare start and tuned.", show_default="30"),
+    ] = None,
+    span: Annotated[
+        Span | None, typer.Option(help="Figures after settle_s, or from the first epoch.", show_default="settled")
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH[=LOW:HIGH]",
+            help="A number to search, as filters.ekf.alpha=0.01:1; the filter then has these free and no others; "
+            "may be repeated.",
+            show_default="what `relnav show filter` lists",
+        ),
+    ] = None,
+    cases: Annotated[
+        list[int] | None,
+        typer.Option("--case", metavar="N", min=0, help="Tune on this case; may be repeated.", show_default="all"),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PATH=VALUE",
+            help="Change a value while tuning, as clock.duration_s=1200; not in the file written; may be repeated.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The tuned campaign; the curve goes beside it as _tuning.csv, .png and .pdf.",
+            show_default="NAME_tuned.yaml beside FILE",
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes; the result does not depend on it.")] = 2,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+) -> None:
+    """Find the free numbers of the filters, such as process noise, on random numbers that the campaign never uses.
+
+    Every filter gets the same number of candidates on the same runs. The campaign is written with the numbers found
+    and is otherwise left as it is. The options not given here come from the campaign's `tune:` section.
+    """
+    with ending_promptly("interrupted; nothing was written"):
+        target = out if out is not None else file.with_name(f"{file.stem}_tuned.yaml")
+        if target.exists() and file.exists() and target.samefile(file):
+            raise UserError(f"--out {target} is the campaign itself; give another name")
+        table, picture, page = (target.with_name(f"{target.stem}_tuning{end}") for end in (".csv", ".png", ".pdf"))
+        for path in (target, table, picture, page):
+            new_file(path, overwrite)
+        if not target.parent.is_dir():
+            raise UserError(f"{target.parent} is no directory")
+        if set_on_filters := [text for text in changes or [] if text.strip().startswith("filters")]:
+            raise UserError(
+                f"--set {set_on_filters[0]}: change the filters in the file, where the tuned ones are written"
+            )
+
+        from relnav_sim.campaign import load_campaign
+
+        campaign = load_campaign(file, changes or [])
+        if bad := [number for number in cases or [] if number >= len(campaign.cases)]:
+            raise UserError(f"there is no case {bad[0]}; the campaign has {len(campaign.cases)}, counted from 0")
+        options = _options(
+            campaign,
+            {
+                "objective": None if objective is None else objective.value,
+                "budget": budget,
+                "runs": runs,
+                "check_runs": check_runs,
+                "span": None if span is None else span.value,
+            },
+            free or [],
+        )
+
+        from relnav_sim.report.style import pdf, png
+        from relnav_sim.results.atomic import written_whole
+        from relnav_sim.tuning import TuningError, tune_campaign
+        from relnav_sim.tuning.curve import curve_csv, curve_figure
+        from relnav_sim.tuning.edit import edited, with_header
+        from relnav_sim.tuning.words import FIGURES, NUMBERS, figure_rows, header_lines, number_rows, sentences
+
+        try:
+            tuning = tune_campaign(
+                campaign,
+                options,
+                tuple(dict.fromkeys(filters or [])),
+                tuple(dict.fromkeys(cases or [])),
+                workers,
+                progress=True,
+                say=lambda sentence: typer.echo(sentence, err=True),
+            )
+        except TuningError as error:
+            raise UserError(str(error)) from None
+        text = with_header(edited(campaign.text, tuning.changes()), header_lines(tuning, changes or [], cases or []))
+        figure = curve_figure(tuning)
+        contents = (text.encode(), curve_csv(tuning).encode(), png(figure), pdf(figure))
+        for path, content in zip((target, table, picture, page), contents, strict=True):
+            with written_whole(path) as temporary:
+                temporary.write_bytes(content)
+    print_table(number_rows(tuning), NUMBERS)
+    typer.echo()
+    print_table(figure_rows(tuning), FIGURES)
+    typer.echo()
+    for sentence in sentences(tuning):
+        typer.echo(sentence)
+    typer.echo(f"wrote {target}; the curve is in {table}, {picture.name} and {page.name}")
+    typer.echo(f"next: relnav run {target} --out results/{target.stem}.h5")
+    if not all(found.found for found in tuning.filters.values()):
+        raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+
+def _options(campaign: Campaign, given: dict[str, Any], free: list[str]) -> TuneOptions:
+    """Return the campaign's `tune:` section with what the command line says in its place."""
+    from relnav_sim.campaign.models import TuneOptions
+
+    base = campaign.tune or TuneOptions()
+    update = {key: value for key, value in given.items() if value is not None}
+    if free:
+        update["free"] = {**base.free, **dict(map(_free, free))}
+    return base.model_copy(update=update)
+
+
+def _free(text: str) -> tuple[str, tuple[float, float] | None]:
+    path, equals, bounds = text.partition("=")
+    if not equals:
+        return path, None
+    low, _, high = bounds.partition(":")
+    try:
+        return path, (float(low), float(high))
+    except ValueError:
+        raise UserError(f"--free takes PATH=LOW:HIGH, as filters.ekf.alpha=0.01:1, not {text!r}") from None

@@ -1,0 +1,143 @@
+"""What tuning found, in words: the table on the terminal and the comment in the tuned file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from relnav_sim import __version__
+from relnav_sim.campaign.models import TuneOptions
+from relnav_sim.campaign.problems import listed
+from relnav_sim.statistics.intervals import Comparison
+from relnav_sim.tuning.edit import number_text
+from relnav_sim.tuning.objective import Figures, mean_log
+from relnav_sim.tuning.result import Check, FilterTuning, Tuning
+
+NUMBERS = ("filter", "number", "start", "tuned", "cannot be told from the best")
+FIGURES = ("filter", "position RMS, m", "velocity RMS, m/s", "ANEES", "objective, tuned less start")
+
+
+def number_rows(tuning: Tuning) -> list[Sequence[str]]:
+    """Return a row for each free number of each filter, under `NUMBERS`."""
+    rows: list[Sequence[str]] = []
+    for name, found in tuning.filters.items():
+        if not found.found:
+            rows.append((name, "every candidate failed", "", "", ""))
+            continue
+        for place, (scalar, good) in enumerate(zip(found.scalars, found.as_good(), strict=True)):
+            start, best = found.start.values[place], found.best.values[place]
+            tuned = "as it is" if start == best else f"{best:.4g}"
+            rows.append((name, scalar.name, f"{start:.4g}", tuned, f"{good[0]:.2g} to {good[1]:.2g}"))
+    return rows
+
+
+def figure_rows(tuning: Tuning) -> list[Sequence[str]]:
+    """Return what each filter gained, under `FIGURES`: on the held-out runs where there are some."""
+    return [
+        (
+            name,
+            *(_before_after(found, what) for what in ("position", "velocity", "anees")),
+            check_words(found.check, tuning.options),
+        )
+        for name, found in tuning.filters.items()
+        if found.found
+    ]
+
+
+def sentences(tuning: Tuning) -> list[str]:
+    """Return what the reader of the table must know."""
+    options = tuning.options
+    words = [
+        f"objective: {_objective_words(options)}, {options.span}; at most {options.budget} candidates a filter, "
+        f"{options.runs} runs of each case, seed {tuning.seed}",
+        "a number stays as it is where the runs cannot tell (within one standard error)",
+    ]
+    if options.check_runs:
+        words.append(
+            f"start -> tuned: on {options.check_runs} further runs of each case, seed {tuning.check_seed}; mean over "
+            "runs, geometric mean over cases; difference paired, with its 95 % interval"
+        )
+    for name, found in tuning.filters.items():
+        words += [
+            f"{name}: {scalar.name} lies at an end of its range, {scalar.low:g} to {scalar.high:g}; another range: "
+            f"--free filters.{name}.{scalar.name}=LOW:HIGH"
+            for scalar, value, before in zip(found.scalars, found.best.values, found.start.values, strict=True)
+            if found.found and value != before and value in (scalar.low, scalar.high)
+        ]
+    if tuning.lost:
+        words.append(
+            f"left out: {listed([f'run {run}' for run in tuning.lost], 'and')}, which no candidate of any filter "
+            "got through"
+        )
+    return words
+
+
+def check_words(check: Check | None, options: TuneOptions) -> str:
+    """Return the change of the objective on the held-out runs."""
+    if check is None:
+        return ""
+    failed = [int(figures.broken.sum()) for figures in (check.start, check.tuned)]
+    failures = f"; {failed[0]} runs failed before, {failed[1]} now" if any(failed) else ""
+    if check.difference is None:
+        return f"not known{failures}"
+    return _difference_words(check.difference, options) + failures
+
+
+def header_lines(tuning: Tuning, changes: Sequence[str], cases: Sequence[int]) -> list[str]:
+    """Return the comment that says how a file was tuned."""
+    options, campaign = tuning.options, tuning.campaign
+    source = campaign.path.name if campaign.path else campaign.name
+    where = f"the cases {listed([str(n) for n in cases], 'and')}" if cases else "all cases"
+    lines = [
+        f"Tuned by relnav {__version__} from {source} (hash {campaign.hash[:12]}): "
+        f"objective {_objective_words(options)},",
+        f"span {options.span}, {where}, {options.runs} runs each on seed {tuning.seed}, at most {options.budget} "
+        "candidates a filter.",
+    ]
+    if changes:
+        lines.append(f"While tuning: {', '.join(changes)}.")
+    for name, found in tuning.filters.items():
+        if not found.found:
+            lines.append(f"  {name}: every candidate failed; left as it was")
+            continue
+        numbers = ", ".join(
+            f"{scalar.name} {number_text(before)} -> {number_text(after)}"
+            for scalar, before, after in zip(found.scalars, found.start.values, found.best.values, strict=True)
+        )
+        lines.append(f"  {name}: {numbers}")
+        if found.check is not None:
+            lines.append(f"    on {options.check_runs} further runs: {check_words(found.check, options)}")
+    return lines
+
+
+def _objective_words(options: TuneOptions) -> str:
+    if options.objective == "both":
+        return f"ln position RMS + {options.weight:g} (ln ANEES)^2"
+    return {"position": "position RMS", "velocity": "velocity RMS", "consistency": "(ln ANEES)^2"}[options.objective]
+
+
+def _difference_words(comparison: Comparison, options: TuneOptions) -> str:
+    """Return a difference of the objective: per cent where it is a logarithm of an error, else as it is."""
+    interval = comparison.difference
+    ends = (interval.estimate, interval.low, interval.high)
+    if options.objective in ("position", "velocity"):
+        middle, low, high = (f"{100 * math.expm1(end):+.1f}" for end in ends)
+        numbers = f"{middle} % [{low}, {high}]"
+    else:
+        middle, low, high = (f"{end:+.3f}" for end in ends)
+        numbers = f"{middle} [{low}, {high}]"
+    return f"{numbers} {comparison.verdict}"
+
+
+def _before_after(found: FilterTuning, what: str) -> str:
+    before, after = found.start.figures, found.best.figures
+    if found.check is not None:
+        before, after = found.check.start, found.check.tuned
+    return f"{_figure(before, what)} -> {_figure(after, what)}"
+
+
+def _figure(figures: Figures, what: str) -> str:
+    sound = figures.of(~figures.broken)
+    if not sound.failed.shape[1]:
+        return "failed"
+    return f"{math.exp(mean_log(getattr(sound, what)).value):.3g}"
