@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import TuneOptions
 from relnav_sim.campaign.problems import Path
@@ -81,9 +79,9 @@ class FilterTuning:
     def best(self) -> Evaluation:
         """The chosen candidate: what the runs say nothing about stays as it is.
 
-        Of the candidates within one standard error (of the paired difference over runs) of the least objective, those
-        that change the fewest of the campaign's numbers (the rule of Breiman et al. 1984, section 3.4.3); of these the
-        one nearest to the start whose objective is the least of them to within `EQUAL`.
+        Of the candidates within one standard error (of the paired difference over runs), or `EQUAL`, of the least
+        objective those that change the fewest of the campaign's numbers (the rule of Breiman et al. 1984, section
+        3.4.3); of these the one nearest to the start whose objective is the least of them to within `EQUAL`.
         """
         near = [evaluation for evaluation in self.evaluations if _within_standard_error(evaluation, self.least)]
         fewest = min(map(self._changed, near))
@@ -149,13 +147,14 @@ def _within_standard_error(evaluation: Evaluation, least: Evaluation) -> bool:
     if not math.isfinite(evaluation.score.value):
         return evaluation is least
     differences = evaluation.score.per_run - least.score.per_run
-    return float(differences.mean()) <= float(differences.std(ddof=1)) / math.sqrt(len(differences))
+    error = float(differences.std(ddof=1)) / math.sqrt(len(differences))
+    return float(differences.mean()) <= max(error, EQUAL)
 
 
 def _undecided(evaluation: Evaluation, least: Evaluation) -> bool:
     """Return whether the 95 % interval of the paired difference leaves open which is better."""
     if not math.isfinite(evaluation.score.value):
         return evaluation is least
-    if np.array_equal(evaluation.score.per_run, least.score.per_run):
+    if evaluation.score.value - least.score.value <= EQUAL:
         return True
     return paired_difference(least.score.per_run, evaluation.score.per_run).verdict == "undecided"

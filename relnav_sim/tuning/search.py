@@ -1,14 +1,15 @@
 """A deterministic search of the unit cube in rounds: the first axis by itself, then all axes together.
 
 Rounds, because all points of a round are tried on the same simulated measurements at once. A line of points along the
-first axis comes first; each further round takes the minimum of a surrogate (cubic radial basis functions through the
-points so far; Gutmann, J. Global Optimization 19, 2001) near the best point, and the points one reach away from the
-best on every axis. The reach halves whenever no axis point gained.
+first axis comes first; each further round takes the minimum of a surrogate (a quadratic and cubic radial basis
+functions through the nearest points; Gutmann, J. Global Optimization 19, 2001), and the points one reach away from the
+best on every axis. The reach halves, on several axes only once the best stays about where it was.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +28,14 @@ FIRST_REACH = 0.25
 """Distance of the first points on the other axes, in units of their range."""
 FIRST_REACH_AGAIN = 1 / 12
 """The same on the first axis, once it has been searched by itself."""
+GOES_ON = 0.5
+"""The reach stays as it is where the best has moved by more than this part of it."""
 SMALLEST_REACH = 1e-3
 """The search ends here, whatever is left of the budget."""
 _PLACES = 4
-_CANDIDATES = 9  # log2 of the surrogate's trial points
+_CANDIDATES = 10  # log2 of the surrogate's trial points
+_BOX = 2.0  # they lie within so many reaches of the best
+_NEIGHBOURS = 2  # points that the surrogate goes through, in units of what a quadratic needs
 
 
 def search(start: Point, budget: int) -> Search:
@@ -38,11 +43,11 @@ def search(start: Point, budget: int) -> Search:
 
     Args:
         start: Where to begin; the first axis gets a line of points from end to end.
-        budget: Most points in all.
+        budget: Most points in all, at least 3.
     """
     known: dict[Point, float] = {}
     d = len(start)
-    line = LINE_ALONE if d == 1 else LINE
+    line = min(LINE_ALONE if d == 1 else LINE, budget - 1)
     along = [(i / (line - 1), *start[1:]) for i in range(line)]
     yield from _ask([start, *along], known, budget)
     alone = budget if d == 1 else max(len(known), round(FIRST_SHARE * budget))
@@ -63,9 +68,9 @@ def _close_in(known: dict[Point, float], reach: Array, axes: range, budget: int)
             [*_surrogate_minimum(known, centre, reach, axes), *_axis_points(centre, reach, axes)], known, budget
         )
         best = min(known, key=known.__getitem__)
-        # On one axis the neighbours of the best bracket it now; on more, a gain along one of them may go on.
-        gained = best != centre and sum(a != b for a, b in zip(best, centre, strict=True)) == 1
-        if len(axes) == 1 or not gained:
+        # On one axis the neighbours of the best bracket it now; on more, a valley that bends may go on.
+        moved = np.abs(np.subtract(best, centre)[: len(axes)] / reach[: len(axes)]).max()
+        if len(axes) == 1 or moved < GOES_ON:
             reach = reach / 2
 
 
@@ -91,21 +96,34 @@ def _axis_points(centre: Point, reach: Array, axes: range) -> list[Point]:
 
 
 def _surrogate_minimum(known: dict[Point, float], centre: Point, reach: Array, axes: range) -> list[Point]:
-    """Return where the surrogate is least within twice the reach of the best; nothing where it says nothing new."""
+    """Return where the surrogate is least near the best; nothing where it says nothing new."""
     from scipy.interpolate import RBFInterpolator
     from scipy.stats import qmc
 
     d = len(axes)
     finite = {p: value for p, value in known.items() if np.isfinite(value) and p[d:] == centre[d:]}
-    tried, middle = np.array([point[:d] for point in finite]), np.array(centre[:d])
-    if len(finite) < d + 2 or np.linalg.matrix_rank((tried - middle) / reach[:d], tol=1e-6) < d:
+    if len(finite) < d + 2:
         return []
-    # High values far away only make the surface wave; cut at their median (Regis and Shoemaker 2007).
+    middle = np.array(centre[:d])
+    tried = (np.array([point[:d] for point in finite]) - middle) / reach[:d]
     values = np.array(list(finite.values()))
-    surface = RBFInterpolator((tried - middle) / reach[:d], np.minimum(values, np.median(values)), kernel="cubic")
-    trial = 4 * qmc.Sobol(d, scramble=False).random_base2(_CANDIDATES) - 2
-    inside = np.clip(middle + trial * reach[:d], 0.0, 1.0)
-    best = inside[np.argmin(surface((inside - middle) / reach[:d]))]
-    if (np.abs(best - tried) / reach[:d]).max(axis=1).min() < 1 / 16:
+    # The nearest points only: high values far away would make the surface wave.
+    near = np.argsort(np.abs(tried).max(axis=1), kind="stable")[: _NEIGHBOURS * (d + 1) * (d + 2) // 2]
+    degree = next((degree for degree in (2, 1) if _settles(tried[near], degree)), None)
+    if degree is None:
         return []
-    return [(*map(float, best), *centre[d:])]
+    surface = RBFInterpolator(tried[near], values[near], kernel="cubic", degree=degree)
+    trial = _BOX * (2 * qmc.Sobol(d, scramble=False).random_base2(_CANDIDATES) - 1)
+    inside = (np.clip(middle + trial * reach[:d], 0.0, 1.0) - middle) / reach[:d]
+    best = inside[np.argmin(surface(inside))]
+    if np.abs(best - tried).max(axis=1).min() < 1 / 16:
+        return []
+    return [(*map(float, middle + best * reach[:d]), *centre[d:])]
+
+
+def _settles(points: Array, degree: int) -> bool:
+    """Return whether values at the points settle a polynomial of a degree."""
+    columns = [np.ones(len(points)), *points.T]
+    if degree == 2:
+        columns += [a * b for a, b in combinations_with_replacement(points.T, 2)]
+    return len(points) >= len(columns) and np.linalg.matrix_rank(np.array(columns), tol=1e-6) == len(columns)

@@ -59,7 +59,6 @@ def tune_campaign(
     """
     options = options or campaign.tune or TuneOptions()
     chosen = [campaign.cases[number] for number in cases] or list(campaign.cases)
-    _check_span(options, chosen)
     free = free_scalars(campaign, tuple(filters), options.free, options.objective)
     for name in campaign.cases[0].config.filters:
         if name not in free and not filters:
@@ -79,16 +78,6 @@ def tune_campaign(
         if options.check_runs:
             found = _checked(found, plans, options, bench(check_seed, options.check_runs))
     return Tuning(campaign, options, seed, check_seed, lost, found)
-
-
-def _check_span(options: TuneOptions, cases: Sequence[Case]) -> None:
-    for case in cases:
-        settle_s, duration_s = case.config.statistics.settle_s, case.config.clock.duration_s
-        if options.span == "settled" and settle_s > duration_s:
-            raise TuningError(
-                f"no run is settled before its end: settle_s is {settle_s:g} s, the run {duration_s:g} s; "
-                "take --span whole"
-            )
 
 
 @dataclass

@@ -36,6 +36,7 @@ COSMETIC = {
     "other line ends": lambda text: text.replace("\n", "\r\n"),
     "another order": lambda text: yaml.safe_dump(shuffled(yaml.safe_load(text), random.Random(3)), sort_keys=False),
     "more runs": lambda text: text.replace("runs: 40", "runs: 41"),
+    "how it is tuned": lambda text: text.replace("runs: 40", "tune: {objective: position}\nruns: 40"),
     "other blocks": lambda text: text.replace("runs: 40", "runs: 40\nblock_runs: 7"),
 }
 
