@@ -74,6 +74,10 @@ def declared(options: Options, path: Path = ()) -> Iterator[Scalar]:
         value = getattr(options, key)
         if isinstance(value, Options):
             yield from declared(value, (*path, key))
+        elif isinstance(value, tuple):
+            for place, inner in enumerate(value):
+                if isinstance(inner, Options):
+                    yield from declared(inner, (*path, key, place))
         for mark in field.metadata:
             if not isinstance(mark, Tunable) or not isinstance(value, int | float):
                 continue

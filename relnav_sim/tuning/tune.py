@@ -15,10 +15,10 @@ from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
-from relnav_sim.runner.progress import progress_of
 from relnav_sim.statistics.intervals import paired_difference
 from relnav_sim.tuning.bench import Bench
 from relnav_sim.tuning.objective import Figures, Score, objective
+from relnav_sim.tuning.progress import progress_of
 from relnav_sim.tuning.result import Check, Evaluation, FilterTuning, Tuning
 from relnav_sim.tuning.scalars import Scalar, TuningError, free_scalars, value_of, with_values
 from relnav_sim.tuning.search import Point, Search, rounded, search
@@ -66,14 +66,15 @@ def tune_campaign(
     plans = [_Plan(name, scalars, chosen, options) for name, scalars in free.items()]
     seed, check_seed = derived_seed(campaign.seed, SEARCH_WORD), derived_seed(campaign.seed, CHECK_WORD)
     planned = len(plans) * len(chosen) * (options.budget * options.runs + 2 * options.check_runs)
-    with TemporaryDirectory(prefix="relnav_tune_") as folder, progress_of(planned, progress) as bar:
+    with TemporaryDirectory(prefix="relnav_tune_") as folder, progress_of(planned, progress) as tell:
 
         def bench(seed: int, runs: int) -> Bench:
-            return Bench(chosen, seed, runs, options.span, workers, Path(folder), bar.advance)
+            return Bench(chosen, seed, runs, options.span, workers, Path(folder), tell)
 
         lost = _search_all(plans, bench(seed, options.runs))
         unused = sum(options.budget - len(plan.evaluations) for plan in plans)
-        bar.advance(unused * options.runs * len(chosen))
+        if unused:
+            tell(unused * options.runs * len(chosen))
         found = {plan.name: FilterTuning(plan.name, plan.scalars, tuple(plan.evaluations)) for plan in plans}
         if options.check_runs:
             found = _checked(found, plans, options, bench(check_seed, options.check_runs))
