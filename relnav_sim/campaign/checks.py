@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
+from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
@@ -43,10 +43,22 @@ def check_together(parts: Parts) -> Iterator[Problem]:
                 ("statistics", "settle_s"),
                 f"{parts.statistics.settle_s:g} s leaves nothing of a run of {parts.clock.duration_s:g} s",
             )
+        if parts.truth is not None:
+            yield from _check_manoeuvres(parts.truth, parts.clock)
     radar = parts.sensors.radar if parts.sensors is not None else None
     if parts.sensors is not None and radar is None:
         yield Problem(("sensors", "radar"), "the filters have nothing to go by: give the radar")
+    if radar is not None and radar.latency_s and isinstance(parts.start, FirstFixStart):
+        yield Problem(
+            ("sensors", "radar", "latency_s"),
+            f"the first reading comes {radar.latency_s:g} s after the start, so there is no fix to start from; "
+            "take start.kind dispersed or given",
+        )
     for name, entry in parts.filters.items():
+        if entry.known_thrust == "measured" and parts.sensors is not None and parts.sensors.accelerometer is None:
+            yield Problem(
+                ("filters", name, "known_thrust"), "nothing measures the thrust: give sensors.accelerometer, or planned"
+            )
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
@@ -72,6 +84,21 @@ def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
                 ("filters", name, "augment", place, "mode"),
                 f"the {entry.kind} filter can't account for a state without estimating it, which takes a gain whose "
                 "rows can be left out; take estimate",
+            )
+
+
+def _check_manoeuvres(truth: TruthOptions, clock: Clock) -> Iterator[Problem]:
+    for name, manoeuvre in truth.manoeuvres.items():
+        if manoeuvre.time_s >= clock.duration_s:
+            begins = "happens" if manoeuvre.duration_s is None else "begins"
+            yield Problem(
+                ("truth", "manoeuvres", name, "time_s"),
+                f"{begins} at {manoeuvre.time_s:g} s; the run ends at {clock.duration_s:g} s",
+            )
+        elif manoeuvre.end_s > clock.duration_s:
+            yield Problem(
+                ("truth", "manoeuvres", name, "duration_s"),
+                f"the burn ends at {manoeuvre.end_s:g} s, the run at {clock.duration_s:g} s",
             )
 
 

@@ -18,6 +18,8 @@ from relnav_sim.options import Options
 
 MeasurementKind = Literal["polar", "cartesian"]
 AssumedNoise = Literal["nominal", "total", "mixture"]
+KnownThrust = Literal["none", "planned", "measured"]
+AssumedLatency = Literal["known", "none"]
 Registered = tuple[tuple[FilterKind, ...], tuple[tuple[str, type[Options]], ...]]
 
 _MEASUREMENT = (
@@ -45,6 +47,17 @@ class FilterEntry(Options):
         description="Measurement noise that the filter believes in: nominal (the sensors' sigmas, without outliers), "
         "total (one Gaussian with the covariance of all white noise; default) or mixture (its components too, for "
         "filters that use them). No filter is told of biases, correlated parts or outages",
+    )
+    known_thrust: KnownThrust | None = Field(
+        default=None,
+        description="What the filter is told of manoeuvres: none, planned (the plan; its process noise grows by the "
+        "execution errors' share) or measured (what the accelerometers read, and the plan for a craft without one); "
+        "default: measured where there are accelerometers, else planned",
+    )
+    assumed_latency: AssumedLatency = Field(
+        default="known",
+        description="The radar's latency as the filter takes it: known (it compares a reading with the position that "
+        "long ago; default) or none (it takes the reading as fresh)",
     )
 
     augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(

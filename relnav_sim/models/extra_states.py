@@ -16,6 +16,7 @@ from relnav_sim.models.augmented_radar import AZIMUTH, ELEVATION, ERRORS, RANGE,
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.converted_radar import ConvertedRadar
 from relnav_sim.models.cw import cw_system
+from relnav_sim.models.delayed import Delayed
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.process_noise import van_loan
 from relnav_sim.models.radar import PolarRadar
@@ -211,9 +212,10 @@ class Extension:
             inputs = held_acceleration(orbit.mean_motion_rad_s, step_s) @ self.acceleration
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered)
 
-    def measurement(self, base: PolarRadar | ConvertedRadar, mounting: Array) -> AugmentedMeasurement:
+    def measurement(self, base: PolarRadar | ConvertedRadar | Delayed, mounting: Array) -> AugmentedMeasurement:
         """Return the measurement of [x; b]."""
-        rotation = mounting @ NADIR_FROM_RTN if isinstance(base, ConvertedRadar) else None
+        radar = base.base if isinstance(base, Delayed) else base
+        rotation = mounting @ NADIR_FROM_RTN if isinstance(radar, ConvertedRadar) else None
         return AugmentedMeasurement(base, 6, RadarDistortion(self.errors, rotation))
 
 

@@ -147,9 +147,15 @@ class ChiefFollower:
         self._filter = filter
         self._before: Array | None = None
 
-    def take(self, fixes: Array, first_epoch: int) -> None:
-        """Take the chief's GNSS fixes of the next stretch, (runs, K, 6), ECI, NaN = none; the first is at epoch 0."""
-        estimates = self._filter.advance(fixes)
+    def take(self, fixes: Array, first_epoch: int, forces: Array | None = None) -> None:
+        """Take the chief's GNSS fixes of the next stretch, (runs, K, 6), ECI, NaN = none; the first is at epoch 0.
+
+        Args:
+            fixes: The fixes.
+            first_epoch: Epoch of the first of them.
+            forces: Known thrust in the steps that end there, as `KnownThrust.take` has it; the chief's is used.
+        """
+        estimates = self._filter.advance(fixes, None if forces is None else forces[:, :, 0])
         # The first step of a stretch begins at the last epoch of the one before.
         known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
         self._dynamics.follow_chief(known, first_epoch + estimates.shape[1] - known.shape[1])

@@ -10,8 +10,9 @@ from relnav_sim.linalg import back, factor, forward, product, runs_last
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.kepler import initial_state
-from relnav_sim.models.orbit_flow import advance_orbit, orbit_transition
+from relnav_sim.models.orbit_flow import advance_orbit, orbit_frame, orbit_transition
 from relnav_sim.models.relative_flow import divide
+from relnav_sim.models.thrust import kicks_of
 from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
@@ -47,6 +48,7 @@ class OrbitFilter:
     def __init__(
         self, options: OrbitFilterOptions, orbit: ChiefOrbit, fix_sigmas: Array, step_s: float, runs: int
     ) -> None:
+        self._step_s = step_s
         self._division = divide(orbit, step_s)
         self._gravity = Gravity(orbit.mu_m3_s2, orbit.equatorial_radius_m, orbit.j2)
         self._R = np.diag(np.square(fix_sigmas))[..., None]
@@ -61,12 +63,23 @@ class OrbitFilter:
         """Covariance at the latest epoch, (runs, 6, 6)."""
         return self._P.transpose(2, 0, 1).copy()
 
-    def advance(self, fixes: Array) -> Array:
-        """Return the estimates (runs, K, 6) at the next K epochs, given their fixes (runs, K, 6), ECI, NaN = none."""
+    def advance(self, fixes: Array, forces: Array | None = None) -> Array:
+        """Return the estimates at the next K epochs, (runs, K, 6), ECI, m and m/s.
+
+        Args:
+            fixes: Fixes (runs, K, 6), ECI, NaN = none.
+            forces: Known thrust in the steps that end there, the two means of `KnownThrust.take`, (runs or 1, K, 2, 3),
+                m/s^2, RTN; default: none.
+        """
         estimates = np.empty(fixes.shape)
+        before, after = (None, None) if forces is None else kicks_of(forces, self._step_s)
         for k in range(fixes.shape[1]):
             if self._started:
+                if before is not None:
+                    self._kick(before[:, k])
                 self._predict()
+                if after is not None:
+                    self._kick(after[:, k])
             self._started = True
             self._update(runs_last(fixes[:, k]))
             estimates[:, k] = self._mean.T
@@ -76,6 +89,14 @@ class OrbitFilter:
         self._mean, nodes = advance_orbit(self._mean, self._division, self._gravity)
         F = orbit_transition(nodes, self._division, self._gravity)
         self._P = product(F, product(F, self._P).swapaxes(0, 1)) + self._Q
+
+    def _kick(self, change: Array) -> None:
+        """Change the velocity by (runs or 1, 3), m/s, RTN; nothing changes, not a bit, where that is zero."""
+        if change.any():
+            axes, _ = orbit_frame(self._mean, self._gravity)
+            R, T, N = axes
+            c = runs_last(change)
+            self._mean = np.concatenate([self._mean[:3], self._mean[3:] + (c[0] * R + c[1] * T + c[2] * N)])
 
     def _update(self, fix: Array) -> None:
         """Correct with fixes (6, runs). H is the identity, so that P - K P = K R, which keeps its digits."""

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class _DeputyOrbit:
-    """The deputy's RTN axes in the chief's, and what they turn with."""
+class DeputyAxes:
+    """The unit vectors of the deputy's own RTN axes in the chief's, and what they turn with."""
 
     radial: Vector
     along: Vector
@@ -32,18 +32,25 @@ class _DeputyOrbit:
     radial_velocity: Array
 
 
-def _deputy_orbit(states: Array, orbit: ChiefOrbit) -> _DeputyOrbit:
-    R, n = orbit.semi_major_axis_m, orbit.mean_motion_rad_s
-    d = (R + states[..., 0], states[..., 1], states[..., 2])
-    w = (states[..., 3] - n * d[1], states[..., 4] + n * d[0], states[..., 5])
+def deputy_axes(states: Array, radius_m: float, rate_rad_s: float, climb_m_s: float = 0.0) -> DeputyAxes:
+    """Return the deputy's RTN axes.
+
+    Args:
+        states: (..., n >= 6), the deputy's RTN position (m) and velocity (m/s) relative to the chief.
+        radius_m: The chief's distance from the centre.
+        rate_rad_s: Rate of its orbit frame.
+        climb_m_s: Its radial velocity.
+    """
+    d = (radius_m + states[..., 0], states[..., 1], states[..., 2])
+    w = (climb_m_s + states[..., 3] - rate_rad_s * d[1], states[..., 4] + rate_rad_s * d[0], states[..., 5])
     h = cross(d, w)
     radius, momentum = np.sqrt(dot(d, d)), np.sqrt(dot(h, h))
     radial = (d[0] / radius, d[1] / radius, d[2] / radius)
     normal = (h[0] / momentum, h[1] / momentum, h[2] / momentum)
-    return _DeputyOrbit(radial, cross(normal, radial), normal, radius, momentum, dot(w, radial))
+    return DeputyAxes(radial, cross(normal, radial), normal, radius, momentum, dot(w, radial))
 
 
-def _chief_seen(states: Array, deputy: _DeputyOrbit) -> Vector:
+def _chief_seen(states: Array, deputy: DeputyAxes) -> Vector:
     relative = components(states)
     return -dot(relative, deputy.radial), -dot(relative, deputy.along), -dot(relative, deputy.normal)
 
@@ -55,7 +62,7 @@ def chief_from_deputy(states: Array, orbit: ChiefOrbit) -> Vector:
         states: (..., n >= 6), the deputy's RTN position (m) and velocity (m/s) relative to the chief.
         orbit: The chief's nominal orbit, taken as circular.
     """
-    return _chief_seen(states, _deputy_orbit(states, orbit))
+    return _chief_seen(states, deputy_axes(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s))
 
 
 def chief_from_deputy_with_jacobian(states: Array, orbit: ChiefOrbit) -> tuple[Vector, Array]:
@@ -64,7 +71,7 @@ def chief_from_deputy_with_jacobian(states: Array, orbit: ChiefOrbit) -> tuple[V
     A change of d and w, in the deputy's axes, turns these by phi = ((|d| w_N - w_R d_N) / |h|, -d_N / |d|,
     d_T / |d|); the sight c then changes by -d + c x phi.
     """
-    deputy = _deputy_orbit(states, orbit)
+    deputy = deputy_axes(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s)
     seen = _chief_seen(states, deputy)
     axes = np.empty((3, *states.shape[:-1], 3))
     for axis, place in zip((deputy.radial, deputy.along, deputy.normal), axes, strict=True):

@@ -21,10 +21,12 @@ from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import ChiefFollower, NonlinearJ2Dynamics, NonlinearJ2Options
+from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.extra import extended_prior, extension_of, mounting_of
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
+from relnav_sim.runner.thrust import ThrustInputs, known_thrust
 from relnav_sim.runner.training import training_track
 from relnav_sim.sensors import measurement_model
 from relnav_sim.sensors.noise import noise_parts, white_variance
@@ -70,7 +72,8 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     for stretch in stretches(config, source):
         if not tracks:
             prior = starting_belief(config, radar_model(config), stretch, source)
-            tracks = [FilterTrack(name, entry, config, prior, source) for name, entry in config.filters.items()]
+            inputs = ThrustInputs(config)
+            tracks = [FilterTrack(name, entry, config, prior, source, inputs) for name, entry in config.filters.items()]
         for track in tracks:
             track.add(stretch)
         stored = _stored(config, stretch)
@@ -101,31 +104,35 @@ class CampaignFilter:
 
     Attributes:
         filter: The filter, over [x; b] where it carries extra states b.
-        dynamics: How x alone moves.
+        dynamics: How x alone moves without thrust.
+        thrust: What is told of thrust; None where the filter knows nothing of it.
         extension: The extra states; None without any.
     """
 
     filter: Filter
     dynamics: Dynamics
+    thrust: KnownThrust | None
     extension: Extension | None
 
 
 def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit)
+    radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit, entry.assumed_latency)
     if isinstance(entry.dynamics, GpOptions):
-        motion: Dynamics = _learned(entry, entry.dynamics, config, seed)
+        coasting: Dynamics = _learned(entry, entry.dynamics, config, seed)
     else:
         options: Any = entry.dynamics
-        motion = options.build(orbit, entry.process_noise, step_s)
+        coasting = options.build(orbit, entry.process_noise, step_s)
+    thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
+    motion = coasting if thrust is None else thrust
     factory = filter_kinds()[entry.kind].factory
     extension = extension_of(entry, config)
     if extension is None:
-        return CampaignFilter(factory(motion, radar, entry), motion, None)
+        return CampaignFilter(factory(motion, radar, entry), coasting, thrust, None)
     dynamics = extension.dynamics(motion, orbit, step_s)
     measurement = extension.measurement(radar, mounting_of(config))
-    return CampaignFilter(factory(dynamics, measurement, entry), motion, extension)
+    return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 
 
 _LEARNED: dict[tuple[str, str, int], Dynamics] = {}
@@ -166,9 +173,17 @@ class FilterTrack:
     """
 
     def __init__(
-        self, name: str, entry: FilterEntry, config: CaseConfig, prior: Gaussian, source: RandomSource
+        self,
+        name: str,
+        entry: FilterEntry,
+        config: CaseConfig,
+        prior: Gaussian,
+        source: RandomSource,
+        thrust_inputs: ThrustInputs,
     ) -> None:
         self.name = name
+        self._thrust_inputs = thrust_inputs
+        self._known = known_thrust(entry, config)
         self.broken: str | None = None
         self._input = entry.measurement
         self._step_s = config.clock.step_s
@@ -180,6 +195,7 @@ class FilterTrack:
             made = create_campaign_filter(entry, config, source.seed)
             self._filter = made.filter
             self._follower = _chief_follower(made.dynamics, entry, config, len(source.runs))
+            self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
             self._belief = self._filter.start(self._prior, source)
@@ -209,8 +225,12 @@ class FilterTrack:
 
     def _advance(self, stretch: Stretch) -> FilterHistory:
         """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
+        forces = None
+        if self._thrust is not None:
+            forces, noise = self._thrust_inputs.of(stretch, self._known)
+            self._thrust.take(forces, stretch.first_epoch, noise)
         if self._follower is not None:
-            self._follower.take(stretch.z["gnss"], stretch.first_epoch)
+            self._follower.take(stretch.z["gnss"], stretch.first_epoch, forces)
         z = stretch.inputs[self._input]
         if stretch.first_epoch > 0:
             self._belief, history = advance(self._filter, self._belief, z, stretch.first_epoch, self._step_s)

@@ -12,7 +12,7 @@ from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.sensors import SensorSuite, filter_inputs
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, truth_trajectory
+from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
 Array = NDArray[np.float64]
 
@@ -71,11 +71,24 @@ def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
     clock = config.clock
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
+    latency_s = 0.0 if config.sensors.radar is None else config.sensors.radar.latency_s
     for first in range(0, clock.epochs, STRETCH_EPOCHS):
         epochs = np.arange(first, min(first + STRETCH_EPOCHS, clock.epochs))
-        truth = trajectory.at(epochs * clock.step_s)
-        z = suite.measure(truth, first)
+        times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
+        seen = _seen(trajectory, times_s, latency_s) if latency_s else None
+        truth = trajectory.at(times_s)
+        felt = None if config.sensors.accelerometer is None else trajectory.felt(truth, clock.step_s)
+        z = suite.measure(truth, first, seen, felt)
         yield Stretch(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
+
+
+def _seen(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
+    """Return the states of both craft when a radar with latency looks, NaN before the start."""
+    earlier = times_s - latency_s
+    past = trajectory.at(np.maximum(earlier, 0.0))
+    # An epoch less the latency may round below the start.
+    before = earlier < -1e-9 * latency_s
+    return np.where(before[:, None], np.nan, past.chief), np.where(before[:, None], np.nan, past.deputy)
 
 
 def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) -> Simulation:

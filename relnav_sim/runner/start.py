@@ -9,7 +9,7 @@ from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.models.radar import PolarRadar, first_fix
 from relnav_sim.runner.simulation import Stretch
-from relnav_sim.sensors import measurement_model
+from relnav_sim.sensors import radar_model as polar_radar
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
 
@@ -49,6 +49,6 @@ def radar_model(config: CaseConfig) -> PolarRadar | None:
     """Return the campaign's radar as filters know it, if there is one."""
     if config.sensors.radar is None:
         return None
-    radar = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
+    radar = polar_radar("polar", "nominal", config.sensors, nominal_chief(config.truth))
     assert isinstance(radar, PolarRadar)
     return radar

@@ -44,7 +44,9 @@ def training_track(config: CaseConfig, entry: FilterEntry, options: GpOptions, s
     span_s = options.training_span_s or 2 * math.pi / orbit.mean_motion_rad_s
     epochs = math.ceil((1 + HELD_OUT) * span_s / step_s)
     clock = config.clock.model_copy(update={"duration_s": epochs * step_s})
-    flown = config.model_copy(update={"clock": clock})
+    # What is learned is free motion; known thrust comes on top of it.
+    coasting = config.truth.model_copy(update={"manoeuvres": {}})
+    flown = config.model_copy(update={"clock": clock, "truth": coasting})
     source = RandomSource(seed, (TRAINING_RUN,))
     flight = list(stretches(flown, source))
     time_s = np.concatenate([part.truth.times_s for part in flight])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.converted_radar import ConvertedRadar, conversion
+from relnav_sim.models.delayed import Delayed
 from relnav_sim.models.radar import Assumed, PolarRadar, RadarNoise
 from relnav_sim.models.radar_geometry import NADIR_FROM_RTN, Vector, half_open, polar, rotate, rows, sight_vector
 from relnav_sim.sensors.attitude import body_to_inertial, from_axes, in_axes, nadir_axes
@@ -106,9 +107,25 @@ def attitude_covariance(sensors: SensorsOptions, chief_orbit: ChiefOrbit) -> Arr
 
 
 def measurement_model(
+    kind: Literal["polar", "cartesian"],
+    assumed: Assumed,
+    sensors: SensorsOptions,
+    chief_orbit: ChiefOrbit,
+    assumed_latency: Literal["known", "none"] = "known",
+) -> PolarRadar | ConvertedRadar | Delayed:
+    """Return the radar as a filter is told of it, for the inputs of the same name that `filter_inputs` makes.
+
+    With a latency that the filter knows, it is the radar at the state that long ago.
+    """
+    model = radar_model(kind, assumed, sensors, chief_orbit)
+    latency_s = 0.0 if sensors.radar is None or assumed_latency == "none" else sensors.radar.latency_s
+    return Delayed(model, latency_s) if latency_s else model
+
+
+def radar_model(
     kind: Literal["polar", "cartesian"], assumed: Assumed, sensors: SensorsOptions, chief_orbit: ChiefOrbit
 ) -> PolarRadar | ConvertedRadar:
-    """Return the radar as a filter is told of it, for the inputs of the same name that `filter_inputs` makes.
+    """Return the radar as a filter is told of it, but for its latency.
 
     Args:
         kind: ``polar`` or ``cartesian``.

@@ -8,11 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from relnav_sim.models.radar_geometry import Vector, half_open, mounting_matrix, polar, rotate, rows
+from relnav_sim.models.radar_geometry import (
+    Vector,
+    components,
+    dot,
+    half_open,
+    mounting_matrix,
+    polar,
+    rotate,
+    rows,
+)
 from relnav_sim.options import Options
 from relnav_sim.sensors.attitude import in_axes, nadir_axes
 from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, has_white_part, noise_parts
 from relnav_sim.streams import RandomSource
+from relnav_sim.truth.constants import MU_M3_S2
 
 Array = NDArray[np.float64]
 CHANNELS = 3
@@ -64,6 +74,21 @@ class RadarOptions(Options):
         default=None,
         gt=0,
         description="Time between readings, s, a multiple of the clock's step; default: every step",
+    )
+    latency_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
+        "whether it knows; default 0",
+    )
+    time_tag_sigma_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Standard deviation of each run's constant error of the time at which readings are taken, s; no "
+        "filter is told of it; default 0",
+    )
+    time_tag_jitter_s: float = Field(
+        default=0.0, ge=0, description="The same of each reading, white, s; no filter is told of it; default 0"
     )
 
     @field_validator("noise")
@@ -134,6 +159,14 @@ def in_sight(options: RadarOptions, reading: Vector) -> NDArray[np.bool_]:
     return seen
 
 
+def _coasted(states: Array, late_s: Array) -> Array:
+    """Return states (runs or 1, K, 6), ECI, a little later, (runs, K or 1) s: free fall to second order."""
+    position, velocity, late = states[..., :3], states[..., 3:], late_s[..., None]
+    squared = dot(components(states), components(states))
+    fall = (-MU_M3_S2 / (squared * np.sqrt(squared)))[..., None] * position
+    return np.concatenate([position + late * (velocity + late / 2 * fall), velocity + late * fall], axis=-1)
+
+
 class Radar:
     """The radar over one block of runs.
 
@@ -153,16 +186,23 @@ class Radar:
         )
         self._every = steps_per_reading(options.period_s, step_s)
         self._noise = Noise(noise_parts(options.noise), "radar", source, CHANNELS, step_s)
+        self._late_s = options.time_tag_sigma_s * source.streams("sensor.radar.time_tag").normal(1)
+        self._jitter = source.streams("sensor.radar.time_tag_jitter") if options.time_tag_jitter_s else None
 
     def measure(self, times_s: Array, carrier: Array, other: Array, first_epoch: int) -> Array:
         """Return range (m), azimuth and elevation (rad, in (-pi, pi]), (runs, K, 3); NaN where nothing is measured.
 
         Args:
             times_s: Epochs (K,), the ones that follow the last call's.
-            carrier: ECI states of the craft with the radar, (runs or 1, K, 6).
-            other: ECI states of the craft it looks at, (runs or 1, K, 6).
+            carrier: ECI states of the craft with the radar when it looks, (runs or 1, K, 6).
+            other: ECI states of the craft it looks at, (runs or 1, K, 6), at the same time.
             first_epoch: Number of the first epoch; readings are due at whole numbers of periods.
         """
+        if self._late_s.any() or self._jitter is not None:
+            late_s = self._late_s
+            if self._jitter is not None:
+                late_s = late_s + self._options.time_tag_jitter_s * self._jitter.normal(len(times_s))
+            carrier, other = _coasted(carrier, late_s), _coasted(other, late_s)
         truth = true_reading(self._options, carrier, other)
         measured = in_sight(self._options, truth) & (
             np.arange(first_epoch, first_epoch + len(times_s)) % self._every == 0

@@ -7,11 +7,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.sensors.accelerometer import Accelerometer
 from relnav_sim.sensors.gnss import Gnss
 from relnav_sim.sensors.options import SensorsOptions
 from relnav_sim.sensors.radar import Radar
 from relnav_sim.sensors.star_tracker import StarTracker
 from relnav_sim.streams import RandomSource
+from relnav_sim.truth.thrust import CRAFT
 
 Array = NDArray[np.float64]
 
@@ -62,22 +64,36 @@ class SensorSuite:
         self._radar = None if options.radar is None else Radar(options.radar, source, step_s)
         self._gnss = None if options.gnss is None else Gnss(options.gnss, source, step_s)
         self._star_tracker = None if options.star_tracker is None else StarTracker(options.star_tracker, source, step_s)
+        force = options.accelerometer
+        self._accelerometers: dict[str, Accelerometer] = {}
+        if force is not None:
+            self._accelerometers = {craft: Accelerometer(force, craft, source, step_s) for craft in force.craft}
         self._next_epoch = 0
 
-    def measure(self, truth: TrueStates, first_epoch: int) -> dict[str, Array]:
+    def measure(
+        self,
+        truth: TrueStates,
+        first_epoch: int,
+        seen: tuple[Array, Array] | None = None,
+        felt: Array | None = None,
+    ) -> dict[str, Array]:
         """Return what each sensor reads over the next stretch of epochs.
 
         Args:
             truth: Epochs and true states of the stretch.
             first_epoch: Number of its first epoch; stretches follow one another from epoch 0.
+            seen: States of chief and deputy, (runs or 1, K, 6), at the times at which a radar with latency looks, NaN
+                before the start; default: those of the epochs.
+            felt: Specific force on both craft, as `TruthTrajectory.felt` gives it; accelerometers need it.
 
         Returns:
             By sensor, NaN where nothing is measured: ``radar`` (runs, K, 3) range (m), azimuth, elevation (rad);
             ``gnss`` (runs, K, 6) ECI state of the carrier (m, m/s); ``star_tracker`` (runs, K, 4) attitude
-            quaternion (x, y, z, w) of the carrier's body.
+            quaternion (x, y, z, w) of the carrier's body; ``chief_accelerometer`` and ``deputy_accelerometer``
+            (runs, K, 6) two means of the specific force over the step before (m/s^2, RTN of the craft).
 
         Raises:
-            ValueError: The stretch does not follow the last one.
+            ValueError: The stretch does not follow the last one, or there are accelerometers and nothing is felt.
         """
         if first_epoch != self._next_epoch:
             raise ValueError(f"the next epoch to measure is {self._next_epoch}, not {first_epoch}")
@@ -86,9 +102,16 @@ class SensorSuite:
         carrier, other = carrier_and_other(self._options, truth)
         readings = {}
         if self._radar is not None:
-            readings["radar"] = self._radar.measure(times, carrier, other, first_epoch)
+            looking, target = carrier, other
+            if seen is not None:
+                looking, target = seen if carrier is truth.chief else seen[::-1]
+            readings["radar"] = self._radar.measure(times, looking, target, first_epoch)
         if self._gnss is not None:
             readings["gnss"] = self._gnss.measure(times, carrier)
         if self._star_tracker is not None:
             readings["star_tracker"] = self._star_tracker.measure(times, carrier)
+        for craft, accelerometer in self._accelerometers.items():
+            if felt is None:
+                raise ValueError("accelerometers need the specific force that the craft feel")
+            readings[f"{craft}_accelerometer"] = accelerometer.measure(times, felt[:, :, CRAFT.index(craft)])
         return readings

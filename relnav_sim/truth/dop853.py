@@ -7,11 +7,14 @@ inner loop runs along components and orbits. Each orbit is then computed by the 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.truth import tableau
 from relnav_sim.truth.forces import ForceModel
+from relnav_sim.truth.frames import inertial_from_own
 
 Array = NDArray[np.float64]
 
@@ -33,19 +36,34 @@ ERROR_WEIGHTS = np.array([_dense_row(row, STAGES) for row in (tableau.ERROR5_ROW
 DENSE_WEIGHTS = np.array([_dense_row(row, ALL_STAGES) for row in tableau.DENSE_ROWS])
 
 
-def derivative(force: ForceModel, states: Array, ballistic: Array, out: Array) -> None:
+@dataclass(frozen=True)
+class Craft:
+    """What moves n craft besides gravity.
+
+    Attributes:
+        ballistic: Cd A / m, (n,), m^2/kg.
+        thrust: Acceleration (3, n) in the RTN axes of each craft's own orbit, m/s^2; None where no one thrusts.
+    """
+
+    ballistic: Array
+    thrust: Array | None = None
+
+
+def derivative(force: ForceModel, states: Array, craft: Craft, out: Array) -> None:
     """Write d/dt of states (6, n) into `out` (6, n)."""
     out[:3] = states[3:]
-    force.accelerate(states, ballistic, out[3:])
+    force.accelerate(states, craft.ballistic, out[3:])
+    if craft.thrust is not None:
+        out[3:] += inertial_from_own(states, craft.thrust)
 
 
-def attempt(force: ForceModel, states: Array, ballistic: Array, step_s: Array, stages: Array) -> tuple[Array, Array]:
+def attempt(force: ForceModel, states: Array, craft: Craft, step_s: Array, stages: Array) -> tuple[Array, Array]:
     """Take one step of each orbit and estimate its error.
 
     Args:
         force: The force model.
         states: (6, n) at the start of the step.
-        ballistic: (n,) Cd A / m, m^2/kg.
+        craft: What moves them besides gravity.
         step_s: (n,) step of each orbit, s.
         stages: (16, 6, n); stage 0 holds the derivative at the start, the stages up to 11 are written.
 
@@ -56,7 +74,7 @@ def attempt(force: ForceModel, states: Array, ballistic: Array, step_s: Array, s
     """
     for i in range(1, STAGES):
         at_stage = states + step_s * _sum(STAGE_WEIGHTS[i], stages[:i])
-        derivative(force, at_stage, ballistic, stages[i])
+        derivative(force, at_stage, craft, stages[i])
     increment = step_s * _sum(END_WEIGHTS, stages[:STAGES])
 
     errors = np.einsum("es,scn->ecn", ERROR_WEIGHTS, stages[:STAGES])
@@ -71,21 +89,21 @@ def attempt(force: ForceModel, states: Array, ballistic: Array, step_s: Array, s
     return increment, estimate * np.sqrt(r2 / speed2)
 
 
-def interpolant(force: ForceModel, states: Array, ends: Array, ballistic: Array, step_s: Array, stages: Array) -> Array:
+def interpolant(force: ForceModel, states: Array, ends: Array, craft: Craft, step_s: Array, stages: Array) -> Array:
     """Return the dense output of order 7 over an accepted step, (n, 8, 6); `weights` says how to evaluate it.
 
     Args:
         force: The force model.
         states: (6, n) at the start of the step.
         ends: (6, n) at its end.
-        ballistic: (n,) Cd A / m, m^2/kg.
+        craft: What moves them besides gravity.
         step_s: (n,) step of each orbit, s.
         stages: (16, 6, n) as `attempt` left them; the rest is written, stage 12 with the derivative at the end.
     """
-    derivative(force, ends, ballistic, stages[STAGES])
+    derivative(force, ends, craft, stages[STAGES])
     for i in range(STAGES + 1, ALL_STAGES):
         at_stage = states + step_s * _sum(STAGE_WEIGHTS[i], stages[:i])
-        derivative(force, at_stage, ballistic, stages[i])
+        derivative(force, at_stage, craft, stages[i])
     terms = np.empty((COEFFICIENTS, *states.shape))
     change = ends - states
     start_slope = step_s * stages[0]

@@ -56,6 +56,22 @@ def eci_from_rtn(chief: ArrayLike, relative: ArrayLike, normal_acceleration_m_s2
     return np.ascontiguousarray(np.moveaxis(deputy, 0, -1))
 
 
+def inertial_from_own(states: Array, vectors: Array) -> Array:
+    """Return vectors (3, n), given in the RTN axes of the states' own orbits (6, n), in ECI; components first."""
+    position, velocity = states[:3], states[3:]
+    normal = _cross(position, velocity)
+    along = _cross(normal, position)
+    radial, along, normal = (axis / np.sqrt(_dot(axis, axis)) for axis in (position, along, normal))
+    return vectors[0] * radial + vectors[1] * along + vectors[2] * normal
+
+
+def own_from_inertial(states: Array, vectors: Array) -> Array:
+    """Return ECI vectors (..., 3) in the RTN axes of the states' own orbits (..., 6)."""
+    c = np.moveaxis(states, -1, 0)
+    axes, _, _ = _frame(c, np.zeros(c.shape[1:]))
+    return np.stack([_dot(axis, np.moveaxis(vectors, -1, 0)) for axis in axes], axis=-1)
+
+
 def shi2025_from_rtn(states: ArrayLike) -> Array:
     """Return states (..., 6) in the axes of Shi et al. (2025): x along-track, y minus the orbit normal, z nadir."""
     x, y, z, vx, vy, vz = np.moveaxis(np.asarray(states, dtype=float), -1, 0)

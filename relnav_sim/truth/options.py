@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from math import radians
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, StringConstraints, ValidationError, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.options import Options
 from relnav_sim.truth import constants
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.frames import eci_from_rtn, rtn_from_shi2025
+from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
 from relnav_sim.truth.orbits import Elements, elements_from_state, state_from_elements
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
+ManoeuvreName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
 class OrbitOptions(Options):
@@ -176,15 +178,23 @@ class TruthOptions(Options):
         default=DispersionsOptions(), description="What differs between runs; default: all runs fly the same truth"
     )
     constants: ConstantsOptions = Field(default=ConstantsOptions(), description="The Earth's constants")
+    manoeuvres: dict[ManoeuvreName, ManoeuvreOptions] = Field(
+        default={}, description="Manoeuvres of both craft, by names of your choice; default: none"
+    )
+    execution_errors: ExecutionErrors = Field(
+        default=ExecutionErrors(),
+        description="How badly manoeuvres are carried out, unless one has errors of its own; default: perfectly",
+    )
 
     @property
     def is_dispersed(self) -> bool:
         """Whether the runs fly different truths."""
-        return any(getattr(self.dispersions, name) is not None for name in type(self.dispersions).model_fields)
+        varied = any(getattr(self.dispersions, name) is not None for name in type(self.dispersions).model_fields)
+        return varied or any((each.errors or self.execution_errors).any for each in self.manoeuvres.values())
 
     @model_validator(mode="after")
     def _fits_together(self) -> TruthOptions:
-        problems = [*self._low_orbits(), *self._idle_dispersions()]
+        problems = [*self._low_orbits(), *self._idle_dispersions(), *self._simultaneous()]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
@@ -217,6 +227,16 @@ class TruthOptions(Options):
             _problem(("dispersions", name), "has no effect without drag; leave it out or set forces.drag")
             for name in ("chief_ballistic", "deputy_ballistic", "density")
             if getattr(self.dispersions, name) is not None
+        ]
+
+    def _simultaneous(self) -> list[InitErrorDetails]:
+        return [
+            _problem(
+                ("manoeuvres", later),
+                f"begins while {earlier!r} of the same craft is under way, at {self.manoeuvres[later].time_s:g} s; "
+                "add the two up, or move one",
+            )
+            for later, earlier in overlaps(self.manoeuvres)
         ]
 
 

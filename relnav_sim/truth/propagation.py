@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.stepping import Batch
+from relnav_sim.truth.thrust import Schedule
 
 Array = NDArray[np.float64]
 
@@ -61,6 +62,8 @@ def propagate(
 class DenseTrajectory:
     """Orbits that can be evaluated at any time, stretch by stretch; arguments as in `propagate`.
 
+    A `schedule` says when the orbits' thrust changes; the state at that instant is the one after the change.
+
     Integration goes as far as the latest time asked for. The newest interpolants are kept, up to a fixed amount of
     memory; a time before those is integrated again from the start and gives the same bits.
 
@@ -69,7 +72,12 @@ class DenseTrajectory:
     """
 
     def __init__(
-        self, state0: ArrayLike, force: ForceModel, ballistic_m2_kg: ArrayLike = 0.0, rtol: float = 1e-12
+        self,
+        state0: ArrayLike,
+        force: ForceModel,
+        ballistic_m2_kg: ArrayLike = 0.0,
+        rtol: float = 1e-12,
+        schedule: Schedule | None = None,
     ) -> None:
         states = np.array(state0, dtype=float)
         if states.ndim != 2 or states.shape[1] != 6:
@@ -90,7 +98,14 @@ class DenseTrajectory:
         self._rows = len(states)
         kept = KEPT_BYTES * ROWS_TOGETHER // max(ROWS_TOGETHER, self._rows)
         self._batches = [
-            Batch(states[i : i + ROWS_TOGETHER], force, ballistic[i : i + ROWS_TOGETHER], rtol, kept)
+            Batch(
+                states[i : i + ROWS_TOGETHER],
+                force,
+                ballistic[i : i + ROWS_TOGETHER],
+                rtol,
+                kept,
+                None if schedule is None else schedule.rows(slice(i, i + ROWS_TOGETHER)),
+            )
             for i in range(0, self._rows, ROWS_TOGETHER)
         ]
 

@@ -4,6 +4,8 @@ An orbit's steps follow from its own state, its own error estimate and rtol, so 
 others share the batch. Speed comes from sharing nonetheless. All orbits advance in the same array expressions, and
 steps come from a coarse grid (a base with one of eight mantissas, times a power of two, starting at multiples of
 itself), so that similar orbits take the same steps and their output is one stacked matrix product.
+
+Where an orbit's thrust changes, its step ends: the step is cut there, the velocity changes, and a new grid begins.
 """
 
 from __future__ import annotations
@@ -14,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.truth import dop853
+from relnav_sim.truth.dop853 import Craft
 from relnav_sim.truth.forces import ForceModel
+from relnav_sim.truth.frames import inertial_from_own
+from relnav_sim.truth.thrust import Schedule
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -38,10 +43,11 @@ LONGEST_PRODUCT = 512
 
 @dataclass(frozen=True)
 class Segments:
-    """One accepted step of some orbits: rows (n,) of the batch, start and length (n,) in s, terms (n, 8, 6)."""
+    """One accepted step of some orbits: rows (n,) of the batch; start, end, length (n,) in s; terms (n, 8, 6)."""
 
     rows: Integers
     start_s: Array
+    end_s: Array
     step_s: Array
     terms: Array
 
@@ -50,7 +56,7 @@ class Segments:
 
         Up to seven later times of the same rows are overwritten, so segments must be written in order of time.
         """
-        key = np.stack([self.start_s, self.step_s])
+        key = np.stack([self.start_s, self.end_s, self.step_s])
         if (key == key[:, :1]).all():
             self._write_group(slice(None), key[:, 0], times, states)
             return
@@ -60,8 +66,8 @@ class Segments:
 
     def _write_group(self, which: slice | Integers, group: Array, times: Array, states: Array) -> None:
         """Write the segments `which`, which all have the same start and length."""
-        start, step = group
-        first, last = np.searchsorted(times, [start, start + step])
+        start, end, step = group
+        first, last = np.searchsorted(times, [start, end])
         rows, terms = self.rows[which], self.terms[which]
         together = rows[-1] - rows[0] == len(rows) - 1
         for begin in range(first, last, LONGEST_PRODUCT):
@@ -78,26 +84,35 @@ class Segments:
 class Batch:
     """Some orbits on their way: components first (6, n), every orbit at its own time."""
 
-    def __init__(self, state0: Array, force: ForceModel, ballistic: Array, rtol: float, kept_bytes: int) -> None:
+    def __init__(
+        self,
+        state0: Array,
+        force: ForceModel,
+        ballistic: Array,
+        rtol: float,
+        kept_bytes: int,
+        schedule: Schedule | None = None,
+    ) -> None:
         self._state0 = np.ascontiguousarray(state0.T)
         self._force = force
         self._ballistic = np.ascontiguousarray(ballistic)
         self._rtol = rtol
         self._everyone = np.arange(len(state0))
         self._kept_bytes = kept_bytes
-        with np.errstate(all="ignore"):
-            self._base_s, self._first_level = base_step(self._state0, force.mu_m3_s2, rtol)
-        self._first_level += FINEST
+        self._schedule = schedule
         self._restart()
 
     def _restart(self) -> None:
+        n = len(self._everyone)
         self._states = self._state0.copy()
         self._carry = np.zeros_like(self._states)
         self._slope = np.empty_like(self._states)
+        self._thrust = np.zeros((3, n))
+        self._origin_s, self._base_s = np.zeros(n), np.empty(n)
+        self._ticks, self._level = np.zeros((2, n), dtype=np.int64)
+        self._event = np.zeros(n, dtype=np.int64)
         with np.errstate(all="ignore"):
-            dop853.derivative(self._force, self._states, self._ballistic, self._slope)
-        self._ticks = np.zeros(len(self._everyone), dtype=np.int64)
-        self._level = self._first_level.copy()
+            self._begin_grid(self._everyone)
         # A state so large or small that its own scale overflows has no step at all.
         self._failed = ~((self._base_s > 0) & np.isfinite(self._base_s))
         self.failures = {int(row): 0.0 for row in np.flatnonzero(self._failed)}
@@ -136,9 +151,44 @@ class Batch:
         return hindmost
 
     def _time(self, ticks: Integers, rows: Integers) -> Array:
-        # Exact: the base has four significant bits, so a double holds the product up to 2^49 ticks (3e7 base steps).
-        time_s: Array = np.ldexp(self._base_s[rows], -FINEST) * ticks
+        # The product is exact: the base has four significant bits, so a double holds it up to 2^49 ticks (3e7 base
+        # steps). A sum with the same origin and ticks rounds alike, so that one step ends where the next begins.
+        time_s: Array = self._origin_s[rows] + np.ldexp(self._base_s[rows], -FINEST) * ticks
         return time_s
+
+    def _craft(self, rows: Integers) -> Craft:
+        thrust = _take(self._thrust, rows)
+        return Craft(self._ballistic[rows], thrust if thrust.any() else None)
+
+    def _begin_grid(self, rows: Integers) -> None:
+        """Begin a new grid of steps for the rows where their origins are, from their states."""
+        states = _take(self._states, rows)
+        base_s, doublings = base_step(states, self._force.mu_m3_s2, self._rtol)
+        self._base_s[rows], self._level[rows], self._ticks[rows] = base_s, doublings + FINEST, 0
+        slope = np.empty_like(states)
+        dop853.derivative(self._force, states, self._craft(rows), slope)
+        self._slope[:, rows] = slope
+
+    def _next_event(self, rows: Integers) -> Array:
+        """Return when the thrust of the rows changes next, s; infinity where it never does."""
+        assert self._schedule is not None  # or no one would ask
+        times = self._schedule.times_s
+        left = self._event[rows] < times.shape[1]
+        return np.where(left, times[rows, np.where(left, self._event[rows], 0)], np.inf)
+
+    def _manoeuvre(self, rows: Integers) -> None:
+        """Change the velocity and the thrust of rows that have reached their next event, and begin a new grid."""
+        assert self._schedule is not None  # as above
+        now = self._next_event(rows)
+        self._origin_s[rows] = now
+        while len(due := rows[self._next_event(rows) <= self._origin_s[rows]]):
+            event = self._event[due]
+            states = _take(self._states, due)
+            kicks = np.ascontiguousarray(self._schedule.kicks[due, event].T)
+            self._states[3:, due] += inertial_from_own(states, kicks)
+            self._thrust[:, due] = self._schedule.accelerations[due, event].T
+            self._event[due] += 1
+        self._begin_grid(rows)
 
     def _advance(self, rows: Integers, workspace: Array) -> Segments | None:
         """Attempt one step of the rows; return the segments of those for which it succeeds.
@@ -148,11 +198,17 @@ class Batch:
             workspace: Room for the stages of all rows.
         """
         states, carry, slope = (_take(a, rows) for a in (self._states, self._carry, self._slope))
-        ballistic, ticks, level = self._ballistic[rows], self._ticks[rows], self._level[rows]
+        craft, ticks, level = self._craft(rows), self._ticks[rows], self._level[rows]
         step_s = np.ldexp(self._base_s[rows], level - FINEST)
+        start_s, end_s = self._time(ticks, rows), self._time(ticks + (np.int64(1) << level), rows)
+        cut = np.zeros(len(rows), dtype=bool)
+        if self._schedule is not None:
+            event_s = self._next_event(rows)
+            cut = end_s >= event_s
+            step_s, end_s = np.where(cut, event_s - start_s, step_s), np.where(cut, event_s, end_s)
         stages = workspace[: dop853.ALL_STAGES * states.size].reshape(dop853.ALL_STAGES, *states.shape)
         stages[0] = slope
-        increment, error = dop853.attempt(self._force, states, ballistic, step_s, stages)
+        increment, error = dop853.attempt(self._force, states, craft, step_s, stages)
         ends, carry = _add(states, increment + carry)
         good = np.flatnonzero((error <= self._rtol) & np.isfinite(ends).all(axis=0))
         if len(good) < len(rows):
@@ -160,10 +216,10 @@ class Batch:
             if not len(good):
                 return None
             states, ends, carry, stages = (_take(a, good) for a in (states, ends, carry, stages))
-            rows, ballistic, step_s, error = rows[good], ballistic[good], step_s[good], error[good]
-            ticks, level = ticks[good], level[good]
-        terms = dop853.interpolant(self._force, states, ends, ballistic, step_s, stages)
-        start_s = self._time(ticks, rows)
+            rows, start_s, end_s, step_s = rows[good], start_s[good], end_s[good], step_s[good]
+            ticks, level, error, cut = ticks[good], level[good], error[good], cut[good]
+            craft = self._craft(rows)
+        terms = dop853.interpolant(self._force, states, ends, craft, step_s, stages)
         self._states[:, rows], self._carry[:, rows] = ends, carry
         self._slope[:, rows] = stages[dop853.STAGES]
         ticks = ticks + (np.int64(1) << level)
@@ -171,10 +227,12 @@ class Batch:
         aligned = ticks & ((np.int64(2) << level) - 1) == 0
         grows = aligned & (error * ERROR_RATIO_OF_DOUBLING <= AIM * self._rtol) & (level < COARSEST)
         self._ticks[rows], self._level[rows] = ticks, level + grows
+        if cut.any():
+            self._manoeuvre(rows[cut])
         if self._force.atmosphere is not None:
             # Below the surface an exponential atmosphere grows without bound, and steps shrink as it does.
             self._end(rows[_radius(ends) < self._force.radius_m])
-        return Segments(rows, start_s, step_s, terms)
+        return Segments(rows, start_s, end_s, step_s, terms)
 
     def _halve(self, rows: Integers) -> None:
         self._level[rows] -= 1
@@ -190,7 +248,7 @@ class Batch:
         size = sum(segments.terms.nbytes for segments in self._segments)
         while size > self._kept_bytes:
             oldest = self._segments[0]
-            end_s = float((oldest.start_s + oldest.step_s).max())
+            end_s = float(oldest.end_s.max())
             if end_s > time_s:
                 return
             self._forgotten_s = max(self._forgotten_s, end_s)

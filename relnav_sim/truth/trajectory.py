@@ -12,9 +12,10 @@ from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
-from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.truth.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import DenseTrajectory
+from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,13 @@ class TruthTrajectory:
         relative[:, 3:] += _offsets(dispersions.relative_velocity, "truth.relative_velocity", source, runs)
         normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0])
         deputy = eci_from_rtn(chief, relative, normal)
-        self._both = DenseTrajectory(np.concatenate([chief, deputy]), self.force, self.ballistic_m2_kg.ravel())
+        self._thrusts = thrusts_of(options.manoeuvres, options.execution_errors, source, runs)
+        self._both = DenseTrajectory(
+            np.concatenate([chief, deputy]),
+            self.force,
+            self.ballistic_m2_kg.ravel(),
+            schedule=schedule(self._thrusts, runs) if self._thrusts else None,
+        )
 
     def at(self, times_s: ArrayLike) -> Truth:
         """Return the truth at times (K,) in s, increasing, from 0 to the duration.
@@ -88,6 +95,29 @@ class TruthTrajectory:
         chief, deputy = states
         normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0, :, None])
         return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
+
+    def felt(self, truth: Truth, step_s: float) -> Array:
+        """Return the specific force that each craft feels in the steps that end at some epochs, thrust and drag.
+
+        Gravity is not felt. Drag is taken where the step ends.
+
+        Args:
+            truth: From `at`; b runs, K epochs.
+            step_s: Time between epochs, s.
+
+        Returns:
+            (b, K, 2, 2, 3) in m/s^2: chief and deputy; the mean over the step and the one weighted with the time that
+            is left (`step_forces`); RTN axes of the craft's own orbit.
+        """
+        felt = np.zeros((truth.chief.shape[0], len(truth.times_s), len(CRAFT), 2, 3))
+        for thrust in self._thrusts:
+            felt[:, :, thrust.craft] += step_forces(thrust, truth.times_s, step_s)
+        if self.force.atmosphere is not None:
+            for craft, states in enumerate((truth.chief, truth.deputy)):
+                ballistic = self.ballistic_m2_kg[craft, :, None]
+                drag = self.force.acceleration(states, ballistic) - self.force.acceleration(states)
+                felt[:, :, craft] += own_from_inertial(states, drag)[:, :, None]
+        return felt
 
     def _note_ends(self, times: Array, states: Array) -> None:
         """Set states after a craft reached the surface, or could not be integrated further, to NaN, and say so."""

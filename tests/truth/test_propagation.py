@@ -63,7 +63,7 @@ def test_the_coefficients_are_scipys():
 def test_the_method_has_order_eight_and_its_dense_output_order_seven(orbits):
     """Local errors of one step fall with the 9th and 8th power of its length."""
     force, state = orbits.force(0, drag=False), orbits.orbit(e=0.1)
-    none, lengths = np.zeros(1), np.array([150.0, 200.0, 280.0, 400.0])
+    none, lengths = dop853.Craft(np.zeros(1)), np.array([150.0, 200.0, 280.0, 400.0])
     end_errors, inside_errors = [], []
     for length in lengths:
         stages = np.empty((dop853.ALL_STAGES, 6, 1))

@@ -1,0 +1,22 @@
+"""When the manoeuvres of a case are planned: for reports that mark them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from relnav_sim.campaign.models import CaseConfig
+
+
+class ManoeuvreTime(NamedTuple):
+    """One planned manoeuvre; an impulse ends when it starts."""
+
+    name: str
+    craft: str
+    start_s: float
+    end_s: float
+
+
+def manoeuvre_times(config: CaseConfig) -> tuple[ManoeuvreTime, ...]:
+    """Return when the manoeuvres of a case are planned, in order of time; s after the start of the run."""
+    found = [ManoeuvreTime(name, each.craft, each.time_s, each.end_s) for name, each in config.truth.manoeuvres.items()]
+    return tuple(sorted(found, key=lambda each: (each.start_s, each.name)))
