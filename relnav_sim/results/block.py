@@ -40,6 +40,37 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class ExtraStates:
+    """What a filter found out about e states that it carries behind position and velocity.
+
+    Attributes:
+        names: Their names, ``azimuth_bias`` say.
+        units: Their SI units.
+        estimate: Estimates at the stored epochs, (runs, times, e).
+        error: Estimate minus truth, (runs, times, e); NaN where the truth is not known.
+        sigma: Standard deviations that the filter states, (runs, times, e).
+        mean: Mean error over the whole run and settled, (runs, 2, e).
+        rms: Root mean square of the error over the whole run and settled, (runs, 2, e).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    estimate: Array
+    error: Array
+    sigma: Array
+    mean: Array
+    rms: Array
+
+    @staticmethod
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> ExtraStates | None:
+        """Return the extra states of arrays by their names in the layout; None without any."""
+        if not columns.extra:
+            return None
+        parts = {spec.name.removeprefix("extra_"): arrays[spec.name] for spec in layout.EXTRA}
+        return ExtraStates(columns.extra, columns.extra_units, **parts)
+
+
+@dataclass(frozen=True)
 class FilterResult:
     """The results of one filter over a block of runs; every array has the runs as its leading axis.
 
@@ -50,6 +81,7 @@ class FilterResult:
         nis: Normalised innovation squared, (runs, times); NaN without a measurement.
         nees: Normalised estimation error squared, (runs, times).
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
+        extra: Its extra states; None where it has none.
     """
 
     summary: Mapping[str, Array]
@@ -58,20 +90,37 @@ class FilterResult:
     nis: Array
     nees: Array
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
+    extra: ExtraStates | None = None
 
-    def arrays(self) -> dict[str, Array]:
+    @property
+    def columns(self) -> layout.Columns:
+        """What it holds beyond what all filters do."""
+        extra = () if self.extra is None else (self.extra.names, self.extra.units)
+        return layout.Columns(tuple(sorted(self.diagnostics)), *extra)
+
+    def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, Array]:
         """Return every array by its name in the layout, in the layout's order and type.
+
+        Args:
+            columns: What is wanted beyond what all filters hold; NaN where this one does not.
 
         Raises:
             ValueError: A dataset is missing, unknown or of the wrong shape.
         """
         given = dict(self.summary) | {spec.name: getattr(self, spec.name) for spec in layout.SERIES}
-        names = [spec.name for spec in layout.FILTER]
-        if unfit := set(names) ^ set(given):
+        if unfit := {spec.name for spec in layout.FILTER} ^ set(given):
             raise ValueError(f"the summary does not fit the layout: {', '.join(sorted(unfit))}")
-        lengths = layout.sizes(*np.shape(self.nis))
+        lengths = layout.sizes(*np.shape(self.nis)) | columns.lengths
+        if columns.diagnostics:
+            absent = np.full(lengths["run"], np.nan)
+            found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
+            given[layout.DIAGNOSTICS.name] = np.stack(found, axis=1)
+        if columns.extra:
+            for spec in layout.EXTRA:
+                part = None if self.extra is None else getattr(self.extra, spec.name.removeprefix("extra_"))
+                given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if part is None else part
         arrays = {}
-        for spec in layout.FILTER:
+        for spec in columns.datasets:
             array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
             if array.shape != expected:
                 raise ValueError(f"{spec.name} has shape {array.shape}; its dimensions {spec.dims} have {expected}")
@@ -79,23 +128,18 @@ class FilterResult:
                 arrays[spec.name] = np.ascontiguousarray(array, dtype=spec.dtype)
         return arrays
 
-    def diagnostics_of(self, names: Sequence[str]) -> Array:
-        """Return the diagnostics of these names (runs, names); NaN where the filter did not report one."""
-        absent = np.full(len(self.nis), np.nan)
-        columns = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in names]
-        return np.stack(columns, axis=1) if columns else np.empty((len(self.nis), 0))
-
     @staticmethod
-    def of_arrays(arrays: Mapping[str, Array], diagnostics: Sequence[str] = ()) -> FilterResult:
+    def of_arrays(arrays: Mapping[str, Array], columns: layout.Columns = layout.NO_COLUMNS) -> FilterResult:
         """Return the result made of arrays by their names in the layout.
 
         Args:
             arrays: The arrays.
-            diagnostics: Names of the columns of the array ``diagnostics``, which is there if there are any.
+            columns: What they hold beyond what all filters do.
         """
         series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
-        found = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(diagnostics)}
-        return FilterResult({spec.name: arrays[spec.name] for spec in layout.SUMMARY}, **series, diagnostics=found)
+        diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
+        summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
+        return FilterResult(summary, **series, diagnostics=diagnostics, extra=ExtraStates.of_arrays(columns, arrays))
 
     @staticmethod
     def all_failed(runs: int, times: int) -> FilterResult:

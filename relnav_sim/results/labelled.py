@@ -18,6 +18,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from relnav_sim.results import layout, store
+from relnav_sim.results.pieces import columns_of
 
 
 def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
@@ -33,7 +34,9 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
         nodes[name] = _dataset(path, case, (layout.TRUTH, *_bound(case)) if "failures" in store.names(case) else ())
         for child in [child for child in store.names(case) if case.get(child, getclass=True) is h5py.Group]:
             group = store.subgroup(case, child)
-            specs = (*layout.stored(layout.DIAGNOSTICS.name in store.names(group)), *_bound(group))
+            columns = columns_of(group)
+            units = (layout.EXTRA_UNIT,) if columns.extra else ()
+            specs = (*columns.datasets, *units, *_bound(group))
             nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
     return xarray.DataTree.from_dict(nodes)
 

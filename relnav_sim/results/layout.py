@@ -87,6 +87,7 @@ DIMENSIONS = {
         Dimension("probability", "<f8", "1", "probability of the quantile", PROBABILITIES),
         Dimension("threshold", "<f8", "m", "position error that a run has to stay below", THRESHOLDS_M),
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
+        Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
@@ -193,6 +194,28 @@ DIAGNOSTICS = Dataset(
 )  # fmt: skip
 """Beside the other statistics, and only where the filter reports any: which ones is the filter's affair."""
 
+EXTRA_UNIT = Dataset("extra_unit", ("extra",), "str", "", "unit of the extra state, and of all figures about it")
+EXTRA = (
+    Dataset(
+        "extra_mean", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
+        "mean over epochs of the error of the extra state, estimate minus truth; NaN where the truth is not known",
+    ),
+    Dataset(
+        "extra_rms", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
+        "root mean square over epochs of the error of the extra state; NaN where the truth is not known",
+    ),
+    Dataset("extra_estimate", ("run", "time", "extra"), _F4, "see extra_unit", "estimate of the extra state"),
+    Dataset(
+        "extra_error", ("run", "time", "extra"), _F4, "see extra_unit",
+        "error of the extra state, estimate minus truth; NaN where the truth is not known",
+    ),
+    Dataset(
+        "extra_sigma", ("run", "time", "extra"), _F4, "see extra_unit",
+        "standard deviation that the filter states for the extra state",
+    ),
+)  # fmt: skip
+"""Only where the filter carries states behind position and velocity."""
+
 TRUTH = Dataset(
     "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
     f"true state of the deputy relative to the chief, RTN {_STATE_NOTE}",
@@ -212,6 +235,9 @@ FAILURES = (
 )
 
 FILTER = (*SUMMARY, *SERIES)
+"""What every filter's group holds."""
+OWN = (DIAGNOSTICS, EXTRA_UNIT, *EXTRA)
+"""What some hold besides."""
 RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
 """Names inside a case's group that no filter may take."""
 
@@ -231,9 +257,37 @@ def case_group(index: int) -> str:
     return f"case_{index:03d}"
 
 
-def stored(diagnostics: bool) -> tuple[Dataset, ...]:
-    """Return the datasets of a filter's group; its diagnostics are there only where it reports any."""
-    return (*FILTER, DIAGNOSTICS) if diagnostics else FILTER
+@dataclass(frozen=True)
+class Columns:
+    """What a filter's group holds beyond what all of them hold.
+
+    Attributes:
+        diagnostics: Names of what the filter reports of its own working.
+        extra: Names of its extra states.
+        extra_units: Their units.
+    """
+
+    diagnostics: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()
+    extra_units: tuple[str, ...] = ()
+
+    @property
+    def datasets(self) -> tuple[Dataset, ...]:
+        """The datasets of the group that have a row for each run."""
+        return (*FILTER, *((DIAGNOSTICS,) if self.diagnostics else ()), *(EXTRA if self.extra else ()))
+
+    @property
+    def labels(self) -> dict[str, tuple[str, ...]]:
+        """The entries along the dimensions that these names make."""
+        return {"diagnostic": self.diagnostics, "extra": self.extra}
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """The lengths of these dimensions."""
+        return {name: len(labels) for name, labels in self.labels.items()}
+
+
+NO_COLUMNS = Columns()
 
 
 def quantity_unit(quantity: str) -> str:

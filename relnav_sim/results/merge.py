@@ -82,6 +82,13 @@ def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -
     return sentences
 
 
+def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
+    """Return what one filter holds beyond what all do, from the parts of its runs."""
+    diagnostics = sorted({name for part in parts for name in part.diagnostics})
+    extra = next((part for part in parts if part.extra), layout.Columns())
+    return replace(extra, diagnostics=tuple(diagnostics))
+
+
 def run_ranges(runs: Iterable[int]) -> str:
     """Return run numbers in words: ``run 3``, ``runs 0-7, 9``."""
     ordered = sorted(runs)
@@ -122,8 +129,8 @@ class _CaseWriter:
             name: sorted({run for s in shards if name in s.filters for run in s.runs if run < runs})
             for name in case.filters
         }
-        self.diagnostics = {
-            name: sorted({found for s in shards for found in s.diagnostics.get(name, ())}) for name in case.filters
+        self.columns = {
+            name: united_columns([s.columns[name] for s in shards if name in s.filters]) for name in case.filters
         }
         self.order = {name: i for i, name in enumerate(case.filters)}
         self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
@@ -160,12 +167,14 @@ class _CaseWriter:
                 continue
             group = self.group.create_group(name)
             group.attrs.update({"case": self.case.label, "filter": name})
-            reported = self.diagnostics[name]
-            specs = layout.stored(bool(reported))
-            store.write_dimensions(group, specs, run=runs, time=time_s, diagnostic=reported)
-            lengths = layout.sizes(len(runs), len(time_s)) | {"diagnostic": len(reported)}
-            for spec in specs:
+            columns = self.columns[name]
+            extra = [layout.EXTRA_UNIT] if columns.extra else []
+            store.write_dimensions(group, [*columns.datasets, *extra], run=runs, time=time_s, **columns.labels)
+            lengths = layout.sizes(len(runs), len(time_s)) | columns.lengths
+            for spec in columns.datasets:
                 store.create(group, spec, layout.shape(spec, lengths))
+            for spec in extra:
+                store.write(group, spec, columns.extra_units)
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:
         where = f"case {self.case.label}"
@@ -173,14 +182,12 @@ class _CaseWriter:
         owners = self.trajectories if block.shared_truth else block.runs
         _fill_rows(self.group, (layout.TRUTH,), truth, owners, self.trajectories, self.truth_done, f"{where}, truth")
         for name in info.filters:
-            result = block.filters[name]
-            reported = self.diagnostics[name]
-            arrays = result.arrays() | {layout.DIAGNOSTICS.name: result.diagnostics_of(reported)}
+            columns = self.columns[name]
+            arrays = block.filters[name].arrays(columns)
             rows, done = self.rows[name], self.done[name]
             if rows:
                 group = self.group[name]
-                specs = layout.stored(bool(reported))
-                _fill_rows(group, specs, arrays, block.runs, rows, done, f"{where}, filter {name}")
+                _fill_rows(group, columns.datasets, arrays, block.runs, rows, done, f"{where}, filter {name}")
             self._fail(info, block, name)
 
     def _fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:

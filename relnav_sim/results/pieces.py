@@ -53,9 +53,8 @@ def result_pieces(path: Path) -> list[Piece]:
         for index, case in enumerate(header.cases):
             for name, rows, runs, shared in _parts(store.subgroup(file, layout.case_group(index)), case):
                 ids = {name: case.filter_ids[name]}
-                reported = diagnostic_names(store.subgroup(store.subgroup(file, layout.case_group(index)), name))
-                named = {name: reported} if reported else {}
-                info = ShardInfo(path, header.seed, index, case.id, (name,), ids, runs, shared, named)
+                columns = columns_of(store.subgroup(store.subgroup(file, layout.case_group(index)), name))
+                info = ShardInfo(path, header.seed, index, case.id, (name,), ids, runs, shared, {name: columns})
                 pieces.append(Piece(info, partial(_read_part, info, rows)))
     return pieces
 
@@ -77,8 +76,8 @@ def _read_part(info: ShardInfo, rows: slice) -> BlockResult:
     with store.open_checked(info.path, layout.FORMAT) as file:
         group = store.subgroup(file, layout.case_group(info.case_index))
         own = store.subgroup(group, name)
-        reported = info.diagnostics.get(name, ())
-        arrays: dict[str, Array] = {spec.name: store.read(own, spec, rows) for spec in layout.stored(bool(reported))}
+        columns = info.columns[name]
+        arrays: dict[str, Array] = {spec.name: store.read(own, spec, rows) for spec in columns.datasets}
         failures = read_failures(group)
         return BlockResult(
             case_index=info.case_index,
@@ -86,7 +85,7 @@ def _read_part(info: ShardInfo, rows: slice) -> BlockResult:
             runs=info.runs,
             time_s=store.read(group, layout.DIMENSIONS["time"]),
             relative=store.read(group, layout.TRUTH, ... if info.shared_truth else _truth_rows(group, info)),
-            filters={name: FilterResult.of_arrays(arrays, reported)},
+            filters={name: FilterResult.of_arrays(arrays, columns)},
             failures=tuple(f for f in failures if f.run in info.runs and f.filter in ("", name)),
             shared_truth=info.shared_truth,
         )
@@ -100,15 +99,18 @@ def _truth_rows(group: h5py.Group, info: ShardInfo) -> Array:
     return rows
 
 
-def diagnostic_names(group: h5py.Group) -> tuple[str, ...]:
-    """Return what the filter of a group reports of its own working; nothing where it reports nothing.
+def columns_of(group: h5py.Group) -> layout.Columns:
+    """Return what a filter's group holds beyond what all of them hold.
 
     Raises:
         ResultsError: The names are damaged.
     """
-    if layout.DIAGNOSTICS.name not in store.names(group):
-        return ()
-    return tuple(map(str, store.read(group, layout.DIMENSIONS["diagnostic"])))
+
+    def labels(spec: layout.Dataset | layout.Dimension) -> tuple[str, ...]:
+        return tuple(map(str, store.read(group, spec))) if spec.name in store.names(group) else ()
+
+    dimensions = layout.DIMENSIONS
+    return layout.Columns(labels(dimensions["diagnostic"]), labels(dimensions["extra"]), labels(layout.EXTRA_UNIT))
 
 
 def read_failures(group: h5py.Group) -> tuple[Failure, ...]:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import Failure, ResultsError
+from relnav_sim.results.block import ExtraStates, Failure, ResultsError
 from relnav_sim.results.bound import stored_bound
 from relnav_sim.results.header import read_header
-from relnav_sim.results.pieces import diagnostic_names, read_failures
+from relnav_sim.results.pieces import columns_of, read_failures
 
 if TYPE_CHECKING:
     import xarray
@@ -190,14 +190,19 @@ class Results:
         filter reports nothing. NaN: never reported in that run.
         """
         index = self._check(case, filter)
-        group = self._case(index)
-        if filter not in store.names(group):
-            raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
-        names = diagnostic_names(store.subgroup(group, filter))
+        names = columns_of(self._filter_group(index, filter)).diagnostics
         if not names:
             return {}
         stored = self._filter_data(index, filter, layout.DIAGNOSTICS)
         return {name: stored[:, i] for i, name in enumerate(names)}
+
+    def extra(self, case: int | str, filter: str) -> ExtraStates | None:
+        """Return what a filter found out about its extra states; None where it carries none."""
+        index = self._check(case, filter)
+        columns = columns_of(self._filter_group(index, filter))
+        specs = layout.EXTRA if columns.extra else ()
+        parts = {spec.name: self._filter_data(index, filter, spec).astype(np.float64) for spec in specs}
+        return ExtraStates.of_arrays(columns, parts)
 
     def time_s(self, case: int | str) -> Array:
         """Return the stored epochs of a case, (K,), s."""
@@ -298,11 +303,14 @@ class Results:
             raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
         return index
 
-    def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
+    def _filter_group(self, index: int, filter: str) -> h5py.Group:
         group = self._case(index)
         if filter not in store.names(group):
             raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
-        return store.read(store.subgroup(group, filter), spec, rows)
+        return store.subgroup(group, filter)
+
+    def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
+        return store.read(self._filter_group(index, filter), spec, rows)
 
     def _series(self, case: int | str, filter: str, name: str) -> Array:
         return self._filter_data(self._check(case, filter), filter, _SERIES[name]).astype(np.float64)

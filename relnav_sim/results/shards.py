@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ class ShardInfo:
         filter_ids: What each filter is: a hash of its settings, by its name.
         runs: Numbers of the runs.
         shared_truth: As in `BlockResult`.
-        diagnostics: Names of the diagnostics of each filter that has any, in the order of their columns.
+        columns: What each filter holds beyond what all do, in the order of the columns.
     """
 
     path: Path
@@ -47,7 +47,7 @@ class ShardInfo:
     filter_ids: Mapping[str, str]
     runs: tuple[int, ...]
     shared_truth: bool
-    diagnostics: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    columns: Mapping[str, layout.Columns]
 
 
 def shard_name(seed: int, case_id: str, filter_ids: Mapping[str, str], runs: Sequence[int]) -> str:
@@ -79,12 +79,9 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
     expected = (trajectories, len(arrays["time"]), len(layout.COMPONENTS))
     if arrays["truth"].shape != expected:
         raise ValueError(f"relative has shape {arrays['truth'].shape}; it must be {expected}")
-    diagnostics = {name: sorted(result.diagnostics) for name, result in block.filters.items() if result.diagnostics}
     for name, result in block.filters.items():
-        for key, array in result.arrays().items():
+        for key, array in result.arrays(result.columns).items():
             arrays[f"filters/{name}/{key}"] = array
-        if name in diagnostics:
-            arrays[f"filters/{name}/{layout.DIAGNOSTICS.name}"] = result.diagnostics_of(diagnostics[name])
         if result.nis.shape != (len(runs), expected[1]):
             raise ValueError(f"{name}: nis has shape {result.nis.shape}; it must be {(len(runs), expected[1])}")
     header = {
@@ -93,7 +90,7 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         "case_id": block.case_id,
         "filters": {name: filter_ids[name] for name in block.filters},
         "shared_truth": block.shared_truth,
-        "diagnostics": diagnostics,
+        "columns": {name: asdict(result.columns) for name, result in block.filters.items()},
         "failures": [[f.run, f.filter, f.epoch, f.reason] for f in block.failures],
     }
     with written_whole(path) as temporary, store.create_file(temporary) as file:
@@ -129,14 +126,14 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
         groups = store.subgroup(file, "filters") if info.filters else None
         for name in info.filters:
             group = store.subgroup(groups, name)
-            for spec in layout.stored(name in info.diagnostics):
+            for spec in info.columns[name].datasets:
                 arrays[f"filters/{name}/{spec.name}"] = store.read(group, spec)
         if store.text(file, "checksum") != checksum(header, arrays):
             raise ResultsError(f"{path}: checksum does not match; the shard is damaged")
     filters = {
         name: FilterResult.of_arrays(
-            {spec.name: arrays[f"filters/{name}/{spec.name}"] for spec in layout.stored(name in info.diagnostics)},
-            info.diagnostics.get(name, ()),
+            {spec.name: arrays[f"filters/{name}/{spec.name}"] for spec in info.columns[name].datasets},
+            info.columns[name],
         )
         for name in info.filters
     }
@@ -160,7 +157,7 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
             {str(name): str(key) for name, key in header["filters"].items()},
             tuple(int(run) for run in runs),
             bool(header["shared_truth"]),
-            {str(name): tuple(map(str, found)) for name, found in header["diagnostics"].items()},
+            {str(name): _columns(header["columns"][name]) for name in header["filters"]},
         )
     except (AttributeError, KeyError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None
@@ -173,3 +170,7 @@ def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
+
+
+def _columns(stored: Mapping[str, Sequence[str]]) -> layout.Columns:
+    return layout.Columns(**{key: tuple(map(str, names)) for key, names in stored.items()})

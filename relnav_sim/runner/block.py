@@ -23,7 +23,7 @@ from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import ChiefFollower, NonlinearJ2Dynamics, NonlinearJ2Options
 from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
-from relnav_sim.runner.extra import extended_prior, extension_of, mounting_of
+from relnav_sim.runner.extra import ExtraTrack, extended_prior, extension_of, mounting_of
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.thrust import ThrustInputs, known_thrust
@@ -189,6 +189,7 @@ class FilterTrack:
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
+        self._extra: ExtraTrack | None = None
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -198,6 +199,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
+                self._extra = ExtraTrack(made.extension, config, self._errors.rules, len(source.runs))
             self._belief = self._filter.start(self._prior, source)
 
     def add(self, stretch: Stretch) -> None:
@@ -214,6 +216,8 @@ class FilterTrack:
             self._errors.add(
                 stretch.truth.times_s, error, covariance, history.nis, history.log_likelihood, history.extras
             )
+            if self._extra is not None:
+                self._extra.add(stretch, history, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -247,7 +251,8 @@ class FilterTrack:
 
     def result(self) -> FilterResult:
         """Return the statistics and the stored series."""
-        return self._errors.result(1e6 * self._cpu_s / self._steps)
+        result = self._errors.result(1e6 * self._cpu_s / self._steps)
+        return result if self._extra is None else replace(result, extra=self._extra.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -118,6 +118,11 @@ class RadarOptions(Options):
         angle = np.radians(self.angle_sigma_deg)
         return np.array([self.range_sigma_m, angle, angle])
 
+    @property
+    def biases(self) -> Array:
+        """Constant errors (3,) of range (m), azimuth and elevation (rad)."""
+        return np.array([self.range_bias_m, *np.radians([self.azimuth_bias_deg, self.elevation_bias_deg])])
+
 
 def steps_per_reading(period_s: float | None, step_s: float) -> int:
     """Return after how many steps the next reading is due.
@@ -181,9 +186,7 @@ class Radar:
 
     def __init__(self, options: RadarOptions, source: RandomSource, step_s: float) -> None:
         self._options = options
-        self._biases = np.array(
-            [options.range_bias_m, *np.radians([options.azimuth_bias_deg, options.elevation_bias_deg])]
-        )
+        self._biases = options.biases
         self._every = steps_per_reading(options.period_s, step_s)
         self._noise = Noise(noise_parts(options.noise), "radar", source, CHANNELS, step_s)
         self._late_s = options.time_tag_sigma_s * source.streams("sensor.radar.time_tag").normal(1)

@@ -23,6 +23,7 @@ TIMES = 7
 HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
+BIASES = layout.Columns(extra=("range_bias", "azimuth_bias"), extra_units=("m", "rad"))
 
 
 def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
@@ -30,13 +31,14 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in layout.FILTER:
-            shape = layout.shape(spec, layout.sizes(1, TIMES))
+        for spec in (*layout.FILTER, *layout.EXTRA):
+            shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
         arrays["nis"][:, 0] = np.nan
         parts.append(arrays)
-    one = FilterResult.of_arrays({key: np.concatenate([p[key] for p in parts]) for key in parts[0]})
+    arrays = {key: np.concatenate([p[key] for p in parts]) for key in parts[0]}
+    one = FilterResult.of_arrays(arrays, BIASES if name == "alpha_0.5" else layout.NO_COLUMNS)
     # The alpha filter reports no `rejected` in runs from 3 on, as one whose blocks had no measurement would.
     numbers = {key: np.array([10.0 * case + run + len(key) for run in runs]) for key in ("rejected", "ess")}
     numbers["ess" if name == "ekf" else "rejected"][[name == "ekf" or run >= 3 for run in runs]] = np.nan

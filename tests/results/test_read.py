@@ -68,6 +68,18 @@ def test_diagnostics(result: Path) -> None:
     assert alpha["ess"].tolist() == [13, 14, 15, 16, 17]
 
 
+def test_extra_states(result: Path, make_block) -> None:
+    with open_results(result) as results:
+        assert results.extra(1, "ekf") is None
+        extra = results.extra(1, "alpha_0.5")
+    expected = make_block(1, range(5)).filters["alpha_0.5"].extra
+    assert extra.names == ("range_bias", "azimuth_bias") and extra.units == ("m", "rad")
+    assert extra.mean.shape == (5, 2, 2) and extra.error.shape == (5, 7, 2)
+    for part in ("estimate", "error", "sigma", "mean", "rms"):
+        assert getattr(extra, part).dtype == np.float64
+        np.testing.assert_array_equal(getattr(extra, part), getattr(expected, part))
+
+
 def test_questions_without_an_answer(result: Path) -> None:
     with open_results(result) as results:
         with pytest.raises(ResultsError, match="no case 'nope'; there are 'scale=1', 'scale=2'"):

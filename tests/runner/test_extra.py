@@ -7,7 +7,7 @@ from small_campaign import TEXT
 
 from relnav_sim import CampaignError, load_campaign
 from relnav_sim.runner.block import simulate_block
-from relnav_sim.runner.extra import extended_prior, extension_of
+from relnav_sim.runner.extra import extended_prior, extension_of, true_extra
 from relnav_sim.runner.simulation import stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.streams import RandomSource
@@ -79,6 +79,62 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     assert low < anees["estimating"] < high < 10 < anees["ignoring"]
     # The bias is the same in all runs and one sigma of what was expected, so the band holds from above only.
     assert anees["considering"] < high
+    bias = found["estimating"].extra
+    assert (bias.names, bias.units) == (("azimuth_bias",), ("rad",))
+    assert found["ignoring"].extra is None
+    np.testing.assert_allclose(bias.estimate - bias.error, np.radians(0.5), rtol=1e-5)
+    z = bias.error[:, -1, 0] / bias.sigma[:, -1, 0]
+    low, high = chi2.ppf([0.0005, 0.9995], 10)
+    assert low < np.sum(z**2) < high
+    # The settled span is 15 stored points of 280 epochs here; both say the same to what that thinning leaves.
+    thinned = np.sqrt(np.mean(np.square(bias.error[:, 1:, 0]), axis=1))
+    np.testing.assert_allclose(bias.rms[:, 1, 0], thinned, rtol=0.5)
+    considered = found["considering"].extra
+    assert (considered.estimate == 0).all()
+    np.testing.assert_allclose(considered.sigma, np.radians(0.5), rtol=1e-6)
+
+
+def test_true_values_where_they_are_known(tmp_path):
+    extras = (
+        "[{kind: differential_drag, sigma_m_s2: 1e-6}, {kind: elevation_bias, sigma_deg: 1}, "
+        "{kind: attitude_error, sigma_arcsec: 10}]"
+    )
+    entry = f"  ekf: {{kind: ekf, augment: {extras}}}\n"
+
+    def true_values(text):
+        config = campaign(tmp_path, entry, text).cases[0].config
+        first = next(iter(stretches(config, RandomSource(5, (0, 1)))))
+        extra = extension_of(config.filters["ekf"], config)
+        return true_extra(extra, config, first.truth), first.truth, config
+
+    biased = PLAIN.replace("angle_sigma_deg: 0.1,", "angle_sigma_deg: 0.1, elevation_bias_deg: 0.2,").replace(
+        "noise: {kind: gaussian}", "noise: [{kind: gaussian}, {kind: bias, value: [0, 0, 3]}]"
+    )
+    values, truth, config = true_values(biased)
+    assert values.shape == (2, 41, 5)
+    np.testing.assert_allclose(values[..., 1], np.radians(0.2 + 3 * 0.1), rtol=1e-12)
+    assert (values[..., 2:] == 0).all()
+    # Drag by hand, against the air that turns with the Earth; the along-track axis is that of the chief.
+    r, v = truth.chief[..., :3], truth.chief[..., 3:]
+    constants, air = config.truth.constants, config.truth.forces.atmosphere
+
+    def drag(states, ballistic):
+        wind = states[..., 3:] - np.cross([0, 0, constants.rotation_rad_s], states[..., :3])
+        altitude = np.linalg.norm(states[..., :3], axis=-1) - constants.radius_m
+        density = air.density_kg_m3 * np.exp((air.base_altitude_m - altitude) / air.scale_height_m)
+        return -0.5 * ballistic * (density * np.linalg.norm(wind, axis=-1))[..., None] * wind
+
+    along = np.cross(np.cross(r, v), r)
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    difference = drag(truth.deputy, 2.2 / 100) - drag(truth.chief, 2.2 / 200)
+    expected = (difference * along).sum(axis=-1)
+    assert (expected < 0).all()
+    np.testing.assert_allclose(values[..., 0], expected, rtol=1e-7)
+
+    drifting = PLAIN.replace("noise: {kind: gaussian}", "noise: [{kind: gaussian}, {kind: gauss_markov, tau_s: 60}]")
+    assert np.isnan(true_values(drifting)[0][..., 1]).all()
+    dispersed = PLAIN.replace("  dispersions:", "  dispersions:\n    density: {kind: normal, sigma: 0.1}")
+    assert np.isnan(true_values(dispersed)[0][..., 0]).all()
 
 
 @pytest.mark.parametrize(
