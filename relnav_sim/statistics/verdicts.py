@@ -15,7 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from relnav_sim.statistics.intervals import RESAMPLES, Interval, wilson_interval
+from relnav_sim.statistics.bootstrap import RESAMPLES
+from relnav_sim.statistics.intervals import Interval, wilson_interval
 
 Array = NDArray[np.float64]
 Outcome = Literal["holds", "fails", "open"]
