@@ -86,10 +86,10 @@ def library(problem, N):
 
 def particle_filters():
     for N in (1000, 10000):
-        problem = radar_problem(runs=RUNS[N], steps=20, psd=1e-4)
+        problem = radar_problem(runs=RUNS[N], steps=60, psd=1e-4)
         contenders = {
             "particle": relnav("particle", problem, particles=N),
-            "particle, roughening 1": relnav("particle", problem, particles=N, roughening=1.0),
+            "particle, no roughening": relnav("particle", problem, particles=N, roughening=0.0),
             "unscented_particle": relnav("unscented_particle", problem, particles=N),
         }
         if importlib.util.find_spec("particles"):

@@ -9,6 +9,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.models.registry import is_learned
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
 from relnav_sim.truth import TruthOptions
@@ -62,6 +63,11 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
+        if filter_kinds()[entry.kind].learned_dynamics and not is_learned(entry.dynamics):
+            yield Problem(
+                ("filters", name, "dynamics"),
+                f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",
+            )
         if entry.kind in LINEAR_ONLY and entry.measurement != "cartesian":
             yield Problem(
                 ("filters", name, "measurement"),

@@ -116,14 +116,15 @@ def _entry_model(kind: FilterKind, motion: Any) -> type[FilterEntry]:
     clash = sorted(shared.keys() & kind.options_model.model_fields.keys())
     if clash:
         raise TypeError(f"filter {kind.name!r}: its options {clash} have the names of keys that all filters share")
+    usual = "gp" if kind.learned_dynamics else "cw"
     fields: dict[str, Any] = {
         "kind": (Literal[kind.name], Field(description=shared["kind"].description)),
         "dynamics": (
             motion,
             Field(
-                default={"kind": "cw"},
+                default={"kind": usual},
                 validate_default=True,
-                description=f"{shared['dynamics'].description}; default cw",
+                description=f"{shared['dynamics'].description}; default {usual}",
             ),
         ),
         "measurement": (

@@ -155,14 +155,12 @@ class AlphaKalmanFilter(SamplingFilter):
         """Return mean (runs, d), covariance (runs, d, d) of the whitened observed states, and ESS (runs,)."""
         options = self._options
         proposal = self._first_proposal(prior, belief, model, z, step)
-        root_inverse = _inverse_root(model.R)
+        scale = np.sqrt(options.alpha / 2) * _inverse_root(model.R)
         smallest = np.full(len(z), np.nan)
         for _ in range(options.fixed_point):
             e = self._draw(prior)
             y = proposal.points(e)
-            log_weights = options.alpha * self._log_likelihood(
-                prior.states(y), belief.mean, root_inverse, z, step.epoch
-            )
+            log_weights = self._tempered_likelihood(prior.states(y), belief.mean, scale, z, step.epoch)
             if proposal.exponent.any():
                 log_weights += proposal.log_ratio(y, e)
             first, second, ess = self._moments(log_weights, e)
@@ -201,13 +199,18 @@ class AlphaKalmanFilter(SamplingFilter):
         half = standard_normals(self._streams, d, N // 2)
         return np.concatenate([half, -half], axis=2)
 
-    def _log_likelihood(self, states: Array, mean: Array, root_inverse: Array, z: Array, epoch: int) -> Array:
-        """Return log p(z | states) up to a constant, (runs, N)."""
+    def _tempered_likelihood(self, states: Array, mean: Array, scale: Array, z: Array, epoch: int) -> Array:
+        """Return alpha log p(z | states) up to a constant, (runs, N); scale^T scale = alpha R^-1 / 2."""
         if self._options.likelihood == "mixture":
-            return log_likelihood(self.measurement, z, states, mean, epoch)
-        residual = self.measurement.residual(z[:, None], self.measurement.predict(states, epoch))
-        white = root_inverse @ transpose(residual)
-        return -0.5 * np.einsum("bmn,bmn->bn", white, white)
+            return self._options.alpha * log_likelihood(self.measurement, z, states, mean, epoch)
+        scaled = transpose(self.measurement.residual(z[:, None], self.measurement.predict(states, epoch)))
+        if len(scale) == 1 and np.count_nonzero(scale) == len(scale[0]):
+            # Diagonal noise, the same in all runs: one product with its inverse variances.
+            np.square(scaled, out=scaled)
+            return np.asarray(-np.square(np.diag(scale[0])) @ scaled)
+        scaled = scale @ scaled
+        log_weights: Array = np.einsum("bmn,bmn->bn", scaled, scaled)
+        return np.negative(log_weights, out=log_weights)
 
     def _moments(self, log_weights: Array, e: Array) -> tuple[Array, Array, Array]:
         """Return weighted mean (runs, d) and covariance (runs, d, d) of samples e (runs, d, N), and ESS (runs,)."""

@@ -59,13 +59,12 @@ class CloudOptions(Options):
         "the usual choice; 1 resamples at every measurement, 0 never",
     )
     roughening: Annotated[float, Tunable(0, 2, log=False)] = Field(
-        default=0.0,
+        default=1.0,
         ge=0,
         description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "
         "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean, so that the covariance grows by no "
-        "more than so few particles leave uncertain (Liu and West 2001). Default 0, with which the evidence is "
-        "unbiased; set 1 where the process noise is too small to "
-        "part copies, as in orbit",
+        "more than so few particles leave uncertain (Liu and West 2001). Default 1: the process noise of an orbit is "
+        "too small to part copies; 0 is the text-book filter, whose evidence is unbiased",
     )
 
 

@@ -58,11 +58,13 @@ class WhitenedPrior:
 
     def states(self, y: Array) -> Array:
         """Return the states of y (runs, d, N) with u = 0 and the unobserved components at m, (runs, N, n)."""
-        # Stored with the samples last: each component is then contiguous for the measurement's arithmetic.
-        x = np.empty((*self.mean.shape, y.shape[2]))
-        x[...] = self.mean[:, :, None]
-        x[:, self.observed] += transpose(self.roots[:, :, self.observed]) @ y
-        return transpose(x)
+        # One product for all, [G m] [y; 1]: adding the mean would cost another pass over memory. Stored with the
+        # samples last: each component is then contiguous for the measurement's arithmetic.
+        runs, d, samples = y.shape
+        root_and_mean = np.zeros((*self.mean.shape, d + 1))
+        root_and_mean[:, self.observed, :d] = transpose(self.roots[:, :, self.observed])
+        root_and_mean[:, :, d] = self.mean
+        return transpose(root_and_mean @ np.concatenate([y, np.ones((runs, 1, samples))], axis=1))
 
     def coordinates(self, gaussian: Gaussian) -> tuple[Array, Array]:
         """Return mean (runs, d) and Cholesky factor (runs, d, d) of y for a Gaussian of x."""
@@ -109,16 +111,19 @@ def fixed_normals(dimension: int, samples: int) -> Array:
 
 @cache
 def _fixed_products(dimension: int, samples: int) -> Array:
-    """Return 1, e and the products e e^T of the fixed set's points e, (samples, 1 + d + d^2)."""
+    """Return 1, e and the products e_i e_j, j <= i, of the fixed set's points e, (1 + d + d (d + 1) / 2, samples)."""
     e = fixed_normals(dimension, samples)[0]
-    products = (e[:, None] * e[None]).reshape(-1, samples)
-    return np.concatenate([np.ones((1, samples)), e, products]).T.copy()
+    i, j = np.tril_indices(dimension)
+    return np.concatenate([np.ones((1, samples)), e, e[i] * e[j]])
 
 
 def fixed_sums(w: Array, dimension: int, samples: int) -> tuple[Array, Array, Array]:
     """Return what `weighted_sums` does for the fixed set, at a third of the cost."""
-    sums = (w[:, None] @ _fixed_products(dimension, samples))[:, 0]
-    return sums[:, 0], sums[:, 1 : dimension + 1], sums[:, dimension + 1 :].reshape(-1, dimension, dimension)
+    sums = (_fixed_products(dimension, samples) @ w[:, :, None])[:, :, 0]
+    i, j = np.tril_indices(dimension)
+    products = np.empty((len(w), dimension, dimension))
+    products[:, i, j] = products[:, j, i] = sums[:, dimension + 1 :]
+    return sums[:, 0], sums[:, 1 : dimension + 1], products
 
 
 def sums_over_samples(w: Array, e: Array) -> Array:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import Field
 
 from relnav_sim.filters.particle import ParticleFilter, ParticleOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.filters.unscented_particle import UnscentedParticleFilter, UnscentedParticleOptions
-from relnav_sim.options import Tunable
 
 
 class GpParticleOptions(ParticleOptions):
@@ -26,17 +23,12 @@ class GpParticleOptions(ParticleOptions):
         description="Resample when the effective sample size falls below this fraction of N; default 1: always, as the "
         "paper's listed steps do",
     )
-    roughening: Annotated[float, Tunable(0, 2, log=False)] = Field(
-        default=1.0,
-        ge=0,
-        description="As in `particle`; default 1, because the variance of a well trained process parts no copies",
-    )
     mcmc_steps: int = Field(
         default=1, ge=0, le=100, description="Metropolis moves after resampling; default 1, the paper's last step"
     )
 
 
-@register_filter("gp_particle", GpParticleOptions, cost_us=6000.0)
+@register_filter("gp_particle", GpParticleOptions, cost_us=6000.0, learned_dynamics=True)
 class GpParticleFilter(ParticleFilter):
     """Particle filter over learned dynamics: `particle` that resamples at every measurement and moves once.
 
@@ -52,7 +44,7 @@ class GpUkfOptions(UnscentedOptions):
     """Options of the unscented Kalman filter over learned dynamics."""
 
 
-@register_filter("gp_ukf", GpUkfOptions, cost_us=60.0)
+@register_filter("gp_ukf", GpUkfOptions, cost_us=60.0, learned_dynamics=True)
 class GpUnscentedKalmanFilter(UnscentedKalmanFilter):
     """Unscented Kalman filter over learned dynamics: `ukf` whose sigma points go through a Gaussian process.
 
@@ -70,7 +62,7 @@ class MfUpfOptions(UnscentedParticleOptions):
     )
 
 
-@register_filter("mf_upf", MfUpfOptions, cost_us=6000.0)
+@register_filter("mf_upf", MfUpfOptions, cost_us=6000.0, learned_dynamics=True)
 class ModelFreeUnscentedParticleFilter(UnscentedParticleFilter):
     """Model-free unscented particle filter: `unscented_particle` over learned dynamics.
 

@@ -62,7 +62,7 @@ class ParticleFilter(CloudFilter):
     Use it where the belief is not a Gaussian at all: several hypotheses, strong curvature, glint with its true mixture.
     It handles any likelihood and any dynamics, but needs particles where the measurement is precise: the share of the
     prediction that a measurement leaves must hold many of them. With the small process noise of an orbit copies never
-    part again and the cloud dies out, which `ess` does not show. Then set `roughening` to 1, which parts copies by a
+    part again and the cloud would die out, which `ess` does not show. `roughening`, on by default, parts copies by a
     kernel, and goes through a measurement that would leave fewer than one particle in twenty in several tempered stages
     (Musso, Oudjane and Le Gland 2001, progressive correction); or prefer `unscented_particle`.
 
@@ -80,11 +80,13 @@ class ParticleFilter(CloudFilter):
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the reweighted and, in runs with few effective particles, resampled cloud; and its innovation."""
         score = self._log_likelihood(belief, belief.components, z, step)
-        approached, log_weights, evidence, stages = belief, score, np.zeros(len(z)), np.zeros(len(z))
-        if self._bandwidth > 0:
-            approached, log_weights, evidence, stages = self._approach(belief, score, z, step)
-        cloud, last, ess = weigh(approached, log_weights)
-        cloud, innovation = self._record(belief, cloud, z, step, evidence + last, ess)
+        cloud, evidence, ess = weigh(belief, score)
+        stages = np.zeros(len(z))
+        if self._bandwidth > 0 and self._too_few(ess).any():
+            approached, left_over, before, stages = self._approach(belief, score, z, step)
+            cloud, last, ess = weigh(approached, left_over)
+            evidence = before + last
+        cloud, innovation = self._record(belief, cloud, z, step, evidence, ess)
         if self._bandwidth > 0:
             innovation = replace(innovation, extras={**innovation.extras, "stages": stages + 1})
         rows = self._resampled_runs(ess)
@@ -98,6 +100,9 @@ class ParticleFilter(CloudFilter):
                 cloud = self._move(cloud, belief, score, rows[drawn], ancestors[drawn], z, step)
             cloud = self._settle(cloud, rows, ess[rows])
         return cloud, innovation
+
+    def _too_few(self, ess: Array) -> NDArray[np.bool_]:
+        return ess < self._particles / 20
 
     def _approach(self, cloud: Cloud, score: Array, z: Array, step: Step) -> tuple[Cloud, Array, Array, Array]:
         """Return the cloud after tempered stages, in runs where the whole measurement would leave too few particles.
@@ -117,7 +122,7 @@ class ParticleFilter(CloudFilter):
         predicted, left = cloud, np.ones(len(z))
         evidence, stages = np.zeros(len(z)), np.zeros(len(z))
         while True:
-            rows = np.flatnonzero(tempered_ess(cloud.log_weights + left[:, None] * score) < self._particles / 20)
+            rows = np.flatnonzero(self._too_few(tempered_ess(cloud.log_weights + left[:, None] * score)))
             rows = rows[stages[rows] < _MOST_STAGES]
             if not len(rows):
                 return cloud, left[:, None] * score, evidence, stages

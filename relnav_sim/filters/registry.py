@@ -59,6 +59,7 @@ class FilterKind:
         factory: ``factory(dynamics, measurement, options) -> Filter``.
         measurement: The form of the radar measurement it takes unless the campaign says otherwise.
         cost_us: Rough CPU time per filter step and run, for planning, us.
+        learned_dynamics: Whether campaigns may give it learned dynamics only.
     """
 
     name: str
@@ -66,6 +67,7 @@ class FilterKind:
     factory: Callable[[Dynamics, Measurement, Any], Filter]
     measurement: MeasurementKind
     cost_us: float
+    learned_dynamics: bool = False
 
     @property
     def considers(self) -> bool:
@@ -79,7 +81,11 @@ class FilterKind:
 
 
 def register_filter(
-    name: str, options_model: type[Options], measurement: MeasurementKind = "polar", cost_us: float = 3.0
+    name: str,
+    options_model: type[Options],
+    measurement: MeasurementKind = "polar",
+    cost_us: float = 3.0,
+    learned_dynamics: bool = False,
 ) -> Callable[[C], C]:
     """Return a decorator that registers a filter class under `name`.
 
@@ -88,6 +94,7 @@ def register_filter(
         options_model: Subclass of `relnav_sim.options.Options`.
         measurement: ``polar`` (range, azimuth, elevation) or ``cartesian`` (converted position).
         cost_us: Rough CPU time per filter step and run, us; only for planning.
+        learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
 
     Raises:
         ValueError: Another filter has this name.
@@ -97,7 +104,7 @@ def register_filter(
         known = _KINDS.get(name)
         if known is not None and known.factory is not factory:
             raise ValueError(f"a filter named {name!r} is registered already")
-        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us)
+        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us, learned_dynamics)
         return factory
 
     return register
@@ -111,7 +118,7 @@ def _load_all() -> None:
         try:
             entry.load()
         except Exception as error:
-            # One broken package must not take all other filters with it.
+            # Importing a package runs its code, which may raise anything; it must not take all other filters with it.
             package = entry.dist.name if entry.dist else entry.value
             problem = f"{type(error).__name__}: {error}"
             warnings.warn(f"the filters of {package} are left out; importing {entry.value}: {problem}", stacklevel=2)

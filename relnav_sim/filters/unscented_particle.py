@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
-from relnav_sim.options import Tunable
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -25,12 +23,6 @@ Rows = NDArray[np.intp]
 class UnscentedParticleOptions(CloudOptions):
     """Options of the unscented particle filter."""
 
-    roughening: Annotated[float, Tunable(0, 2, log=False)] = Field(
-        default=1.0,
-        ge=0,
-        description="As in `particle`. The kernel widens the transition density that the proposals start from, so that "
-        "they can also correct what the process noise does not reach; default 1",
-    )
     mcmc_steps: int = Field(
         default=1,
         ge=0,

@@ -16,12 +16,24 @@ from relnav_sim.models.cw import CwOptions, cw_system
 from relnav_sim.models.cw_second_order import CwSecondOrderOptions
 from relnav_sim.models.dynamics import Dynamics, LinearDynamics, Step
 from relnav_sim.models.gaussian_process import GaussianProcess
+from relnav_sim.models.nonlinear import NonlinearOptions
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.models.schweighart_sedwick import SchweighartSedwickOptions
+from relnav_sim.models.yamanaka_ankersen import YamanakaAnkersenOptions
 from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
 Target = Literal["absolute", "difference", "residual"]
 Variance = Literal["exact", "cloud_mean", "inducing"]
+BaseOptions = (
+    CwOptions
+    | CwSecondOrderOptions
+    | YamanakaAnkersenOptions
+    | SchweighartSedwickOptions
+    | NonlinearOptions
+    | NonlinearJ2Options
+)
 # What the learned part is added to: dynamics, the state itself, or nothing.
 Base = Dynamics | Literal["state"] | None
 
@@ -162,10 +174,23 @@ class TrainingTrack:
     Args:
         states: (S, 6), RTN m and m/s, one step apart.
         time_s: Their times after the campaign's start, (S,); negative before it.
+        orbit: The chief's nominal orbit at epoch 0 of the flight that they are from.
+        first_epoch: Epoch of the first of them.
     """
 
     states: Array
     time_s: Array
+    orbit: ChiefOrbit
+    first_epoch: int = 0
+
+    def expected(self, base: BaseOptions, noise: ProcessNoiseOptions, step_s: float) -> Array:
+        """Return what base dynamics make of each state but the last, (S - 1, 6)."""
+        dynamics = base.build(self.orbit, noise, step_s)
+        after = self.first_epoch + 1
+        steps = [
+            dynamics.propagate(state[None], Step(epoch, step_s)) for epoch, state in enumerate(self.states[:-1], after)
+        ]
+        return np.concatenate(steps)
 
 
 class GpOptions(Options):
@@ -182,13 +207,17 @@ class GpOptions(Options):
         "difference (next state less this one: centimetres) or absolute (the next state, as the paper does: half a "
         "metre and more)",
     )
-    base: Annotated[CwOptions | CwSecondOrderOptions, Field(discriminator="kind")] | None = Field(
-        default=None, description="Dynamics that the residual is taken from; default: Clohessy-Wiltshire"
+    base: Annotated[BaseOptions, Field(discriminator="kind")] | None = Field(
+        default=None,
+        description="Dynamics that the residual is taken from, any that are not learned; default: Clohessy-Wiltshire. "
+        "Those that need the chief's orbit go by the nominal one",
     )
     training: Literal["smoothed_radar", "truth"] = Field(
         default="smoothed_radar",
-        description="Where training states come from: smoothed_radar (a smoothed track of the campaign's own radar) or "
-        "truth (error-free states, as the paper; reports call it leakage)",
+        description="Where training states come from, the nominal flight before the campaign's start, which ends "
+        "there: smoothed_radar (the track that the radar, with random numbers of its own, and a smoother give; the "
+        "smoother has the base dynamics and the filter's `process_noise`) or truth (the error-free states, as the "
+        "paper: no flight filter can have them, and reports call it leakage)",
     )
     training_points: int = Field(
         default=500, ge=50, le=5000, description="Training points S; default 500, as the paper; fitting costs S^3"
@@ -201,8 +230,15 @@ class GpOptions(Options):
     training_span_s: float | None = Field(
         default=None,
         gt=0,
-        description="Part of the track that is learned, from its beginning, s; what follows calibrates the variance; "
-        "default: one revolution of the chief",
+        description="Length of the flight that is learned, s; it ends where the campaign starts; default: one "
+        "revolution of the chief",
+    )
+    calibration_span_s: float | None = Field(
+        default=None,
+        ge=0,
+        description="Length of the flight before it, s, that is not learned but calibrates the variance: as far from "
+        "what is learned as the campaign is; default: as long as training_span_s; 0: the last fifth of the training "
+        "points does it, which leaves the filter two to twenty times too sure of absolute and difference targets",
     )
     argument_of_latitude: bool = Field(
         default=False,
@@ -232,6 +268,11 @@ class GpOptions(Options):
             raise ValueError(f"base is for the residual target; the {self.target} target learns without one")
         return self
 
+    def spans_s(self, period_s: float) -> tuple[float, float]:
+        """Return how long the flights are that calibrate and that are learned, in this order, for a chief's period."""
+        learned = period_s if self.training_span_s is None else self.training_span_s
+        return learned if self.calibration_span_s is None else self.calibration_span_s, learned
+
     def build(
         self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float, track: TrainingTrack | None = None
     ) -> GpDynamics:
@@ -241,8 +282,7 @@ class GpOptions(Options):
             orbit: The chief's nominal orbit.
             noise: What `add_process_noise` adds.
             step_s: The step.
-            track: States to learn from; what exceeds `training_span_s` calibrates the variance, without such an excess
-                the last fifth of the training rows does.
+            track: States to learn from, the last `training_span_s` of them; those before calibrate the variance.
 
         Raises:
             ValueError: There is no track.
@@ -253,36 +293,43 @@ class GpOptions(Options):
 
         clock = phase_clock(orbit, step_s) if self.argument_of_latitude else None
 
+        base = (self.base or CwOptions()) if self.target == "residual" else None
+        expected = None if base is None else track.expected(base, noise, step_s)
+
         def transitions(rows: NDArray[np.intp]) -> Transitions:
             phase = None if clock is None else clock.initial_rad + clock.rate_rad * track.time_s[rows] / step_s
-            return Transitions(track.states[rows], track.states[rows + 1], phase)
+            return Transitions(
+                track.states[rows], track.states[rows + 1], phase, None if expected is None else expected[rows]
+            )
 
-        learned, later = self._split(track, 2 * np.pi / orbit.mean_motion_rad_s)
+        learned, earlier = self._split(track, 2 * np.pi / orbit.mean_motion_rad_s)
         training = transitions(learned)
         added = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
         return fit_gp_dynamics(
             training.now,
             training.next,
             step_s,
-            (self.base or CwOptions()).build(orbit, noise, step_s) if self.target == "residual" else None,
+            None if base is None else base.build(orbit, noise, step_s),
             self.target,
             variance=self.variance,
             inducing_points=self.inducing_points,
             phase_rad=training.phase_rad,
             phase=clock,
-            held_out=transitions(later) if len(later) >= 10 else None,
+            expected=training.expected,
+            held_out=transitions(earlier) if len(earlier) >= 10 else None,
             added_noise=added if self.add_process_noise else None,
             restarts=self.restarts,
         )
 
     def _split(self, track: TrainingTrack, period_s: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the rows to learn from and the rows after them; the row after a row is its next state."""
-        end = track.time_s[0] + (self.training_span_s or period_s)
+        """Return the rows to learn from and the rows before them; the row after a row is its next state."""
+        _, span_s = self.spans_s(period_s)
         rows = np.arange(len(track.states) - 1)
-        within = rows[track.time_s[:-1] < end]
+        is_learned = track.time_s[1:] > track.time_s[-1] - span_s
+        within = rows[is_learned]
         count = min(self.training_points, len(within))
         if self.selection == "random":
             learned = np.sort(np.random.default_rng(0).choice(within, count, replace=False))
         else:
             learned = within[:count]
-        return learned, rows[len(within) :]
+        return learned, rows[~is_learned]

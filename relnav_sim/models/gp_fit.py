@@ -34,11 +34,13 @@ class Transitions:
         now: (S, n).
         next: (S, n).
         phase_rad: The chief's argument of latitude at `now`, (S,), where it is an input of the model.
+        expected: What the base dynamics make of `now`, (S, n), where that depends on the epoch.
     """
 
     now: ArrayLike
     next: ArrayLike
     phase_rad: ArrayLike | None = None
+    expected: ArrayLike | None = None
 
 
 def fit_gp_dynamics(
@@ -52,6 +54,7 @@ def fit_gp_dynamics(
     inducing_points: int = 100,
     phase_rad: ArrayLike | None = None,
     phase: Callable[[int], float] | None = None,
+    expected: ArrayLike | None = None,
     held_out: Transitions | None = None,
     added_noise: ArrayLike | None = None,
     restarts: int = 2,
@@ -72,13 +75,14 @@ def fit_gp_dynamics(
         next: The same states one step later, (S, n).
         step_s: The step, s. `Step.duration_s` is not looked at later.
         base: What the residual is taken from, `LinearDynamics` of the Clohessy-Wiltshire equations say; its process
-            noise is not used. It must not depend on the epoch. Default: motion at constant velocity.
+            noise is not used. If it depends on the epoch, give `expected` too. Default: motion at constant velocity.
         target: ``residual`` (next - base(now)), ``difference`` (next - now) or ``absolute`` (next).
         variance: ``exact`` (at every particle), ``cloud_mean`` (once a run, at the mean of its particles) or
             ``inducing`` (at every particle, given the most informative training points alone: never too small).
         inducing_points: How many those are.
         phase_rad: The chief's argument of latitude at `now`, (S,): its sine and cosine, doubled, become inputs.
         phase: The same by epoch, at the start of the step towards it; needed with `phase_rad`, see `PhaseClock`.
+        expected: What the base makes of `now`, (S, n), each row at its own epoch; default: at epoch 0.
         held_out: Rows that calibrate the variance; default: the last fifth of the training rows, predicted from the
             first four. Rows of the next revolution tell more about the error there.
         added_noise: Covariance added to the process's own, (n, n).
@@ -88,15 +92,21 @@ def fit_gp_dynamics(
     Raises:
         ValueError: Shapes do not fit together, a number is not finite, or `phase` lacks its partner.
     """
-    training = _checked(Transitions(now, next, phase_rad), "training", len(np.shape(now)) and np.shape(now)[-1])
+    training = _checked(
+        Transitions(now, next, phase_rad, expected), "training", len(np.shape(now)) and np.shape(now)[-1]
+    )
     n = training.now.shape[1]
     if (phase is None) != (phase_rad is None) or (held_out and (held_out.phase_rad is None) != (phase is None)):
         raise ValueError("phase by epoch, phase_rad of the training rows and of the held-out ones go together")
+    if held_out and (held_out.expected is None) != (expected is None):
+        raise ValueError("expected of the training rows and of the held-out ones go together")
     known = None if held_out is None else _checked(held_out, "held-out", n)
     added = None if added_noise is None else np.asarray(added_noise, dtype=float)
     if added is not None and added.shape != (n, n):
         raise ValueError(f"added_noise has shape {added.shape}; it must be ({n}, {n})")
     carried = _carried(target, base, n, step_s)
+    if training.expected is not None and base is None:
+        raise ValueError("expected is what base dynamics expect; give those too")
     kernel = fit_kernel(training.inputs, training.outputs(carried, step_s), restarts, seed)
     process = condition(kernel, training.inputs, training.outputs(carried, step_s))
     calibration = _calibration(kernel, process, training, known, carried, step_s)
@@ -149,11 +159,14 @@ class _Rows:
     now: Array
     next: Array
     inputs: Array
+    expected: Array | None
 
     def outputs(self, carried: Base, step_s: float) -> Array:
         """Return what the process is to learn, (S, n)."""
         if carried is None:
             return self.next
+        if self.expected is not None:
+            return self.next - self.expected
         start = self.now if carried == "state" else carried.propagate(self.now[None], Step(0, step_s))[0]
         return self.next - start
 
@@ -170,9 +183,12 @@ def _checked(rows: Transitions, name: str, n: int) -> _Rows:
         if phase.shape != now.shape[:1]:
             raise ValueError(f"{name} rows have {len(now)} states and phases of shape {phase.shape}")
         inputs = with_phase(now, phase)
-    if not (np.isfinite(inputs).all() and np.isfinite(next).all()):
+    expected = None if rows.expected is None else np.asarray(rows.expected, dtype=float)
+    if expected is not None and expected.shape != now.shape:
+        raise ValueError(f"{name} rows have states {now.shape} and expected ones {expected.shape}")
+    if not all(np.isfinite(part).all() for part in (inputs, next, now if expected is None else expected)):
         raise ValueError(f"{name} rows hold numbers that are not finite")
-    return _Rows(now, next, inputs)
+    return _Rows(now, next, inputs, expected)
 
 
 def _carried(target: Target, base: Dynamics | None, n: int, step_s: float) -> Base:

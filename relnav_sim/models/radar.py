@@ -106,7 +106,8 @@ class PolarRadar(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
-        z = np.empty((*states.shape[:-1], 3))
+        # Laid out in memory as the states are: what follows is then elementwise along the particles.
+        z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
         z[..., 0], z[..., 1], z[..., 2] = polar(self._sight(states))
         return z
 

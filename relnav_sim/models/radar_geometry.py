@@ -94,8 +94,14 @@ def polar(sight: Vector) -> Vector:
     Azimuth is positive from x towards y, in [-pi, pi]; elevation is positive towards minus z, in [-pi/2, pi/2].
     """
     x, y, z = sight
-    in_plane = x * x + y * y
-    return np.sqrt(in_plane + z * z), np.arctan2(y, x), np.arctan2(-z, np.sqrt(in_plane))
+    level = np.asarray(x * x)
+    level += y * y
+    distance = np.asarray(z * z)
+    distance += level
+    # Square roots and the elevation in place: a pass over fresh memory costs as much as the arithmetic.
+    np.sqrt(distance, out=distance)
+    np.sqrt(level, out=level)
+    return distance, np.arctan2(y, x), np.arctan2(-z, level, out=level)
 
 
 def sight_vector(distance: Array, azimuth: Array, elevation: Array) -> Vector:

@@ -22,6 +22,11 @@ _KINDS: dict[str, type[Options]] = {
 }
 
 
+def is_learned(options: Options) -> bool:
+    """Return whether the dynamics of these options are learned from a track."""
+    return isinstance(options, GpOptions)
+
+
 def dynamics_kinds() -> dict[str, type[Options]]:
     """Return the options model of every dynamics kind by its name."""
     return dict(_KINDS)

@@ -68,7 +68,8 @@ def create_file(path: Path) -> Iterator[h5py.File]:
             with h5py.File(patient, "w", libver=("v108", "v108")) as file:
                 yield file
         except Exception:
-            # What HDF5 makes of a file that could not be written in full is only a consequence.
+            # Any type: h5py reports a failed write by several, and the caller may raise in here too. What HDF5 makes of
+            # a file that could not be written in full is only a consequence.
             patient.raise_error()
             raise
         patient.raise_error()

@@ -1,10 +1,11 @@
-"""What learned dynamics learn from: a flight of their own before the campaign, on other random numbers."""
+"""What learned dynamics learn from: the same two craft before the campaign starts, on other random numbers."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
@@ -12,51 +13,70 @@ from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
+from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import CwOptions
 from relnav_sim.models.gp import GpOptions, TrainingTrack
+from relnav_sim.models.radar import PolarRadar, first_fix
 from relnav_sim.runner.simulation import stretches
-from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.sensors import measurement_model
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import nominal_chief
+from relnav_sim.truth import begun_earlier, nominal_chief
+
+Array = NDArray[np.float64]
 
 TRAINING_RUN = 2**40
 """Number of the training flight: beyond every run, so that it shares no random numbers with any."""
-
-HELD_OUT = 0.25
-"""Part of the learned span that is flown on after it, to calibrate the variance."""
 
 
 def training_track(config: CaseConfig, entry: FilterEntry, options: GpOptions, seed: int) -> TrainingTrack:
     """Return the states that learned dynamics are trained on, one step apart.
 
-    The training flight starts like the campaign's runs do (dispersed, where they are) and lasts for the training span
-    and a quarter more. From `smoothed_radar` the states are those of an extended Kalman filter on its radar, with
-    Clohessy-Wiltshire dynamics and the entry's process noise, smoothed; from `truth` they are error-free.
+    The nominal flight of the same two craft over the training and calibration spans before the campaign's start, which
+    it reaches. From `smoothed_radar` the states are those of an extended Kalman filter on its radar, with the base
+    dynamics and the entry's process noise, smoothed; from `truth` they are error-free.
 
     Args:
         config: The case.
         entry: The filter that uses the dynamics.
         options: What to learn from.
         seed: The campaign's seed.
+
+    Raises:
+        ValueError: The radar sees nothing during all that time.
     """
-    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    span_s = options.training_span_s or 2 * math.pi / orbit.mean_motion_rad_s
-    epochs = math.ceil((1 + HELD_OUT) * span_s / step_s)
-    clock = config.clock.model_copy(update={"duration_s": epochs * step_s})
-    # What is learned is free motion; known thrust comes on top of it.
-    coasting = config.truth.model_copy(update={"manoeuvres": {}})
-    flown = config.model_copy(update={"clock": clock, "truth": coasting})
-    source = RandomSource(seed, (TRAINING_RUN,))
-    flight = list(stretches(flown, source))
-    time_s = np.concatenate([part.truth.times_s for part in flight])
+    step_s = config.clock.step_s
+    before_s, learned_s = options.spans_s(2 * math.pi / nominal_chief(config.truth).mean_motion_rad_s)
+    duration_s = step_s * math.ceil((before_s + learned_s) / step_s)
+    clock = config.clock.model_copy(update={"duration_s": duration_s})
+    flown = config.model_copy(update={"clock": clock, "truth": begun_earlier(config.truth, duration_s)})
+    orbit = nominal_chief(flown.truth)
+    flight = list(stretches(flown, RandomSource(seed, (TRAINING_RUN,))))
+    time_s = np.concatenate([part.truth.times_s for part in flight]) - duration_s
     if options.training == "truth":
-        return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s)
-    prior = starting_belief(flown, radar_model(config), flight[0], source)
+        return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
     z = np.concatenate([part.inputs["polar"] for part in flight], axis=1)
-    dynamics = CwOptions().build(orbit, entry.process_noise, step_s)
-    tracker = create_filter("ekf", dynamics, measurement_model("polar", "total", config.sensors, orbit))
-    start = Gaussian(prior.mean, prior.covariance)
-    _, history = advance(tracker, start, z[:, 1:], 1, step_s)
-    smoothed = smooth(history, dynamics, step_s, first_epoch=1)
-    return TrainingTrack(smoothed.mean[0], time_s[1:])
+    states, first = _smoothed(config, entry, options, orbit, z)
+    return TrainingTrack(states, time_s[first:], orbit, first)
+
+
+def _smoothed(
+    config: CaseConfig, entry: FilterEntry, options: GpOptions, orbit: ChiefOrbit, z: Array
+) -> tuple[Array, int]:
+    """Return the smoothed states (K, 6) after the first of the radar's readings z (1, epochs, 3), and their epoch."""
+    step_s = config.clock.step_s
+    radar = measurement_model("polar", "total", config.sensors, orbit)
+    assert isinstance(radar, PolarRadar)
+    seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
+    if not len(seen):
+        raise ValueError("the radar sees nothing before the campaign's start, so that there is nothing to learn from")
+    first = int(seen[0]) + 1
+    position, position_covariance = first_fix(radar, z[:, first - 1])
+    # A closed relative orbit of that size moves no faster; how it moves, the radar tells in a few readings.
+    speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)
+    covariance = np.zeros((1, 6, 6))
+    covariance[:, :3, :3] = position_covariance
+    covariance[:, 3:, 3:] = speed**2 * np.eye(3)
+    start = Gaussian(np.concatenate([position, np.zeros((1, 3))], axis=1), covariance)
+    dynamics = (options.base or CwOptions()).build(orbit, entry.process_noise, step_s)
+    _, history = advance(create_filter("ekf", dynamics, radar), start, z[:, first:], first, step_s)
+    return smooth(history, dynamics, step_s, first).mean[0], first

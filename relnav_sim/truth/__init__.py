@@ -1,5 +1,6 @@
 """What really happens: two spacecraft in Earth orbit under zonal gravity and drag."""
 
+from relnav_sim.truth.earlier import begun_earlier
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
 from relnav_sim.truth.options import TruthOptions
@@ -12,6 +13,7 @@ __all__ = [
     "Truth",
     "TruthOptions",
     "TruthTrajectory",
+    "begun_earlier",
     "eci_from_rtn",
     "nominal_chief",
     "propagate",

@@ -144,6 +144,10 @@ BAD = {
     "a filter's name of layout": (edit("  ekf:\n", "  truth:\n"), "take another name"),
     "an option of another filter": (edit("kind: ekf", "kind: ekf\n    kappa: 1"), "filters.ekf.kappa: unknown key"),
     "an option out of range": (edit("kind: ukf", "kind: ukf\n    alpha: 0"), "ukf.alpha: must be greater than 0"),
+    "a learning filter with nothing learned": (
+        edit("kind: ekf", "kind: mf_upf"),
+        "needs learned dynamics: gp (or leave this key out)",
+    ),
     "a polar kf": (edit(KF, "kind: kf\n    measurement: polar"), "needs a linear measurement"),
     "unknown dynamics": (edit("dynamics: {kind: cw}", "dynamics: {kind: cww}"), "did you mean 'cw'?"),
     "two process noises": (

@@ -4,7 +4,9 @@ from formation_flight import CW, STEP_S, F, flight, learned
 from radar_problem import polar, polar_jacobian
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, create_filter, run_filter
+from relnav_sim.campaign.entries import entry_from
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.models.gp import GpOptions
 
 SIGMAS = np.array([0.1 / 3, np.radians(0.05 / 3), np.radians(0.05 / 3)])
 MEASUREMENT = FunctionMeasurement(polar, np.diag(SIGMAS**2), polar_jacobian, angles=(1, 2))
@@ -47,6 +49,12 @@ def test_presets_are_other_filters_with_their_own_defaults(preset, kind, same):
     ]
     np.testing.assert_array_equal(histories[0].mean, histories[1].mean)
     np.testing.assert_array_equal(histories[0].covariance, histories[1].covariance)
+
+
+@pytest.mark.parametrize("kind", ["gp_ukf", "gp_particle", "mf_upf"])
+def test_a_campaign_gives_them_learned_dynamics_by_default(kind):
+    assert isinstance(entry_from({"kind": kind}).dynamics, GpOptions)
+    assert filter_kinds()[kind].learned_dynamics
 
 
 @pytest.mark.parametrize("kind", ["gp_ukf", "gp_particle", "mf_upf"])

@@ -157,7 +157,7 @@ def test_power_that_leaves_half_of_the_particles():
 def test_one_step_against_a_plain_loop():
     """Weights, mean, covariance, evidence and ESS of the cloud that the filter drew, particle by particle."""
     z = linear_track(2, 1)
-    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=50, ess_fraction=0.0)
+    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=50, ess_fraction=0.0, roughening=0.0)
     belief = filter.start(Gaussian(np.zeros((2, 2)), np.stack([P0] * 2)), RandomSource(0, (0, 1)))
     predicted = filter.predict(belief, Step(0))
     posterior, innovation = filter.update(predicted, z[:, 0], Step(0))
@@ -181,7 +181,7 @@ def test_evidence_is_unbiased(options):
     runs = 1500
     z = linear_track(runs, 12)
     exact = run_filter(create_filter("kf", DYNAMICS, MEASUREMENT), z, np.zeros(2), P0).log_likelihood.sum(axis=1)
-    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=500, **options)
+    filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=500, roughening=0.0, **options)
     difference = run_filter(filter, z, np.zeros(2), P0).log_likelihood.sum(axis=1) - exact
     assert difference.std() < 1
     ratio = np.exp(difference)
@@ -226,9 +226,9 @@ def test_matches_the_unscented_filter_in_orbit():
 
 def test_without_a_kernel_copies_never_part_in_orbit():
     p = radar_problem(runs=4, steps=150)
-    dead = run_filter(create_filter("particle", p.dynamics, p.measurement, particles=500), p.z, p.mean0, p.cov0)
-    rough = run_filter(
-        create_filter("particle", p.dynamics, p.measurement, particles=500, roughening=1.0), p.z, p.mean0, p.cov0
+    dead, rough = (
+        run_filter(create_filter("particle", p.dynamics, p.measurement, **options), p.z, p.mean0, p.cov0)
+        for options in ({"particles": 500, "roughening": 0.0}, {"particles": 500})
     )
     rms = [np.sqrt(np.square(h.mean - p.truth)[:, 50:, :3].sum(axis=2).mean()) for h in (dead, rough)]
     assert rms[0] > 5 * rms[1]
@@ -288,7 +288,7 @@ def test_a_run_that_breaks_leaves_the_others_alone():
 def test_process_noise_of_low_rank_draws_as_many_numbers_as_its_rank():
     tied = np.array([[0.5], [1.0]])
     dynamics = LinearDynamics(F, 0.1 * tied @ tied.T)
-    filter = create_filter("particle", dynamics, MEASUREMENT, particles=100)
+    filter = create_filter("particle", dynamics, MEASUREMENT, particles=100, roughening=0.0)
     belief = filter.start(Gaussian(np.zeros((1, 2)), P0[None]), RandomSource(0, (0,)))
     predicted = filter.predict(belief, Step(0))
     assert predicted.noise.shape == (1, 1, 100)

@@ -131,8 +131,9 @@ def test_beats_the_bootstrap_filter_at_equal_numbers_on_a_peaked_likelihood():
     exact = run_filter(create_filter("kf", DYNAMICS, measurement), z, np.zeros(2), P0)
     deviation = np.sqrt(np.einsum("btii->bti", exact.covariance))
     error, ess = {}, {}
-    for kind in ("particle", "unscented_particle"):
-        history = run_filter(create_filter(kind, DYNAMICS, measurement, particles=particles), z, np.zeros(2), P0)
+    for kind, options in (("particle", {"roughening": 0.0}), ("unscented_particle", {})):
+        filter = create_filter(kind, DYNAMICS, measurement, particles=particles, **options)
+        history = run_filter(filter, z, np.zeros(2), P0)
         error[kind] = np.sqrt(np.square((history.mean - exact.mean) / deviation).mean())
         ess[kind] = history.extras["ess"].mean()
     assert error["unscented_particle"] < 0.15

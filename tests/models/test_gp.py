@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from formation_flight import (
@@ -20,7 +22,9 @@ from relnav_sim.models.dynamics import Step
 from relnav_sim.models.gaussian_process import GaussianProcess, Kernel, condition, most_informative
 from relnav_sim.models.gp import GpOptions, PhaseClock, TrainingTrack, phase_clock
 from relnav_sim.models.gp_fit import Transitions, fit_gp_dynamics
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.models.process_noise import ProcessNoiseOptions
+from relnav_sim.models.yamanaka_ankersen import YamanakaAnkersenOptions
 
 STEP = Step(1, STEP_S)
 SECOND = slice(STEPS_PER_REVOLUTION, 2 * STEPS_PER_REVOLUTION)
@@ -266,7 +270,7 @@ def test_wrong_data_are_refused():
 
 def test_campaign_options():
     x = flight()
-    track = TrainingTrack(x[: 2 * STEPS_PER_REVOLUTION], STEP_S * np.arange(2.0 * STEPS_PER_REVOLUTION))
+    track = TrainingTrack(x[: 2 * STEPS_PER_REVOLUTION], STEP_S * np.arange(-2.0 * STEPS_PER_REVOLUTION, 0), ORBIT)
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     options = GpOptions(restarts=0)
     dynamics = options.build(ORBIT, noise, STEP_S, track)
@@ -281,3 +285,41 @@ def test_campaign_options():
         options.build(ORBIT, noise, STEP_S)
     with pytest.raises(ValidationError, match="residual target"):
         GpOptions.model_validate({"target": "absolute", "base": {"kind": "cw"}})
+
+
+def test_the_latest_span_is_learned_and_the_one_before_calibrates():
+    track = TrainingTrack(flight()[:101], STEP_S * np.arange(-100.0, 1.0), ORBIT)
+    noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
+    options = GpOptions(restarts=0, training_points=50, training_span_s=500.0)
+    process = options.build(ORBIT, noise, STEP_S, track).process
+    np.testing.assert_allclose(process.inputs, process.kernel.scaled(flight()[50:100]), atol=1e-12)
+    assert options.spans_s(5800.0) == (500.0, 500.0)
+    assert GpOptions(calibration_span_s=0.0).spans_s(5800.0) == (0.0, 5800.0)
+
+
+@pytest.mark.parametrize("base", [NonlinearJ2Options(), YamanakaAnkersenOptions()])
+def test_a_base_that_depends_on_the_epoch_is_taken_at_each_row_s_own(base):
+    """Under J2 the exact dynamics leave nothing over; an elliptic one at the wrong epoch leaves much."""
+    noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
+    orbit = ORBIT if isinstance(base, NonlinearJ2Options) else replace(ORBIT, eccentricity=0.1)
+    dynamics = base.build(orbit, noise, STEP_S)
+    states = [flight()[0]]
+    for epoch in range(1, 200):
+        states.append(dynamics.propagate(states[-1][None], Step(epoch, STEP_S))[0])
+    first = 40
+    track = TrainingTrack(np.array(states[first:]), STEP_S * np.arange(first - 200.0, 0), orbit, first)
+    leftover = track.expected(base, noise, STEP_S) - track.states[1:]
+    assert np.abs(leftover).max() < 1e-9
+    learned = GpOptions(base=base, restarts=0, training_points=60, calibration_span_s=0.0)
+    built = learned.build(orbit, noise, STEP_S, track)
+    np.testing.assert_allclose(built.propagate(track.states[:1], Step(first + 1, STEP_S))[0], states[first + 1])
+
+
+def test_expected_states_belong_to_a_base():
+    x = flight()[:60]
+    with pytest.raises(ValueError, match="give those too"):
+        fit_gp_dynamics(x[:-1], x[1:], STEP_S, target="difference", expected=x[1:])
+    with pytest.raises(ValueError, match="expected ones"):
+        fit_gp_dynamics(x[:-1], x[1:], STEP_S, CW, expected=x[:5])
+    with pytest.raises(ValueError, match="go together"):
+        fit_gp_dynamics(x[:-1], x[1:], STEP_S, CW, expected=x[1:], held_out=Transitions(x[:-1], x[1:]))

@@ -73,6 +73,7 @@ def test_normal_acceleration_is_the_part_along_the_orbit_normal(orbits):
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     expected = (force.acceleration(states, 0.02) * normal).sum(1)
     np.testing.assert_allclose(force.normal_acceleration(states, 0.02), expected, atol=1e-15)
+    assert force.normal_acceleration(list(states[3]), 0.02) == pytest.approx(expected[3], abs=1e-15)
     assert np.abs(expected).max() > 1e-3
 
 

@@ -1,0 +1,63 @@
+"""The same flight begun earlier: where both craft came from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees
+
+import numpy as np
+
+from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.truth.options import DispersionsOptions, OrbitOptions, RelativeOptions, TruthOptions
+from relnav_sim.truth.orbits import elements_from_state
+from relnav_sim.truth.stepping import Batch
+from relnav_sim.truth.trajectory import force_model, nominal_relative
+
+_TURNED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+
+
+def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
+    """Return the truth that begins `duration_s` before the nominal start and arrives there: no manoeuvres, no dispersions.
+
+    Time runs backwards for states with their velocities turned round, about a body that turns the other way, in air
+    that drives instead of braking.
+
+    Raises:
+        ValueError: A craft would come from below the surface.
+    """
+    force = force_model(options)
+    ballistic = np.array([options.chief.ballistic_m2_kg, options.deputy.ballistic_m2_kg])
+    chief = options.chief.orbit.state(force.mu_m3_s2)[None]
+    deputy = eci_from_rtn(chief, nominal_relative(options), force.normal_acceleration(chief, ballistic[0]))
+    backwards = Batch(
+        np.concatenate([chief, deputy]) * _TURNED,
+        replace(force, rotation_rad_s=-force.rotation_rad_s),
+        -ballistic,
+        rtol=1e-12,
+        kept_bytes=0,
+    )
+    turned = np.empty((2, 1, 6))
+    backwards.write(np.array([duration_s]), turned)
+    if not np.isfinite(turned).all():
+        raise ValueError(f"{duration_s:g} s before the start a craft is below the surface")
+    chief, deputy = turned[:, 0] * _TURNED
+    relative = rtn_from_eci(chief, deputy, force.normal_acceleration(chief, ballistic[0]))
+    elements = elements_from_state(chief, force.mu_m3_s2)
+    orbit = OrbitOptions(
+        a_km=float(elements.semi_major_axis_m) / 1e3,
+        e=float(elements.eccentricity),
+        i_deg=degrees(float(elements.inclination_rad)),
+        raan_deg=degrees(float(elements.raan_rad)),
+        argp_deg=degrees(float(elements.argument_of_perigee_rad)),
+        ta_deg=degrees(float(elements.true_anomaly_rad)),
+    )
+    x, y, z, vx, vy, vz = relative.tolist()
+    start = RelativeOptions(position_m=(x, y, z), velocity_m_s=(vx, vy, vz))
+    return options.model_copy(
+        update={
+            "chief": options.chief.model_copy(update={"orbit": orbit}),
+            "deputy": options.deputy.model_copy(update={"relative": start, "orbit": None}),
+            "dispersions": DispersionsOptions(),
+            "manoeuvres": {},
+        }
+    )
