@@ -17,7 +17,7 @@ _TURNED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 
 
 def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
-    """Return the truth that begins `duration_s` before the nominal start and arrives there: no manoeuvres, no dispersions.
+    """Return the truth that begins `duration_s` before the nominal start and coasts there; nothing is dispersed.
 
     Time runs backwards for states with their velocities turned round, about a body that turns the other way, in air
     that drives instead of braking.
