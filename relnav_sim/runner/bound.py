@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -77,8 +78,10 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     config = case.config
     clock = config.clock
     truth = _ensemble(config, seed)
-    names = {_model_key(entry): name for name, entry in config.filters.items()}
-    models = {key: _Model(partial(_believed, name, config, seed), clock.step_s) for key, name in names.items()}
+    sharers: dict[str, list[str]] = {}
+    for name, entry in config.filters.items():
+        sharers.setdefault(_model_key(entry), []).append(name)
+    models = {key: _Model(partial(_believed, names, config, seed), clock.step_s) for key, names in sharers.items()}
     chain = [_Model(partial(_perfect, config), clock.step_s), *models.values()]
     information = _Information(config, truth)
     covariances = np.full((clock.stored, len(chain), 6, 6), np.nan)
@@ -96,14 +99,13 @@ def case_bound(case: Case, seed: int) -> BoundResult:
                 if epoch % clock.store_every == 0:
                     covariances[epoch // clock.store_every] = recursion.covariance
     bounds = dict(zip(["", *models], _deviations(covariances).swapaxes(0, 1), strict=True))
-    keys = {name: _model_key(entry) for name, entry in config.filters.items()}
     return BoundResult(
         seed=seed,
         case_id=case.id,
         filter_ids=filter_ids(case),
         perfect=bounds[""],
-        filters={name: bounds[key] for name, key in keys.items() if not models[key].broken},
-        reason="; ".join(f"{names[key]}: {model.broken}" for key, model in models.items() if model.broken),
+        filters={name: bounds[key] for key, names in sharers.items() if not models[key].broken for name in names},
+        reason="; ".join(f"{', '.join(sharers[key])}: {model.broken}" for key, model in models.items() if model.broken),
     )
 
 
@@ -206,9 +208,12 @@ def _steps(
     return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
 
 
-def _believed(name: str, config: CaseConfig, seed: int) -> Dynamics:
-    """Return the motion that a filter believes in."""
-    return create_campaign_filter(config.filters[name], config, seed).dynamics
+def _believed(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
+    """Return the motion that some filters believe in, from the first of them that can be made."""
+    for name in names[:-1]:
+        with suppress(Exception):
+            return create_campaign_filter(config.filters[name], config, seed).dynamics
+    return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
 
 
 def _perfect(config: CaseConfig) -> Dynamics:

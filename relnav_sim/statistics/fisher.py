@@ -18,8 +18,8 @@ SPACING = 0.1
 """Step of the trapezoidal rule in asinh of the whitened noise: 1e-7 of the information at ratios up to 100."""
 REACH = 7.0
 """Standard deviations of the widest component at which the integral ends: 1e-11 of the probability lie beyond."""
-TOLERANCE = 1e-6
-"""Relative error of the information that interpolation over the attitude's share may add."""
+TOLERANCE = 1e-3
+"""Relative error of the information at which the next finer interpolation is fine enough."""
 _NODE_COUNTS = (2, 3, 5, 9)
 _NEGLIGIBLE = 1e-9
 """Range of a bounded variable that needs one node only."""
@@ -29,8 +29,8 @@ def mixture_information(weights: ArrayLike, covariances: ArrayLike) -> Array:
     """Return the location information (m, m) of a zero-mean Gaussian mixture.
 
     The trapezoidal rule on a product grid in whitened coordinates, whose error falls exponentially with the number of
-    points for such analytic densities (Trefethen and Weideman, SIAM Review 56(3), 2014). The grid has about 45^m
-    points for three or two channels that one switch moves; use it for m up to 3.
+    points for such analytic densities (Trefethen and Weideman, SIAM Review 56(3), 2014). The grid has some 40 points
+    in each direction for two components and 80 for more: m should not exceed 3, or 2.
 
     Args:
         weights: (k,) probabilities of the components.
@@ -40,57 +40,75 @@ def mixture_information(weights: ArrayLike, covariances: ArrayLike) -> Array:
     shown = weights > 0
     weights, covariances = weights[shown], covariances[shown]
     if len(weights) == 1:
-        return np.asarray(np.linalg.inv(covariances[0]))
-    order = np.argsort(np.linalg.det(covariances), kind="stable")
-    weights, covariances = weights[order], covariances[order]
-    to_noise = np.linalg.cholesky(covariances[0])
-    # Two components have common principal axes; with more of them only the narrowest becomes round.
-    separable = len(weights) == 2
-    if separable:
-        to_noise = to_noise @ np.linalg.eigh(_within(to_noise, covariances[1]))[1]
-    white = np.stack([_within(to_noise, covariance) for covariance in covariances])
-    widths = np.sqrt(np.einsum("kii->ki", white))
-    to_noise = to_noise * widths.min(axis=0)
-    white = white / np.multiply.outer(widths.min(axis=0), widths.min(axis=0))
-    if separable:
-        white = np.einsum("kii->ki", white)[..., None] * np.eye(white.shape[-1])
-    points, areas = _grid(REACH * (widths / widths.min(axis=0)).max(axis=0), separable)
-    density, score = _density_and_score(points, weights, white)
-    information = np.einsum("n,ni,nj->ij", areas * density, score, score)
-    if separable:  # even in every coordinate: the mixed terms cancel between the orthants that were left out
-        information = np.diag(np.diag(information))
-    to_white = np.linalg.inv(to_noise)
+        return _inverse(covariances[0])
+    narrowest = int(np.argmin(np.linalg.det(covariances)))
+    axes = np.linalg.cholesky(covariances[narrowest])
+    if len(weights) == 2:  # common principal axes
+        axes = axes @ np.linalg.eigh(_seen_in(axes, covariances[1 - narrowest]))[1]
+        white = np.stack([np.diag(_seen_in(axes, covariance)) for covariance in covariances])
+        information = np.diag(_along_principal_axes(weights, white))
+    else:
+        white = np.stack([_seen_in(axes, covariance) for covariance in covariances])
+        information = _on_all_sides(weights, white)
+    to_white = _inverse(axes)
     return np.asarray(to_white.T @ information @ to_white)
 
 
-def _within(axes: Array, covariance: Array) -> Array:
+def _seen_in(axes: Array, covariance: Array) -> Array:
     """Return the covariance of u where v = axes u has the given one."""
     half = np.linalg.solve(axes, covariance)
     return np.asarray(np.linalg.solve(axes, half.T))
 
 
-def _grid(reach: Array, orthant: bool) -> tuple[Array, Array]:
-    """Return points (N, m) and the volume that each stands for; all of space, or one orthant that stands for all."""
-    axes, lengths = [], []
-    for end in reach:
-        half = (np.arange(int(np.ceil(np.arcsinh(end) / SPACING))) + 0.5) * SPACING
-        steps = half if orthant else np.concatenate([-half[::-1], half])
-        axes.append(np.sinh(steps))
-        lengths.append((2 if orthant else 1) * SPACING * np.cosh(steps))
-    points = np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
-    return points, reduce(np.multiply.outer, lengths).ravel()
+def _line(variances: Array) -> tuple[Array, Array]:
+    """Return points on the positive half of an axis, and the length that each stands for on one side.
+
+    Args:
+        variances: Of the components along the axis, (k,).
+    """
+    narrow, wide = np.sqrt(variances.min()), np.sqrt(variances.max())
+    steps = (np.arange(int(np.ceil(np.arcsinh(REACH * wide / narrow) / SPACING))) + 0.5) * SPACING
+    return narrow * np.sinh(steps), narrow * SPACING * np.cosh(steps)
 
 
-def _density_and_score(points: Array, weights: Array, covariances: Array) -> tuple[Array, Array]:
-    """Return p (N,) and -d log p / du (N, m) of a mixture."""
+def _along_principal_axes(weights: Array, variances: Array) -> Array:
+    """Return the diagonal (m,) of the information of two components with diagonal covariances, variances (2, m).
+
+    Component densities are products over the channels, and every integrand is even in each of them.
+    """
+    m = variances.shape[1]
+    lines = [_line(along) for along in variances.T]
+    parts = []
+    for weight, row in zip(weights, variances, strict=True):
+        factors = [np.exp(-0.5 * x * x / v) / np.sqrt(2 * np.pi * v) for (x, _), v in zip(lines, row, strict=True)]
+        parts.append(weight * reduce(np.multiply.outer, factors))
+    volume = reduce(np.multiply.outer, [2 * length for _, length in lines])
+    a, b = parts
+    scaled = volume / np.maximum(a + b, np.finfo(float).tiny)
+    squares = (scaled * a * a, 2 * scaled * a * b, scaled * b * b)
+    information = np.empty(m)
+    for i, (x, _) in enumerate(lines):
+        others = tuple(j for j in range(m) if j != i)
+        va, vb = variances[:, i]
+        aa, ab, bb = (square.sum(axis=others) for square in squares)
+        information[i] = np.sum(x * x * (aa / va**2 + ab / (va * vb) + bb / vb**2))
+    return information
+
+
+def _on_all_sides(weights: Array, covariances: Array) -> Array:
+    """Return the information (m, m) of any components on a grid over all of space."""
+    lines = [_line(along) for along in np.einsum("kii->ik", covariances)]
+    grid = np.meshgrid(*(np.concatenate([-x[::-1], x]) for x, _ in lines), indexing="ij")
+    points = np.stack([axis.ravel() for axis in grid], axis=-1)
+    volume = reduce(np.multiply.outer, [np.concatenate([length[::-1], length]) for _, length in lines]).ravel()
     density, pull = np.zeros(len(points)), np.zeros(points.shape)
     for weight, covariance in zip(weights, covariances, strict=True):
-        by_covariance = np.einsum("ij,nj->ni", np.linalg.inv(covariance), points)
+        by_covariance = np.einsum("ij,nj->ni", _inverse(covariance), points)
         factor = weight / np.sqrt(np.linalg.det(2 * np.pi * covariance))
         part = factor * np.exp(-0.5 * (by_covariance * points).sum(axis=1))
         density += part
         pull += part[:, None] * by_covariance
-    return density, pull / np.maximum(density, np.finfo(float).tiny)[:, None]
+    return np.einsum("n,ni,nj->ij", volume / np.maximum(density, np.finfo(float).tiny), pull, pull)
 
 
 class ReadingInformation:
@@ -98,8 +116,9 @@ class ReadingInformation:
 
     The noise is a mixture of range, azimuth and elevation with independent channels in each component, plus a
     Gaussian of covariance A on the two angles, which moves with the line of sight. Under a mixture the information is
-    integrated at Chebyshev nodes over the range of A that is met and interpolated between them; their number grows
-    until the error is below `TOLERANCE`, or 9 in each of three directions.
+    integrated at Chebyshev nodes over the range of A that is met and interpolated between them, with more nodes until
+    fewer of them would do within `TOLERANCE`: errors are then some 1e-6, and 1e-3 at most where 9 nodes in each of
+    three directions, the most there are, do not suffice (a line of sight near the axis of the azimuth).
 
     Interpolated is I^-1 - A, which A moves from one constant to another, over three bounded variables:
     a_i / (a_i + d) for the diagonal of A, and the correlation that A leaves beside d, the least variance of an angle.
@@ -153,7 +172,7 @@ class ReadingInformation:
         diagonal = self._d * place[:2] / (1 - place[:2])
         mixed = place[2] * np.sqrt((diagonal + self._d).prod())
         attitude = np.array([[diagonal[0], mixed], [mixed, diagonal[1]]])
-        effective = np.asarray(np.linalg.inv(self._exact(attitude)))
+        effective = _inverse(self._exact(attitude))
         effective[1:, 1:] -= attitude
         return effective
 

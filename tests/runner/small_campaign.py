@@ -46,6 +46,9 @@ def data_of(path: Path) -> dict[tuple, np.ndarray]:
     with open_results(path) as results:
         for index, case in enumerate(results.headers):
             found[case.id, "", "truth"] = np.asarray(results.truth(index))
+            for name in (None, *case.filters):
+                if (bound := results.bound(index, name)) is not None:
+                    found[case.id, name or "", "bound"] = bound
             for name in case.filters:
                 runs = results.case_runs(index, name)
                 found[case.id, name, "runs"] = np.asarray(runs)
