@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.output import count_in_words, in_words, print_table, size_in_words
+
+if TYPE_CHECKING:
+    from relnav_sim.campaign import Campaign
 
 CASES_SHOWN = 12
 
@@ -23,6 +27,7 @@ def validate(
     from relnav_sim.campaign import load_campaign, plan_campaign
 
     campaign = load_campaign(file, changes or [])
+    _check_tuning(campaign)
     plan = plan_campaign(campaign)
     typer.echo(f"{file} is a valid campaign")
     config = campaign.cases[0].config
@@ -42,3 +47,15 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
+
+
+def _check_tuning(campaign: Campaign) -> None:
+    """Refuse a `tune:` section that names what is not there."""
+    from relnav_sim.tuning.scalars import TuningError, free_scalars
+
+    if campaign.tune is None:
+        return
+    try:
+        free_scalars(campaign, (), campaign.tune.free, campaign.tune.objective)
+    except TuningError as error:
+        raise UserError(f"tune: {error}") from None

@@ -146,7 +146,8 @@ def _set_scales(panel: Any, filters: list[FilterTuning], name: str, quantity: _Q
     tried = [(found, e) for found in filters for e in found.evaluations if e.figures.sound]
     values = np.array([quantity.interval(e.figures)[0] for _, e in tried])
     kept = np.array([quantity.interval(e.figures)[0] for found, e in tried if e in (found.best, found.start)])
-    low, high = values.min(), min(values.max(), HEADROOM * kept.max())
+    bars = np.array([quantity.interval(found.best.figures)[1:] for found in filters])
+    low, high = min(values.min(), bars.min()), max(min(values.max(), HEADROOM * kept.max()), bars.max())
     if quantity.label == "ANEES":
         low = max(low, kept.min() / HEADROOM)
         panel.axhline(1.0, color=FAINT, lw=0.6)
@@ -168,7 +169,7 @@ def _set_log(panel: Any, axis: str, low: float, high: float) -> None:
     panel.set(**{f"{axis}scale": "log"})
     if low > 0 and high < 1e4 * low:
         ticks = getattr(panel, f"{axis}axis")
-        ticks.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ticks.set_major_locator(LogLocator(subs=(1, 2, 5) if high > 10 * low else (1, 1.5, 2, 3, 5, 7)))
         ticks.set_major_formatter("{x:g}")
         ticks.set_minor_formatter(NullFormatter())
 

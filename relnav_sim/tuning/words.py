@@ -11,7 +11,7 @@ from relnav_sim.campaign.problems import listed
 from relnav_sim.statistics.intervals import Comparison
 from relnav_sim.tuning.edit import number_text
 from relnav_sim.tuning.objective import Figures, mean_log
-from relnav_sim.tuning.result import Check, FilterTuning, Tuning
+from relnav_sim.tuning.result import FilterTuning, Tuning
 
 NUMBERS = ("filter", "number", "start", "tuned", "cannot be told from the best")
 FIGURES = ("filter", "position RMS, m", "velocity RMS, m/s", "ANEES", "objective, tuned less start")
@@ -37,7 +37,7 @@ def figure_rows(tuning: Tuning) -> list[Sequence[str]]:
         (
             name,
             *(_before_after(found, what) for what in ("position", "velocity", "anees")),
-            check_words(found.check, tuning.options),
+            check_words(found, tuning.options),
         )
         for name, found in tuning.filters.items()
         if found.found
@@ -72,9 +72,10 @@ def sentences(tuning: Tuning) -> list[str]:
     return words
 
 
-def check_words(check: Check | None, options: TuneOptions) -> str:
+def check_words(found: FilterTuning, options: TuneOptions) -> str:
     """Return the change of the objective on the held-out runs."""
-    if check is None:
+    check = found.check
+    if check is None or found.best is found.start:
         return ""
     failed = [int(figures.broken.sum()) for figures in (check.start, check.tuned)]
     failures = f"; {failed[0]} runs failed before, {failed[1]} now" if any(failed) else ""
@@ -87,7 +88,9 @@ def header_lines(tuning: Tuning, changes: Sequence[str], cases: Sequence[int]) -
     """Return the comment that says how a file was tuned."""
     options, campaign = tuning.options, tuning.campaign
     source = campaign.path.name if campaign.path else campaign.name
-    where = f"the cases {listed([str(n) for n in cases], 'and')}" if cases else "all cases"
+    where = "all cases"
+    if cases:
+        where = f"case{'s' if len(cases) > 1 else ''} {listed([str(number) for number in cases], 'and')}"
     lines = [
         f"Tuned by relnav {__version__} from {source} (hash {campaign.hash[:12]}): "
         f"objective {_objective_words(options)},",
@@ -101,13 +104,17 @@ def header_lines(tuning: Tuning, changes: Sequence[str], cases: Sequence[int]) -
             lines.append(f"  {name}: every candidate failed; left as it was")
             continue
         numbers = ", ".join(
-            f"{scalar.name} {number_text(before)} -> {number_text(after)}"
+            f"{scalar.name} {number_text(before)}{_arrow(before, after)}"
             for scalar, before, after in zip(found.scalars, found.start.values, found.best.values, strict=True)
         )
         lines.append(f"  {name}: {numbers}")
-        if found.check is not None:
-            lines.append(f"    on {options.check_runs} further runs: {check_words(found.check, options)}")
+        if found.check is not None and found.best is not found.start:
+            lines.append(f"    on {options.check_runs} further runs: {check_words(found, options)}")
     return lines
+
+
+def _arrow(before: float, after: float) -> str:
+    return " as it was" if before == after else f" -> {number_text(after)}"
 
 
 def _objective_words(options: TuneOptions) -> str:

@@ -98,6 +98,15 @@ def test_a_wrong_section_is_told_with_its_line(demo):
     assert "demo.yaml:1: tune.objectiv: unknown key; did you mean 'objective'?" in result.stderr
 
 
+def test_validate_checks_the_section(demo):
+    demo.write_text(
+        "tune: {free: {filters.ekf.alpha: [0.1, 1]}}\n" + demo.read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    result = CliRunner().invoke(app, ["validate", "demo.yaml"])
+    assert result.exit_code == 2
+    assert "tune: filters.ekf.alpha is no number of this campaign" in result.stderr
+
+
 def test_nothing_is_overwritten_unasked(demo):
     Path("demo_tuned_tuning.csv").write_text("mine", encoding="utf-8")
     result = invoke(demo, *TINY)
