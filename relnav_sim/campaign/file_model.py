@@ -22,6 +22,7 @@ from relnav_sim.campaign.models import (
     TuneOptions,
 )
 from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
@@ -77,6 +78,9 @@ class Settings(Options):
     )
     tune: TuneOptions | None = Field(
         default=None, description="How `relnav tune` searches the filters' free numbers; changes no result"
+    )
+    requirements: dict[Name, AnyRequirement] = Field(
+        default={}, description="What the filters must achieve, by names of your choice; reports judge it"
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
 
-OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune"})
+OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements"})
 """Keys that change how much is computed and in which pieces, but no number that is."""
 
 

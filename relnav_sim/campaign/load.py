@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -20,6 +20,7 @@ from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
+from relnav_sim.campaign.requirements import AnyRequirement
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Campaign:
         stop: When to stop before all runs are computed.
         bound: Whether to compute the Cramér-Rao bound of each case.
         tune: How `relnav tune` searches; None: nothing is said.
+        requirements: What the filters must achieve, by name.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Campaign:
     stop: StopOptions | None = None
     bound: bool = True
     tune: TuneOptions | None = None
+    requirements: Mapping[str, AnyRequirement] = field(default_factory=dict)
 
 
 def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
@@ -128,6 +131,8 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     if settings.stop is not None and settings.stop.filter not in (None, *(names := cases[0].config.filters)):
         sentence = f"no filter is named {settings.stop.filter!r}; there are {', '.join(names)}"
         raise _error([Problem(("stop", "filter"), sentence)], source)
+    if unnamed := _unknown_filters(settings, cases[0].config.filters):
+        raise _error(unnamed, source)
     content = _content(settings, valid, cases)
     return Campaign(
         name=settings.name,
@@ -142,6 +147,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         stop=settings.stop,
         bound=settings.bound,
         tune=settings.tune,
+        requirements=settings.requirements,
     )
 
 
@@ -169,6 +175,17 @@ def _same_cases(cases: Sequence[Case]) -> list[Problem]:
         if first != case.label:
             problems.append(Problem((), f"the cases {first} and {case.label} mean the same; keep one"))
     return problems
+
+
+def _unknown_filters(settings: Settings, filters: Iterable[str]) -> list[Problem]:
+    """Return the filters that requirements ask for and the campaign does not have."""
+    known = list(filters)
+    return [
+        Problem(("requirements", name, "filters"), f"no filter is named {one!r}; there are {', '.join(known)}")
+        for name, requirement in settings.requirements.items()
+        for one in requirement.filters or ()
+        if one not in known
+    ]
 
 
 def _content(settings: Settings, valid: Sequence[ValidatedPoint], cases: Sequence[Case]) -> dict[str, Any]:

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.output import print_table
 from relnav_sim.cli.source import newest_result, readable
 
 
@@ -34,6 +35,14 @@ def report(
         ReportAxes,
         typer.Option(help="rtn: radial, along-track, normal; shi2025: along-track, minus normal, nadir."),
     ] = ReportAxes.RTN,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Say also whether the campaign's requirements are met: exit code 0 if they are, 4 if one is missed, "
+            "5 if one is undecided.",
+        ),
+    ] = False,
 ) -> None:
     """Write the report of a result: an HTML page, tables and figures."""
     from relnav_sim.report import FORMATS, write_report
@@ -45,4 +54,27 @@ def report(
         raise UserError(f"--format takes {', '.join(FORMATS)}, not {(unknown or [formats])[0]!r}")
     with readable(path) as file:
         target = out if out is not None else path.with_suffix("")
+        verdict = _checked(file) if check else None
         typer.echo(f"wrote {write_report(file, target, formats=words, axes=axes.value)}")
+    if verdict is not None:
+        typer.echo(f"requirements: {verdict}")
+    if verdict == "fail":
+        raise typer.Exit(Exit.REQUIREMENT_MISSED)
+    if verdict == "undecided":
+        raise typer.Exit(Exit.REQUIREMENT_UNDECIDED)
+
+
+def _checked(path: Path) -> str:
+    """Print what became of each requirement; return the verdict on all."""
+    from relnav_sim.report.requirements import judgements, requirements_table
+    from relnav_sim.results import open_results
+    from relnav_sim.statistics.requirements import overall
+
+    with open_results(path) as results:
+        judged = judgements(results)
+        if not judged:
+            raise UserError(f"the campaign of {path} has no requirements; add 'requirements:' to it and run it again")
+        table = requirements_table(results, judged)
+    rows = [[row.record, *(cell.text for cell in row.cells)] for row in table.rows]
+    print_table(rows, headings=[table.corner, *(column.label for column in table.columns)])
+    return overall([item.verdict for item in judged])

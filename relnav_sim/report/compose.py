@@ -15,6 +15,7 @@ from relnav_sim.report.drawing import Picture, draw, within
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
 
@@ -87,13 +88,15 @@ def _cases(
 def _without_pictures(
     results: Results, rankings: Sequence[Ranking], axes: Axes, sections: Sequence[CaseSection]
 ) -> Page:
+    judged = judgements(results)
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
-        summary=(*summarise(rankings), *_stopped(results)),
+        summary=(*summarise(rankings), *in_sentences(judged), *_stopped(results)),
         overview=overview_table(rankings),
+        requirements=requirements_table(results, judged) if judged else None,
         pictures=(),
         cases=tuple(sections),
         commands=reproduce_commands(results, axes),

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.report.commands import run_command
 from relnav_sim.results import layout
-from relnav_sim.statistics import divergence
 from relnav_sim.statistics.correlation import integrated_time
+from relnav_sim.statistics.divergence import diverged_runs
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -263,20 +263,9 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         cpu_us=statistic("cpu_per_step"),
         stored=stored,
         diagnostics=results.diagnostics(index, name),
-        diverged=_diverged(results, index, name, statistic("failed") == 1, statistic("outside_late"), times_s),
+        diverged=diverged_runs(results, index, name),
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
     )
-
-
-def _diverged(
-    results: Results, index: int, name: str, failed: NDArray[np.bool_], outside_late: Array, times_s: Array
-) -> NDArray[np.bool_]:
-    lost = divergence.diverged(failed, outside_late)
-    bound = getattr(results, "bound", lambda _: None)(index)
-    if bound is None:
-        return lost
-    r = np.linalg.norm(results.error(index, name)[..., :3], axis=-1)
-    return lost | divergence.far_beyond_bound(r, times_s, bound[:, layout.QUANTITIES.index("r")])
 
 
 def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:

@@ -14,6 +14,7 @@ def render(page: Page) -> str:
     """Return the report as Markdown; what the campaign's author wrote shows as written."""
     parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts)), "## Summary"]
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
+    parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
     parts += ["## Overview", table_markdown(page.overview), *_pictures(page.pictures)]
     for case in page.cases:
         parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")

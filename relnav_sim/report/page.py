@@ -39,11 +39,12 @@ class Page:
     campaign_text: str
     reading: tuple[str, ...]
     footer: str
+    requirements: Table | None = None
 
 
 def page_tables(page: Page) -> Sequence[Table]:
     """Return every table of a report, each of which is a CSV file too."""
-    tables = [page.overview]
+    tables = [page.overview, *([page.requirements] if page.requirements else [])]
     for case in page.cases:
         tables += [table for table in (case.table, *case.more_tables, *case.file_tables) if table is not None]
     return [*tables, page.filters, page.all_settings]

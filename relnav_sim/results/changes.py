@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "grid", "zip")
+EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "requirements", "grid", "zip")
 """Top-level keys that add to a result, runs or cases, or change none. A case is known by its own id, so the grid may
 grow."""
 

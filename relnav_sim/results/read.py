@@ -212,6 +212,15 @@ class Results:
         """Return the true relative states of a case, RTN, (runs or 1, K, 6); 1 where all runs share them."""
         return self._shared(self.case_index(case), layout.TRUTH)
 
+    def distance(self, case: int | str, filter: str) -> Array:
+        """Return the true distance between the spacecraft in each run of a filter, (runs, K), m."""
+        index = self._check(case, filter)
+        distance = np.linalg.norm(self.truth(index)[..., :3], axis=-1)
+        runs, owners = self.case_runs(index, filter), self._shared(index, layout.DIMENSIONS["trajectory"])
+        if owners.tolist() == [-1]:
+            return np.broadcast_to(distance, (len(runs), distance.shape[1]))
+        return np.asarray(distance[np.searchsorted(owners, runs)])
+
     def error(self, case: int | str, filter: str) -> Array:
         """Return the errors, estimate minus truth, RTN, (runs, K, 6), m and m/s; NaN once a run failed."""
         return self._series(case, filter, "error")

@@ -9,8 +9,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
+
+from relnav_sim.results import layout
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,6 +25,17 @@ Mask = NDArray[np.bool_]
 LATE_SHARE = 0.05
 TIMES_BOUND = 10.0
 LONG_S = 50.0
+
+
+def diverged_runs(results: Results, case: int | str, filter: str) -> Mask:
+    """Return which runs of a result a filter has lost, by every sign that the result can show (runs,)."""
+    failed = results.statistic(case, filter, "failed") == 1
+    lost = diverged(failed, results.statistic(case, filter, "outside_late"))
+    bound = results.bound(case)
+    if bound is None:
+        return lost
+    r = np.linalg.norm(results.error(case, filter)[..., :3], axis=-1)
+    return lost | far_beyond_bound(r, results.time_s(case), bound[:, layout.QUANTITIES.index("r")])
 
 
 def diverged(failed: Mask, outside_late: Array) -> Mask:

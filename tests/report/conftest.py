@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -52,6 +53,9 @@ def invented_result(
     waiting: Sequence[str] = (),
     computed_cases: int | None = None,
     variables: Sequence[Mapping[str, Any]] | None = None,
+    requirements: Mapping[str, Any] | None = None,
+    diagnostics: Mapping[str, Mapping[str, Array]] | None = None,
+    stopping: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -70,6 +74,9 @@ def invented_result(
         waiting: Filters that have no run yet.
         computed_cases: How many of the cases have runs; default all.
         variables: What each case varies; default one radar sigma.
+        requirements: As a campaign file has them.
+        diagnostics: What the filters report of their own working, by filter and name.
+        stopping: The rule that ended the campaign.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
@@ -85,9 +92,11 @@ def invented_result(
         )
         for i, label in enumerate(labels)
     )
+    content = _content(sizes, settle_s) | {"requirements": dict(requirements or {})}
     header = ResultHeader(
-        name, text, _content(sizes, settle_s), "0123456789abcdef" * 4, 7, planned or runs, cases, {"mu_m3_s2": 3.986e14}
-    )
+        name, text, content, "0123456789abcdef" * 4, 7, planned or runs, cases, {"mu_m3_s2": 3.986e14},
+        stopping=stopping or {},
+    )  # fmt: skip
     shards = []
     for index, case in enumerate(cases[:computed_cases]):
         truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (1, times, 1))
@@ -97,6 +106,8 @@ def invented_result(
         }
         for filter_name, summary in (summaries or {}).items():
             results[filter_name] = _with_summary(results[filter_name], summary)
+        for filter_name, reported in (diagnostics or {}).items():
+            results[filter_name] = replace(results[filter_name], diagnostics=reported)
         failures = tuple(
             Failure(run, filter_name, 17, "the covariance is not positive definite")
             for filter_name, lost in failed.items()

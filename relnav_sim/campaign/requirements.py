@@ -1,0 +1,142 @@
+"""What a user demands of the filters: `requirements:` of a campaign file.
+
+They judge a result and change no number of it, so they stand outside the campaign's hash and may be changed after the
+campaign has run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from relnav_sim.options import Options
+
+Quantity = Literal["r", "v", "x", "y", "z", "vx", "vy", "vz"]
+Span = Literal["settled", "whole"]
+
+_QUANTITY = "Error to look at: r position, v velocity (norms), or one component in RTN; default r"
+_SPAN = "settled: t >= settle_s; whole: every epoch after the start; default settled"
+_BELOW_M = "Limit of a position error, m"
+_BELOW_M_S = "Limit of a velocity error, m/s"
+
+
+class Requirement(Options):
+    """What every requirement has."""
+
+    filters: tuple[str, ...] | None = Field(
+        default=None, min_length=1, description="Names of the filters that must meet it; default: every filter"
+    )
+    confidence: float = Field(
+        default=0.95,
+        ge=0.5,
+        lt=1,
+        description="Pass or fail is said once the interval of this confidence over runs lies on one side of the "
+        "limit; default 0.95, as in the rest of the report",
+    )
+
+
+class _WithLimit(Requirement):
+    """A requirement with a limit in the unit of its quantity."""
+
+    quantity: Quantity = Field(default="r", description=_QUANTITY)
+    below_m: float | None = Field(default=None, gt=0, description=_BELOW_M)
+    below_m_s: float | None = Field(default=None, gt=0, description=_BELOW_M_S)
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> Self:
+        given = {"below_m": self.below_m, "below_m_s": self.below_m_s}
+        wanted, other = ("below_m_s", "below_m") if self.quantity.startswith("v") else ("below_m", "below_m_s")
+        if given[wanted] is None or given[other] is not None:
+            raise ValueError(f"the limit of {self.quantity} is {wanted}, and only that")
+        return self
+
+    @property
+    def limit(self) -> float:
+        """The limit, m or m/s."""
+        return self.below_m if self.below_m is not None else float(self.below_m_s or 0.0)
+
+
+class ErrorsRequirement(_WithLimit):
+    """A share of all errors of all runs lies below a limit; epochs after a failure count as errors above it."""
+
+    kind: Literal["errors"] = Field(description="errors: a share of all errors below a limit")
+    share: float = Field(gt=0, lt=1, description="Share of the epochs of all runs, as 0.997")
+    inside_m: float | None = Field(
+        default=None, gt=0, description="Only epochs at which the true distance is at most this, m; default: all"
+    )
+    from_s: float = Field(
+        default=0.0, ge=0, description="Only epochs from this time on, s; default 0: all but the start"
+    )
+
+
+class RmsRequirement(_WithLimit):
+    """The root mean square over time of an error, mean over the runs that did not fail, lies below a limit."""
+
+    kind: Literal["rms"] = Field(description="rms: the RMS below a limit")
+    span: Span = Field(default="settled", description=_SPAN)
+
+
+class NeesRequirement(Requirement):
+    """The filter is consistent: its sigmas are right within a margin, by the mean NEES over runs and time."""
+
+    kind: Literal["nees"] = Field(description="nees: consistency")
+    block: Literal["full", "position", "velocity"] = Field(
+        default="full", description="Part of the state: full, position or velocity; default full"
+    )
+    sigma_margin: float = Field(
+        default=0.1,
+        gt=0,
+        lt=1,
+        description="How far the ratio of true to claimed sigma, sqrt(ANEES), may be from 1; default 0.1, which a "
+        "review would not argue about. Without a margin no number of runs could ever show consistency",
+    )
+    span: Span = Field(default="settled", description=_SPAN)
+
+
+class ConvergedRequirement(Requirement):
+    """A share of the runs converges in time; a run that fails or never converges does not."""
+
+    kind: Literal["converged"] = Field(description="converged: convergence in time")
+    within_s: float = Field(gt=0, description="Latest time of convergence, s")
+    share: float = Field(gt=0, lt=1, description="Share of the runs, as 0.95")
+    below_m: Literal[1, 2, 5, 10, 20, 50, 100] | None = Field(
+        default=None,
+        description="Position error to stay below for `convergence_hold_s`, m; default: the campaign's `convergence_m`",
+    )
+
+
+class FailedRequirement(Requirement):
+    """At most a share of the runs fails: estimate or covariance not finite, covariance not positive definite."""
+
+    kind: Literal["failed"] = Field(description="failed: few failed runs")
+    at_most: float = Field(gt=0, lt=1, description="Share of the runs, as 0.01")
+
+
+class DivergedRequirement(Requirement):
+    """At most a share of the runs diverges, failures included; docs/statistics.md has the definition."""
+
+    kind: Literal["diverged"] = Field(description="diverged: few diverged runs")
+    at_most: float = Field(gt=0, lt=1, description="Share of the runs, as 0.01")
+
+
+AnyRequirement = Annotated[
+    ErrorsRequirement
+    | RmsRequirement
+    | NeesRequirement
+    | ConvergedRequirement
+    | FailedRequirement
+    | DivergedRequirement,
+    Field(discriminator="kind"),
+]
+
+
+def stored_requirements(content: Mapping[str, Any]) -> dict[str, AnyRequirement]:
+    """Return the requirements of a campaign's content as a results file carries it; none in files without any.
+
+    Raises:
+        ValueError: They are damaged.
+    """
+    given = content.get("requirements") or {}
+    return TypeAdapter(dict[str, AnyRequirement]).validate_python(given, strict=False)

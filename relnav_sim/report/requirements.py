@@ -1,0 +1,175 @@
+"""The campaign's requirements and what became of them: a table, a sentence, and the verdict on all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from relnav_sim.campaign.requirements import (
+    AnyRequirement,
+    ConvergedRequirement,
+    DivergedRequirement,
+    ErrorsRequirement,
+    FailedRequirement,
+    NeesRequirement,
+    RmsRequirement,
+    stored_requirements,
+)
+from relnav_sim.report.layouts import numbers
+from relnav_sim.report.overview import short_labels
+from relnav_sim.report.ranking import in_percent
+from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.report.wording import figure, listed
+from relnav_sim.results.block import ResultsError
+from relnav_sim.statistics.requirements import Judgement, Verdict, judge, overall
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+_SIZE = {"r": "position errors", "v": "velocity errors"}
+_MARKS = {"pass": "best", "fail": "failed", "undecided": ""}
+
+
+def judgements(results: Results) -> tuple[Judgement, ...]:
+    """Return every requirement of a result's campaign for every case and filter that it is about.
+
+    Raises:
+        ResultsError: The requirements in the file are damaged.
+    """
+    try:
+        requirements = stored_requirements(results.campaign_content)
+    except ValueError:
+        raise ResultsError(f"{results.path}: the campaign's requirements are damaged") from None
+    return tuple(
+        judge(results, name, requirement, index, filter)
+        for name, requirement in requirements.items()
+        for index, header in enumerate(results.headers)
+        for filter in header.filters
+        if requirement.filters is None or filter in requirement.filters
+    )
+
+
+def requirement_in_words(requirement: AnyRequirement) -> str:
+    """Return what a requirement demands, without its confidence."""
+    match requirement:
+        case ErrorsRequirement():
+            where = f" inside {requirement.inside_m:g} m" if requirement.inside_m is not None else ""
+            when = f" from {requirement.from_s:g} s on" if requirement.from_s else ""
+            size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
+            return f"{_percent(requirement.share)} of {_errors_of(requirement.quantity)} below {size}{where}{when}"
+        case RmsRequirement():
+            size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
+            return f"RMS of {_errors_of(requirement.quantity)} below {size}, {requirement.span} span"
+        case NeesRequirement():
+            part = "" if requirement.block == "full" else f", {requirement.block}"
+            low, high = _nees_limits(requirement)
+            return f"ANEES{part} between {low:.3g} and {high:.3g}, {requirement.span} span"
+        case ConvergedRequirement():
+            size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
+            return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
+        case FailedRequirement() | DivergedRequirement():
+            return f"at most {_percent(requirement.at_most)} of the runs {requirement.kind}"
+
+
+def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
+    """Return a row per requirement, case and filter."""
+    cases = short_labels([header.label for header in results.headers])
+    rows = []
+    for place, item in enumerate(judged):
+        opens = not place or judged[place - 1].name != item.name
+        words = requirement_in_words(item.requirement)
+        rows.append(
+            Row(
+                f"{item.name}: {words}" if opens else item.name,
+                (Words(f"{item.case + 1}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
+                key=str(item.case + 1),
+                opens_block=opens,
+                record=item.name,
+            )
+        )
+    labels = ("case", "filter", "figure", "verdict", "certainty", "runs", "looked at")
+    return Table(
+        name="requirements",
+        title="Requirements",
+        caption="The figure that the requirement limits, with its interval at the requirement's confidence (95 % "
+        "unless the campaign says otherwise). Pass: the whole interval meets the limit; fail: the whole interval "
+        "misses it. Certainty: the largest one-sided confidence at which the side of the figure could be claimed. "
+        "Shares of epochs count as many independent trials as their spread over runs allows.",
+        corner="requirement",
+        columns=tuple(Column(label, numeric=label == "figure") for label in labels),
+        rows=tuple(rows),
+    )
+
+
+def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
+    """Return a sentence on each requirement: who meets it, who misses it, who is undecided."""
+    sentences = []
+    for name in dict.fromkeys(item.name for item in judged):
+        mine = [item for item in judged if item.name == name]
+        verdicts = {
+            filter: overall([item.verdict for item in mine if item.filter == filter])
+            for filter in dict.fromkeys(item.filter for item in mine)
+        }
+        said = [
+            f"{words} {listed([filter for filter, verdict in verdicts.items() if verdict == wanted])}"
+            for wanted, words in _said_of(several=len({item.case for item in mine}) > 1)
+            if wanted in verdicts.values()
+        ]
+        sentences.append(f"Requirement {name} ({requirement_in_words(mine[0].requirement)}): {'; '.join(said)}.")
+    return tuple(sentences)
+
+
+def _said_of(several: bool) -> tuple[tuple[Verdict, str], ...]:
+    if several:
+        return ("pass", "met in every case by"), ("fail", "missed in some case by"), ("undecided", "undecided for")
+    return ("pass", "met by"), ("fail", "missed by"), ("undecided", "undecided for")
+
+
+def _cells(item: Judgement) -> tuple[Cell, ...]:
+    verdict = Words(item.verdict, mark=_MARKS[item.verdict])
+    found = item.finding
+    if found is None:
+        return (Words(item.basis), verdict, Words(""), Words(""), Words(item.basis))
+    if isinstance(item.requirement, RmsRequirement | NeesRequirement):
+        shown = numbers([found.figure])[0]
+    else:
+        shown = replace(numbers([in_percent(found.figure, 1.0)])[0], note="%")
+    return shown, verdict, Words(_certainty(found.certainty)), Words(_runs(item)), Words(item.basis)
+
+
+def _certainty(certainty: float) -> str:
+    if not math.isfinite(certainty):
+        return ""
+    return "> 99.9 %" if certainty > 0.999 else f"{100 * certainty:.1f} %"
+
+
+def _runs(item: Judgement) -> str:
+    found = item.finding
+    if found is None:
+        return ""
+    held = f"{found.figure.runs}"
+    if item.verdict != "undecided":
+        return held
+    if found.runs_to_decide is None:
+        return f"{held}; no number would decide"
+    if found.runs_to_decide <= found.figure.runs:
+        return f"{held}; a few more would decide"
+    return f"{held}; about {float(f'{found.runs_to_decide:.2g}'):.0f} would decide"
+
+
+def _errors_of(quantity: str) -> str:
+    return _SIZE.get(quantity, f"{quantity} errors")
+
+
+def _unit(quantity: str) -> str:
+    return "m/s" if quantity.startswith("v") else "m"
+
+
+def _percent(share: float) -> str:
+    return f"{figure(100 * share, 6).rstrip('0').rstrip('.')} %"
+
+
+def _nees_limits(requirement: NeesRequirement) -> tuple[float, float]:
+    return (1 - requirement.sigma_margin) ** 2, (1 + requirement.sigma_margin) ** 2

@@ -1,0 +1,221 @@
+"""Does a filter meet what the campaign requires of it? Pass, fail or undecided, by the interval over runs.
+
+A requirement passes once the whole interval of its figure lies on the good side of the limit, fails once it lies on the
+other, and is undecided in between. Shares have exact intervals (`proportions`), means those of the bootstrap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign.requirements import (
+    AnyRequirement,
+    ConvergedRequirement,
+    DivergedRequirement,
+    ErrorsRequirement,
+    FailedRequirement,
+    NeesRequirement,
+    RmsRequirement,
+)
+from relnav_sim.results import layout
+from relnav_sim.statistics import bootstrap
+from relnav_sim.statistics.divergence import diverged_runs
+from relnav_sim.statistics.intervals import Interval, bootstrap_interval, runs_to_decide
+from relnav_sim.statistics.proportions import Share, runs_for_share, share_of_epochs, share_of_runs
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+Array = NDArray[np.float64]
+Verdict = Literal["pass", "fail", "undecided"]
+
+EVERY_EPOCH = "every epoch"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the runs say about a requirement's figure.
+
+    Attributes:
+        figure: The figure with its interval at the requirement's confidence.
+        verdict: What follows.
+        certainty: Largest one-sided confidence at which the requirement is met or, where the figure is on the wrong
+            side, missed.
+        runs_to_decide: Runs that would decide an undecided one; None: decided, or no number would.
+    """
+
+    figure: Interval
+    verdict: Verdict
+    certainty: float
+    runs_to_decide: int | None
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One requirement, for one filter in one case.
+
+    Attributes:
+        name: The requirement's name in the campaign.
+        requirement: The requirement.
+        case: Number of the case, from 0.
+        filter: Name of the filter.
+        finding: What the runs say; None where there is none.
+        basis: What was looked at, in words.
+    """
+
+    name: str
+    requirement: AnyRequirement
+    case: int
+    filter: str
+    finding: Finding | None
+    basis: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """Pass, fail or undecided; undecided without runs."""
+        return self.finding.verdict if self.finding else "undecided"
+
+
+def overall(verdicts: Iterator[Verdict] | list[Verdict]) -> Verdict:
+    """Return the verdict on all: fail if one fails, else undecided if one is, else pass.
+
+    All must pass, so that a wrong pass is as improbable as for a single one (an intersection-union test, Berger 1982).
+    """
+    found = set(verdicts)
+    return "fail" if "fail" in found else "undecided" if "undecided" in found else "pass"
+
+
+def on_a_share(share: Share, limit: float, confidence: float) -> Finding:
+    """Return what a share says about a requirement to be at least ``limit``."""
+    figure = share.interval(confidence)
+    verdict: Verdict = "pass" if figure.low >= limit else "fail" if figure.high < limit else "undecided"
+    certainty = max(share.certainty_at_least(limit), share.certainty_below(limit))
+    needed = runs_for_share(share, limit, confidence) if verdict == "undecided" else None
+    return Finding(figure, verdict, certainty, needed)
+
+
+def on_a_mean(values: Array, low: float, high: float, confidence: float) -> Finding:
+    """Return what one figure per run says about a requirement that their mean lie between two limits.
+
+    Args:
+        values: One figure per run (runs,), finite.
+        low: Lower limit; -inf: none.
+        high: Upper limit.
+        confidence: Of the interval.
+    """
+    figure = bootstrap_interval(values, level=confidence)
+    inside = low <= figure.low and figure.high <= high
+    outside = figure.high < low or figure.low > high
+    verdict: Verdict = "pass" if inside else "fail" if outside else "undecided"
+    within = [_certainty_beyond(values - low), _certainty_beyond(high - values)]
+    certainty = min(within) if low <= figure.estimate <= high else 1 - min(within)
+    nearest = high if abs(figure.estimate - high) <= abs(figure.estimate - low) else low
+    needed = runs_to_decide(values - nearest, confidence) if verdict == "undecided" else None
+    return Finding(figure, verdict, certainty, needed)
+
+
+def judge(results: Results, name: str, requirement: AnyRequirement, case: int, filter: str) -> Judgement:
+    """Return whether a filter meets a requirement in one case."""
+    if not len(results.case_runs(case, filter)):
+        return Judgement(name, requirement, case, filter, None, "no run yet")
+    match requirement:
+        case ErrorsRequirement():
+            finding, basis = _errors(results, requirement, case, filter)
+        case RmsRequirement():
+            finding, basis = _rms(results, requirement, case, filter), EVERY_EPOCH
+        case NeesRequirement():
+            finding, basis = _nees(results, requirement, case, filter), EVERY_EPOCH
+        case ConvergedRequirement():
+            finding, basis = _converged(results, requirement, case, filter), EVERY_EPOCH
+        case FailedRequirement() | DivergedRequirement():
+            finding, basis = _lost(results, requirement, case, filter)
+    return Judgement(name, requirement, case, filter, finding, basis)
+
+
+def _errors(results: Results, rule: ErrorsRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
+    times_s = results.time_s(case)
+    error = results.error(case, filter)
+    if rule.quantity in ("r", "v"):
+        parts = slice(0, 3) if rule.quantity == "r" else slice(3, 6)
+        size = np.linalg.norm(error[..., parts], axis=-1)
+    else:
+        size = np.abs(error[..., layout.COMPONENTS.index(rule.quantity)])
+    counted = np.broadcast_to((times_s > 0) & (times_s >= rule.from_s), size.shape)
+    if rule.inside_m is not None:
+        counted = counted & (results.distance(case, filter) <= rule.inside_m)
+    # A run that has failed has NaN from there on, which no limit holds.
+    hits = (counted & (size < rule.limit)).sum(axis=1)
+    basis = stored_epochs(results, case)
+    if not counted.any():
+        return None, "no such epoch"
+    return on_a_share(share_of_epochs(hits, counted.sum(axis=1), rule.confidence), rule.share, rule.confidence), basis
+
+
+def stored_epochs(results: Results, case: int) -> str:
+    """Return in words which epochs the stored series has."""
+    times_s = results.time_s(case)
+    step_s = results.campaign_content.get("clock", {}).get("step_s")
+    every = round((times_s[1] - times_s[0]) / step_s) if step_s and len(times_s) > 1 else 0
+    return EVERY_EPOCH if every == 1 else f"stored epochs, one in {every}" if every else "stored epochs"
+
+
+def _rms(results: Results, rule: RmsRequirement, case: int, filter: str) -> Finding | None:
+    quantity, span = layout.QUANTITIES.index(rule.quantity), layout.SPANS.index(rule.span)
+    values = _known(_completed(results, case, filter, "rms")[:, span, quantity])
+    return on_a_mean(values, -math.inf, rule.limit, rule.confidence) if len(values) else None
+
+
+def _nees(results: Results, rule: NeesRequirement, case: int, filter: str) -> Finding | None:
+    block, span = layout.BLOCKS.index(rule.block), layout.SPANS.index(rule.span)
+    values = _known(_completed(results, case, filter, "anees")[:, span, block])
+    low, high = (1 - rule.sigma_margin) ** 2, (1 + rule.sigma_margin) ** 2
+    return on_a_mean(values, low, high, rule.confidence) if len(values) else None
+
+
+def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: str) -> Finding:
+    if rule.below_m is None:
+        times = results.statistic(case, filter, "convergence")
+    else:
+        times = results.statistic(case, filter, "convergence_level")[:, layout.THRESHOLDS_M.index(rule.below_m)]
+    sound = results.statistic(case, filter, "failed") == 0
+    with np.errstate(invalid="ignore"):
+        reached = int((sound & (times <= rule.within_s)).sum())
+    return on_a_share(share_of_runs(reached, len(times)), rule.share, rule.confidence)
+
+
+def _lost(
+    results: Results, rule: FailedRequirement | DivergedRequirement, case: int, filter: str
+) -> tuple[Finding, str]:
+    lost, basis = results.statistic(case, filter, "failed") == 1, EVERY_EPOCH
+    if rule.kind == "diverged":
+        lost = diverged_runs(results, case, filter)
+        if results.bound(case) is not None:
+            basis = f"{EVERY_EPOCH}; the bound at {stored_epochs(results, case)}"
+    kept = share_of_runs(int((~lost).sum()), len(lost))
+    finding = on_a_share(kept, 1 - rule.at_most, rule.confidence)
+    shown = finding.figure
+    turned = Interval(1 - shown.estimate, 1 - shown.high, 1 - shown.low, shown.level, shown.runs)
+    return Finding(turned, finding.verdict, finding.certainty, finding.runs_to_decide), basis
+
+
+def _completed(results: Results, case: int, filter: str, name: str) -> Array:
+    sound = results.statistic(case, filter, "failed") == 0
+    return np.asarray(results.statistic(case, filter, name), dtype=float)[sound]
+
+
+def _known(values: Array) -> Array:
+    return values[~np.isnan(values)]
+
+
+def _certainty_beyond(values: Array) -> float:
+    """Return the one-sided confidence that the mean of the values is positive."""
+    if len(values) < 2 or not np.isfinite(values).all():
+        return 1.0 if np.isposinf(values).all() else 0.0
+    one_sided = bootstrap.p_value(values, bootstrap.replicates(values, "mean", bootstrap.RESAMPLES, 0)) / 2
+    return 1 - one_sided if values.mean() > 0 else one_sided

@@ -1,0 +1,142 @@
+"""`requirements:` of a campaign, judged on results whose numbers are known."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from relnav_sim.cli.app import app
+from relnav_sim.report.requirements import in_sentences, judgements, requirement_in_words, requirements_table
+from relnav_sim.results import open_results
+from relnav_sim.results.block import ResultsError
+from relnav_sim.statistics.requirements import Judgement
+
+ResultMaker = Callable[..., Path]
+RUNS = 100
+
+
+def judged(path: Path) -> list[Judgement]:
+    with open_results(path) as results:
+        return list(judgements(results))
+
+
+def one(make_result: ResultMaker, requirement: dict[str, Any], **options: Any) -> Judgement:
+    options = {"runs": RUNS, "filters": {"ekf": 1.0}} | options
+    (found,) = judged(make_result(requirements={"wanted": requirement}, **options))
+    return found
+
+
+def test_errors_are_counted_in_the_stored_series(make_result: ResultMaker) -> None:
+    path = make_result(runs=40, filters={"ekf": 1.0}, failed={"ekf": [3]})
+    with open_results(path) as results:
+        r = np.linalg.norm(results.error(0, "ekf")[..., :3], axis=-1)[:, 1:]
+    late = r[:, 9:]  # t >= 1000 s
+    for kept, options in ((r, {}), (late, {"from_s": 1000.0})):
+        share = float((kept < 2).mean())  # a failed run's NaN counts as too large
+        found = one(
+            make_result, {"kind": "errors", "below_m": 2, "share": 0.5, **options}, runs=40, failed={"ekf": [3]}
+        )
+        assert found.finding is not None
+        assert found.finding.figure.estimate == pytest.approx(share, rel=1e-12)
+        assert found.basis == "stored epochs, one in 100"
+
+
+def test_errors_inside_a_distance(make_result: ResultMaker) -> None:
+    """The invented truth stands 12 km off: inside 12 km is everything, inside 11 km nothing."""
+    near = {"kind": "errors", "below_m": 2, "share": 0.5}
+    everything = one(make_result, near)
+    inside = one(make_result, near | {"inside_m": 12000})
+    assert inside.finding == everything.finding
+    nothing = one(make_result, near | {"inside_m": 11000})
+    assert nothing.finding is None and nothing.verdict == "undecided" and nothing.basis == "no such epoch"
+
+
+@pytest.mark.parametrize(("limit", "verdict"), [(0.5, "fail"), (5.0, "pass")])
+def test_rms(make_result: ResultMaker, limit: float, verdict: str) -> None:
+    found = one(make_result, {"kind": "rms", "below_m": limit})
+    assert found.verdict == verdict and found.basis == "every epoch"
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(1.0, "pass"), (1.3, "fail"), (0.6, "fail"), (1.1, "undecided")])
+def test_nees(make_result: ResultMaker, size: float, verdict: str) -> None:
+    assert one(make_result, {"kind": "nees"}, filters={"ekf": size}).verdict == verdict
+
+
+def test_converged_by_both_thresholds(make_result: ResultMaker) -> None:
+    times = np.where(np.arange(RUNS) < 99, 30.0, np.nan)
+    levels = np.full((RUNS, 7), np.nan)
+    levels[:40, 2] = 55.0
+    summary = {"ekf": {"convergence": times, "convergence_level": levels}}
+    found = one(make_result, {"kind": "converged", "within_s": 60, "share": 0.9}, summaries=summary)
+    assert found.finding is not None and found.finding.figure.estimate == 0.99 and found.verdict == "pass"
+    rule = {"kind": "converged", "within_s": 60, "share": 0.9, "below_m": 5}
+    found = one(make_result, rule, summaries=summary)
+    assert found.finding is not None and found.finding.figure.estimate == 0.4 and found.verdict == "fail"
+
+
+def test_lost_runs(make_result: ResultMaker) -> None:
+    outside = np.where(np.arange(RUNS) < 7, 0.2, 0.0)
+    options: dict[str, Any] = {"summaries": {"ekf": {"outside_late": outside}}, "failed": {"ekf": [5, 50]}}
+    found = one(make_result, {"kind": "failed", "at_most": 0.1}, **options)
+    assert found.finding is not None and found.finding.figure.estimate == pytest.approx(0.02)
+    found = one(make_result, {"kind": "diverged", "at_most": 0.02}, **options)
+    assert found.finding is not None and found.finding.figure.estimate == pytest.approx(0.08)
+    assert found.verdict == "fail"
+
+
+def test_only_the_filters_that_are_named(make_result: ResultMaker) -> None:
+    rule = {"wanted": {"kind": "nees", "filters": ["kf"]}}
+    found = judged(make_result(requirements=rule, labels=("a=1", "a=2"), runs=20))
+    assert [(item.case, item.filter) for item in found] == [(0, "kf"), (1, "kf")]
+
+
+def test_words_and_table(make_result: ResultMaker) -> None:
+    rules = {
+        "docking": {"kind": "errors", "below_m": 1, "share": 0.997, "inside_m": 500},
+        "quick": {"kind": "converged", "within_s": 60, "share": 0.95},
+        "sharp": {"kind": "rms", "quantity": "vx", "below_m_s": 0.001},
+    }
+    with open_results(make_result(requirements=rules, runs=20)) as results:
+        found = judgements(results)
+        table = requirements_table(results, found)
+    words = list(dict.fromkeys(requirement_in_words(item.requirement) for item in found))
+    assert words == [
+        "99.7 % of position errors below 1 m inside 500 m",
+        "converged within 60 s in 95 % of the runs",
+        "RMS of vx errors below 0.001 m/s, settled span",
+    ]
+    assert len(table.rows) == 9 and table.rows[0].label.startswith("docking: 99.7 %")
+    assert (
+        "Requirement sharp (RMS of vx errors below 0.001 m/s, settled span): missed by kf, ekf and ukf."
+        in in_sentences(found)
+    )
+
+
+@pytest.mark.parametrize(
+    ("rule", "code"),
+    [
+        ({"kind": "rms", "below_m": 100}, 0),
+        ({"kind": "rms", "below_m": 0.001}, 4),
+        ({"kind": "converged", "within_s": 1000, "share": 0.999}, 5),
+    ],
+)
+def test_exit_codes(make_result: ResultMaker, rule: dict[str, Any], code: int) -> None:
+    path = make_result(requirements={"wanted": rule}, runs=12, filters={"ekf": 1.0})
+    found = CliRunner().invoke(app, ["report", str(path), "--check", "--format", "csv"])
+    assert found.exit_code == code, found.output
+    assert {0: "requirements: pass", 4: "requirements: fail", 5: "requirements: undecided"}[code] in found.output
+    assert (path.with_suffix("") / "tables" / "requirements.csv").is_file()
+
+
+def test_check_without_requirements_is_a_mistake(make_result: ResultMaker) -> None:
+    found = CliRunner().invoke(app, ["report", str(make_result(runs=2, filters={"ekf": 1.0})), "--check"])
+    assert found.exit_code == 2 and "has no requirements" in found.output
+
+
+def test_damaged_requirements_are_one_sentence(make_result: ResultMaker) -> None:
+    path = make_result(requirements={"wanted": {"kind": "nes"}}, runs=2)
+    with pytest.raises(ResultsError, match="requirements are damaged"):
+        judged(path)
