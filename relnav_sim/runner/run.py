@@ -72,8 +72,7 @@ def run_campaign(
         check_same_campaign(out, header)
         write_folder_header(folder, header)
         finished = finished_work(folder, campaign, say)
-        tasks = bound_tasks(campaign, folder, part)
-        bounds_left = [task for task in tasks if not is_finished(task, say)]
+        bounds_left = [task for task in bound_tasks(campaign, folder, part) if not is_finished(task, say)]
         new_blocks = 0
         for runs in looks(campaign, part):
             left = list(blocks_left(replace(campaign, runs=runs), finished.runs, folder, part))
@@ -109,7 +108,7 @@ def run_campaign(
             say("every run was finished already")
         _say_what_is_left_out(out, header, say)
         provenance = _provenance(out, header, folder, new_blocks)
-        bounds = [read_bound(task.path) for task in tasks if task.path.exists()]
+        bounds = [read_bound(task.path) for task in bound_tasks(campaign, folder) if is_finished(task, say)]
         pieces = [shard_piece(path) for path in finished.shards]
         merge_pieces(pieces, header, provenance, out, complete=False, bounds=bounds)
     labels = {case.id: case.label for case in campaign.cases}
