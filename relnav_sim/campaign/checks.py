@@ -63,6 +63,8 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
+        if parts.sensors is not None:
+            yield from _check_accelerometer_bias(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and not is_learned(entry.dynamics):
             yield Problem(
                 ("filters", name, "dynamics"),
@@ -105,6 +107,22 @@ def _check_manoeuvres(truth: TruthOptions, clock: Clock) -> Iterator[Problem]:
             yield Problem(
                 ("truth", "manoeuvres", name, "duration_s"),
                 f"the burn ends at {manoeuvre.end_s:g} s, the run at {clock.duration_s:g} s",
+            )
+
+
+def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: SensorsOptions) -> Iterator[Problem]:
+    """Yield where the filter is to carry a bias that nothing it is told of has, or that comes and goes by halves."""
+    options = sensors.accelerometer
+    for place, extra in enumerate(entry.augment):
+        if extra.kind != "accelerometer_bias":
+            continue
+        path: Path = ("filters", name, "augment", place)
+        if options is None or entry.known_thrust in ("none", "planned"):
+            yield Problem(path, "the filter is told of no measured thrust: give sensors.accelerometer and measured")
+        elif options.deadband_m_s2 > 0 and options.carrier == "both":
+            yield Problem(
+                path,
+                "with a deadband the biases of two accelerometers come and go by themselves; set the deadband to 0",
             )
 
 

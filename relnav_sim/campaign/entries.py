@@ -63,7 +63,7 @@ class FilterEntry(Options):
     augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(
         default=(),
         description="Extra states that the filter carries behind position and velocity: biases of the radar, errors "
-        "of the attitude, drag; each estimated or only accounted for. Default: none",
+        "of the attitude, drag, bias of the accelerometer; each estimated or only accounted for. Default: none",
     )
 
     @field_validator("augment")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import exp, expm1
 from typing import ClassVar, Literal
@@ -17,10 +17,11 @@ from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.converted_radar import ConvertedRadar
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.delayed import Delayed
-from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.process_noise import van_loan
 from relnav_sim.models.radar import PolarRadar
 from relnav_sim.models.radar_geometry import ARCSEC, NADIR_FROM_RTN
+from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
@@ -175,8 +176,42 @@ class DifferentialDragOptions(ExtraStateOptions):
     )
 
 
+class AccelerometerBiasOptions(ExtraStateOptions):
+    """Bias of the measured relative thrust, RTN: the deputy's accelerometer's less the chief's.
+
+    A filter that is told measured forces u moves by u - b while there is a reading.
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("accelerometer_bias_x", "accelerometer_bias_y", "accelerometer_bias_z")
+    unit: ClassVar[str] = "m/s^2"
+    key_unit: ClassVar[str] = "m_s2"
+
+    kind: Literal["accelerometer_bias"] = Field(
+        default="accelerometer_bias", description="Bias of the measured relative thrust, three axes"
+    )
+    sigma_m_s2: float = Field(
+        gt=0,
+        description="Standard deviation of the bias on each axis at the start, m/s^2; of the difference where both "
+        "craft carry an accelerometer, root 2 of one's",
+    )
+    walk_m_s2_per_sqrt_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Random walk: standard deviation gained in one second, m/s^2; default 0: constant",
+    )
+
+    def acceleration(self) -> Array:
+        """Return what is to be taken off what is measured."""
+        return -np.eye(3)
+
+
 ExtraStateOption = (
-    AzimuthBiasOptions | ElevationBiasOptions | RangeBiasOptions | AttitudeErrorOptions | DifferentialDragOptions
+    AzimuthBiasOptions
+    | ElevationBiasOptions
+    | RangeBiasOptions
+    | AttitudeErrorOptions
+    | DifferentialDragOptions
+    | AccelerometerBiasOptions
 )
 """The kinds of extra states."""
 
@@ -206,10 +241,17 @@ class Extension:
     acceleration: Array
 
     def dynamics(self, base: Dynamics, orbit: ChiefOrbit, step_s: float) -> AugmentedDynamics:
-        """Return the dynamics of [x; b]; an acceleration acts as on a circular orbit over one step."""
-        inputs = None
+        """Return the dynamics of [x; b]; an acceleration acts as on a circular orbit over one step.
+
+        An accelerometer's bias acts in steps in which the base is told of a force.
+        """
+        inputs: Array | Callable[[Step], Array] | None = None
         if self.acceleration.any():
-            inputs = held_acceleration(orbit.mean_motion_rad_s, step_s) @ self.acceleration
+            G = held_acceleration(orbit.mean_motion_rad_s, step_s) @ self.acceleration
+            measured = np.array([name.startswith("accelerometer_bias") for name in self.names])
+            inputs = G
+            if measured.any() and isinstance(base, KnownThrust):
+                inputs = _while_pushed(base, G, measured)
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered)
 
     def measurement(self, base: PolarRadar | ConvertedRadar | Delayed, mounting: Array) -> AugmentedMeasurement:
@@ -242,6 +284,16 @@ def extension(options: Sequence[ExtraStateOption], mounting: Array, step_s: floa
         errors=np.concatenate([option.errors(mounting) for option in options], axis=1),
         acceleration=np.concatenate([option.acceleration() for option in options], axis=1),
     )
+
+
+def _while_pushed(thrust: KnownThrust, G: Array, measured: NDArray[np.bool_]) -> Callable[[Step], Array]:
+    """Return G (6, e) step by step, (runs or 1, 6, e), the measured columns zero in runs without a force."""
+
+    def inputs(step: Step) -> Array:
+        idle = measured & ~thrust.pushed(step)[:, None]
+        return np.where(idle[:, None], 0.0, G)
+
+    return inputs
 
 
 def held_acceleration(mean_motion_rad_s: float, step_s: float) -> Array:

@@ -111,6 +111,14 @@ class KnownThrust:
         F = self.base.transition(self._kicked(mean, step, self._before, step.epoch - 1), step)
         return self._step_s / 2 * (F[..., 3:] + np.eye(6)[:, 3:])
 
+    def pushed(self, step: Step) -> NDArray[np.bool_]:
+        """Return in which runs there is a force in a step, (runs,), or (1,) where all have the same."""
+        place = self._place(step)
+        if place is None:
+            return np.zeros(1, dtype=bool)
+        found: NDArray[np.bool_] = ((self._before[:, place] != 0) | (self._after[:, place] != 0)).any(axis=(1, 2))
+        return found
+
     def _place(self, step: Step) -> int | None:
         """Return the step's place among the known forces, None before there are any."""
         place = step.epoch - self._first_epoch

@@ -184,6 +184,7 @@ class FilterTrack:
         self.name = name
         self._thrust_inputs = thrust_inputs
         self._known = known_thrust(entry, config)
+        self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: str | None = None
         self._input = entry.measurement
         self._step_s = config.clock.step_s
@@ -199,7 +200,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
-                self._extra = ExtraTrack(made.extension, config, self._errors.rules, len(source.runs))
+                self._extra = ExtraTrack(made.extension, config, self._errors.rules, source)
             self._belief = self._filter.start(self._prior, source)
 
     def add(self, stretch: Stretch) -> None:
@@ -231,7 +232,7 @@ class FilterTrack:
         """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
         forces = None
         if self._thrust is not None:
-            forces, noise = self._thrust_inputs.of(stretch, self._known)
+            forces, noise = self._thrust_inputs.of(stretch, self._known, self._carries_bias)
             self._thrust.take(forces, stretch.first_epoch, noise)
         if self._follower is not None:
             self._follower.take(stretch.z["gnss"], stretch.first_epoch, forces)

@@ -10,13 +10,15 @@ from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
-from relnav_sim.models.extra_states import Extension, extension
+from relnav_sim.models.extra_states import AccelerometerBiasOptions, Extension, extension
 from relnav_sim.results.block import ExtraStates
 from relnav_sim.runner.simulation import Stretch
 from relnav_sim.runner.start import radar_model
+from relnav_sim.sensors.accelerometer import Craft, constant_bias
 from relnav_sim.sensors.noise import BiasNoise, GaussMarkovNoise, NoisePart, noise_parts
 from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.statistics.extra import ExtraAccumulator
+from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth
 from relnav_sim.truth.trajectory import force_model
 
@@ -62,13 +64,13 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
 class ExtraTrack:
     """The extra states of a filter on its way through a block."""
 
-    def __init__(self, extra: Extension, config: CaseConfig, rules: ScoringRules, runs: int) -> None:
-        self._extra, self._config = extra, config
-        self._accumulator = ExtraAccumulator(runs, rules, extra.names, extra.units)
+    def __init__(self, extra: Extension, config: CaseConfig, rules: ScoringRules, source: RandomSource) -> None:
+        self._extra, self._config, self._source = extra, config, source
+        self._accumulator = ExtraAccumulator(len(source.runs), rules, extra.names, extra.units)
 
     def add(self, stretch: Stretch, history: FilterHistory, failed: NDArray[np.int64]) -> None:
         """Count the next stretch; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_extra(self._extra, self._config, stretch.truth)
+        truth = true_extra(self._extra, self._config, stretch.truth, self._source)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(stretch.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
@@ -77,23 +79,28 @@ class ExtraTrack:
         return self._accumulator.result()
 
 
-def true_extra(extra: Extension, config: CaseConfig, truth: Truth) -> Array:
-    """Return the true values of extra states at some epochs, (runs or 1, K, e); NaN where they are not known.
+def true_extra(extra: Extension, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
+    """Return the true values of extra states at some epochs, (runs, K, e); NaN where they are not known.
 
     The radar's biases are those of its options, unless a correlated part of its noise drifts on top of them. The
     attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at the true
-    states, where neither craft's ballistic coefficient nor the density is dispersed.
+    states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers' biases are
+    those of each run, unless their noise drifts.
 
     Args:
         extra: The states.
         config: The case.
         truth: The true states.
+        source: Seed and runs of the block.
     """
-    values = np.full((*truth.relative.shape[:-1], len(extra.names)), np.nan)
+    values = np.full((len(source.runs), len(truth.times_s), len(extra.names)), np.nan)
     biases = dict(zip(("range_bias", "azimuth_bias", "elevation_bias"), _radar_biases(config), strict=True))
+    measured = dict(zip(AccelerometerBiasOptions.names, _accelerometer_biases(config, source), strict=True))
     for place, name in enumerate(extra.names):
         if name in biases:
             values[..., place] = biases[name]
+        elif name in measured:
+            values[..., place] = measured[name][:, None]
         elif name.startswith("attitude_error"):
             sensors = (config.sensors.gnss, config.sensors.star_tracker)
             white = all(_is_white(noise_parts(sensor.noise)) for sensor in sensors if sensor is not None)
@@ -113,6 +120,15 @@ def _radar_biases(config: CaseConfig) -> Array:
         return np.full(3, np.nan)
     constant = sum((np.broadcast_to(part.value, 3) for part in parts if isinstance(part, BiasNoise)), np.zeros(3))
     return radar.biases + constant * radar.sigmas
+
+
+def _accelerometer_biases(config: CaseConfig, source: RandomSource) -> Array:
+    """Return the constant error of the measured relative thrust, deputy less chief, (3, runs), m/s^2."""
+    options = config.sensors.accelerometer
+    if options is None or not _is_white(noise_parts(options.noise)):
+        return np.full((3, len(source.runs)), np.nan)
+    signs: dict[Craft, float] = {"deputy": 1.0, "chief": -1.0}
+    return np.asarray(sum(signs[craft] * constant_bias(options, craft, source)[:, 0] for craft in options.craft)).T
 
 
 def _is_white(parts: tuple[NoisePart, ...]) -> bool:

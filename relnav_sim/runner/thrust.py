@@ -43,17 +43,25 @@ class ThrustInputs:
         self._plan = [(planned(each), each.errors or common) for each in config.truth.manoeuvres.values()]
         self._gained: dict[str, Array] = {}
         self._latest: Stretch | None = None
-        self._inputs: dict[Known, tuple[Array, Array | None]] = {}
+        self._inputs: dict[tuple[Known, bool], tuple[Array, Array | None]] = {}
 
-    def of(self, stretch: Stretch, known: Known) -> tuple[Array, Array | None]:
-        """Return forces and the covariance to add to Q, as `KnownThrust.take` wants them, shared by all filters."""
+    def of(self, stretch: Stretch, known: Known, carries_bias: bool = False) -> tuple[Array, Array | None]:
+        """Return forces and the covariance to add to Q, as `KnownThrust.take` wants them, shared by all filters.
+
+        Args:
+            stretch: The epochs.
+            known: What the filter is told.
+            carries_bias: Whether it has the accelerometer's bias among its states: the covariance is then without it.
+        """
         if stretch is not self._latest:
             # Stretches come in order, and what a burn has gained so far is carried on: each is measured just once.
             self._latest = stretch
-            self._inputs = {"planned": self._planned(stretch.truth.times_s)}
+            forces, noise = self._planned(stretch.truth.times_s)
+            self._inputs = dict.fromkeys((("planned", False), ("planned", True)), (forces, noise))
             if self._config.sensors.accelerometer is not None:
-                self._inputs["measured"] = self._measured(stretch.z, *self._inputs["planned"][:1])
-        return self._inputs[known]
+                forces, *noises = self._measured(stretch.z, forces)
+                self._inputs |= {("measured", without): (forces, noises[without]) for without in (False, True)}
+        return self._inputs[known, carries_bias]
 
     def _planned(self, times_s: Array) -> tuple[Array, Array | None]:
         forces = np.zeros((1, len(times_s), len(CRAFT), 2, 3))
@@ -65,16 +73,19 @@ class ThrustInputs:
                 noise += planned_noise(thrust, errors, own, times_s, self._step_s)
         return forces, noise if noise.any() else None
 
-    def _measured(self, z: Mapping[str, Array], plan: Array) -> tuple[Array, Array]:
-        """Return what is measured; the plan stands in for a craft without accelerometer and for missing readings."""
+    def _measured(self, z: Mapping[str, Array], plan: Array) -> tuple[Array, Array, Array]:
+        """Return what is measured; the plan stands in for a craft without accelerometer and for missing readings.
+
+        Two covariances go with it: with the share of the constant bias, and without.
+        """
         runs = len(next(iter(z.values())))
         forces = np.repeat(plan, runs, axis=0)
         options = self._config.sensors.accelerometer
         assert options is not None  # or this is not called
-        noise = np.zeros((runs, plan.shape[1], 6, 6))
+        noise = np.zeros((2, runs, plan.shape[1], 6, 6))
         random = options.velocity_random_walk_m_s_sqrt_s**2 * self._step_s * white_variance(noise_parts(options.noise))
         doubt = CERTAIN_THRUST * (np.sqrt(random) + options.bias_sigma_m_s2 * self._step_s)
-        constant = np.square([options.scale_factor_sigma_percent / 100, options.bias_sigma_m_s2])
+        scale, bias = np.square([options.scale_factor_sigma_percent / 100, options.bias_sigma_m_s2])
         for craft in options.craft:
             reading = z[f"{craft}_accelerometer"].reshape(runs, -1, 2, 3)
             missing: NDArray[np.bool_] = np.asarray(np.isnan(reading).any(axis=(2, 3)))
@@ -83,12 +94,14 @@ class ThrustInputs:
             before, after = kicks_of(own, self._step_s)
             taken = (own != 0).any(axis=(2, 3)) if options.deadband_m_s2 else np.ones(missing.shape, dtype=bool)
             variances = np.where((taken & ~missing)[..., None], random, 0.0)
-            if constant.any():
+            both = np.stack([variances, variances])
+            if scale or bias:
                 gains = before + after
                 burning = taken if options.deadband_m_s2 else np.sqrt(np.square(gains).sum(axis=2)) > doubt
-                variances = variances + self._squares_gained(craft, gains, burning & ~missing) @ constant
-            noise += _spread(variances[..., None] * np.eye(3), np.full(missing.shape, self._step_s / 2))
-        return forces, noise
+                gained = self._squares_gained(craft, gains, burning & ~missing)
+                both = both + np.stack([gained @ [scale, bias], gained @ [scale, 0.0]])
+            noise += _spread(both[..., None] * np.eye(3), np.full(missing.shape, self._step_s / 2))
+        return forces, noise[0], noise[1]
 
     def _squares_gained(self, craft: str, gains: Array, burning: NDArray[np.bool_]) -> Array:
         """Return by how much the squares of velocity gained and time spent in a burn grow in each step.

@@ -65,6 +65,11 @@ class AccelerometerOptions(Options):
         return ("chief", "deputy") if self.carrier == "both" else (self.carrier,)
 
 
+def constant_bias(options: AccelerometerOptions, craft: Craft, source: RandomSource) -> Array:
+    """Return each run's constant error of one craft's accelerometer, (runs, 1, 3), m/s^2."""
+    return options.bias_sigma_m_s2 * source.streams(f"sensor.accelerometer.{craft}.bias").normal(1, CHANNELS)
+
+
 class Accelerometer:
     """The accelerometer of one craft over one block of runs.
 
@@ -80,7 +85,7 @@ class Accelerometer:
         self._sigma = options.velocity_random_walk_m_s_sqrt_s / np.sqrt(step_s)
         self._deadband = options.deadband_m_s2
         self._noise = Noise(noise_parts(options.noise), name, source, CHANNELS, step_s)
-        self._bias = options.bias_sigma_m_s2 * source.streams(f"sensor.{name}.bias").normal(1, CHANNELS)
+        self._bias = constant_bias(options, craft, source)
         errors = source.streams(f"sensor.{name}.scale_factor").normal(1, 1, CHANNELS)
         self._scale = 1 + options.scale_factor_sigma_percent / 100 * errors
 

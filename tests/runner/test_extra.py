@@ -47,6 +47,18 @@ def test_the_first_fix_is_as_wrong_as_the_biases_make_it(tmp_path):
     assert low < nees < high
 
 
+def exact_text():
+    """Return the campaign with a truth that the nonlinear_j2 dynamics follow exactly, one revolution long."""
+    text = PLAIN
+    for old, new in (
+        ("duration_s: 40, step_s: 1, store_every_s: 4", "duration_s: 5600, step_s: 20, store_every_s: 400"),
+        ("  dispersions:", "  forces: {zonals: 2, drag: none}\n  dispersions:"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    return "\n".join(line for line in text.splitlines() if not line.startswith(("  gnss:", "  star_tracker:")))
+
+
 @pytest.mark.parametrize("kind", ["kf", "ekf"])
 def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     """A bias of 5 sigmas of the noise: ignored, estimated, considered."""
@@ -60,15 +72,7 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
         f"process_noise: {{acceleration_psd_m2_s3: 1e-14}}, augment: {extra}}}\n"
         for name, extra in extras.items()
     )
-    text = PLAIN
-    for old, new in (
-        ("range_sigma_m: 2,", "range_sigma_m: 2, azimuth_bias_deg: 0.5,"),
-        ("duration_s: 40, step_s: 1, store_every_s: 4", "duration_s: 5600, step_s: 20, store_every_s: 400"),
-        ("  dispersions:", "  forces: {zonals: 2, drag: none}\n  dispersions:"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    text = "\n".join(line for line in text.splitlines() if not line.startswith(("  gnss:", "  star_tracker:")))
+    text = exact_text().replace("range_sigma_m: 2,", "range_sigma_m: 2, azimuth_bias_deg: 0.5,")
     outcome = simulate_block(campaign(tmp_path, entries, text).cases[0], 5, range(10))
     assert not outcome.broken and not outcome.result.failures
     found = outcome.result.filters
@@ -94,6 +98,39 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     np.testing.assert_allclose(considered.sigma, np.radians(0.5), rtol=1e-6)
 
 
+@pytest.mark.parametrize("carrier", ["both", "deputy"])
+def test_an_accelerometer_s_bias_is_found(tmp_path, carrier):
+    """Each run has its own bias, which a filter adds up unless it estimates or considers it."""
+    extras = {
+        "ignoring": "[]",
+        "estimating": "[{kind: accelerometer_bias, sigma_m_s2: 2e-5}]",
+        "considering": "[{kind: accelerometer_bias, sigma_m_s2: 2e-5, mode: consider}]",
+    }
+    entries = "".join(
+        f"  {name}: {{kind: ekf, dynamics: {{kind: nonlinear_j2}}, "
+        f"process_noise: {{acceleration_psd_m2_s3: 1e-14}}, augment: {extra}}}\n"
+        for name, extra in extras.items()
+    )
+    # The chief is as unsteady as the deputy, so half of the variance is each one's.
+    sigma = 2e-5 / np.sqrt(2 if carrier == "both" else 1)
+    sensor = f"{{carrier: {carrier}, velocity_random_walk_m_s_sqrt_s: 1e-5, bias_sigma_m_s2: {sigma}}}"
+    text = exact_text().replace("sensors:", f"sensors:\n  accelerometer: {sensor}")
+    runs = 20
+    outcome = simulate_block(campaign(tmp_path, entries, text).cases[0], 5, range(runs))
+    assert not outcome.broken and not outcome.result.failures
+    found = outcome.result.filters
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * runs) / (6 * runs)
+    anees = {name: found[name].nees[:, -1].mean() / 6 for name in extras}
+    assert low < anees["estimating"] < high and low < anees["considering"] < high < 10 < anees["ignoring"]
+    bias = found["estimating"].extra
+    assert bias.names == tuple(f"accelerometer_bias_{axis}" for axis in "xyz")
+    z = bias.error[:, -1] / bias.sigma[:, -1]
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * runs)
+    assert low < np.sum(z**2) < high
+    # After one revolution little of it is left.
+    assert (bias.sigma[:, -1] < 0.1 * 2e-5).all()
+
+
 def test_true_values_where_they_are_known(tmp_path):
     extras = (
         "[{kind: differential_drag, sigma_m_s2: 1e-6}, {kind: elevation_bias, sigma_deg: 1}, "
@@ -105,7 +142,7 @@ def test_true_values_where_they_are_known(tmp_path):
         config = campaign(tmp_path, entry, text).cases[0].config
         first = next(iter(stretches(config, RandomSource(5, (0, 1)))))
         extra = extension_of(config.filters["ekf"], config)
-        return true_extra(extra, config, first.truth), first.truth, config
+        return true_extra(extra, config, first.truth, RandomSource(5, (0, 1))), first.truth, config
 
     biased = PLAIN.replace("angle_sigma_deg: 0.1,", "angle_sigma_deg: 0.1, elevation_bias_deg: 0.2,").replace(
         "noise: {kind: gaussian}", "noise: [{kind: gaussian}, {kind: bias, value: [0, 0, 3]}]"
@@ -144,6 +181,7 @@ def test_true_values_where_they_are_known(tmp_path):
         ("  t: {kind: two_step, augment: [{kind: range_bias, sigma_m: 1, mode: consider}]}\n", "can't account for"),
         ("  e: {kind: ekf, augment: [{kind: range_bias, sigma_m: 1}, {kind: range_bias, sigma_m: 2}]}\n", "twice"),
         ("  e: {kind: ekf, augment: [{kind: azimuth_bias, sigma_m: 1}]}\n", "sigma_deg"),
+        ("  e: {kind: ekf, augment: [{kind: accelerometer_bias, sigma_m_s2: 1}]}\n", "no measured thrust"),
         ("  e: {kind: ekf, augment: [{kind: azimuth_bais, sigma_deg: 1}]}\n", "azimuth_bias"),
         ("  e: {kind: ekf, augment: [{kind: range_bias, sigma_m: 1, tau_s: 9, walk_m_per_sqrt_s: 1}]}\n", "not both"),
     ],
