@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from relnav_sim.cli.compare import compare
 from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import guarded
 from relnav_sim.cli.figure import figure
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "new": new,
     "schema": schema,
     "inspect": inspect,
+    "compare": compare,
     "merge": merge,
     "export": export,
     "reproduce": reproduce,

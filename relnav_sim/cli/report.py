@@ -29,7 +29,10 @@ def report(
         Path | None, typer.Option(help="The folder to write to.", show_default="beside the result, with its name")
     ] = None,
     formats: Annotated[
-        str, typer.Option("--format", help="What to write, separated by commas; figures come with each.")
+        str,
+        typer.Option(
+            "--format", help="What to write, separated by commas, of html, md, csv and latex; figures come with each."
+        ),
     ] = "html,md,csv",
     axes: Annotated[
         ReportAxes,

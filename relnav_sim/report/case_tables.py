@@ -11,12 +11,13 @@ from relnav_sim.report.axes import Array
 from relnav_sim.report.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.layouts import INTERVALS, numbers, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
-from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words, decimals_for
+from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words
 from relnav_sim.report.wording import figure
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
     Band,
+    Comparison,
     Interval,
     bootstrap_interval,
     chi_square_band,
@@ -211,8 +212,8 @@ def _pair_cells(pair: Pair | None, unit: str, first: str = "") -> tuple[Cell, ..
     verdict = turned.get(comparison.verdict, comparison.verdict)
     shown = numbers([_turned(found, sign)])[0]
     percent = numbers([_turned(pair.percent, sign)])[0]
-    p_value = Number(comparison.p_value, decimals=max(3, decimals_for([comparison.p_value], []) - 2))
-    return shown, percent, Words(verdict), p_value, Words(_decided_at(pair))
+    p_value = p_number(comparison.p_value)
+    return shown, percent, Words(verdict), p_value, Words(decided_at(comparison))
 
 
 def _turned(found: Interval, sign: float) -> Interval:
@@ -221,8 +222,13 @@ def _turned(found: Interval, sign: float) -> Interval:
     return Interval(-found.estimate, -found.high, -found.low, found.level, found.runs)
 
 
-def _decided_at(pair: Pair) -> str:
-    comparison = pair.comparison
+def p_number(p_value: float) -> Number:
+    """Return a p-value with as many decimals as it needs."""
+    return Number(p_value, decimals=3 if p_value >= 0.0005 else 6)
+
+
+def decided_at(comparison: Comparison) -> str:
+    """Return at how many runs a comparison is decided, or would be."""
     runs, needed = comparison.difference.runs, comparison.runs_to_decide
     if comparison.verdict != "undecided":
         return f"{runs} runs, decided"

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from relnav_sim.statistics.intervals import (
 from relnav_sim.statistics.multiple import holm
 
 LEVEL = 0.95
+Key = TypeVar("Key", bound=Hashable)
 _NOTHING = Interval(math.nan, math.nan, math.nan, LEVEL, 0)
 
 
@@ -127,13 +129,13 @@ def rank(case: CaseFacts) -> Ranking:
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
 
 
-def guarded(differences: Mapping[tuple[str, str], Array]) -> dict[tuple[str, str], Comparison]:
-    """Return the comparisons of a family of pairs, each verdict and p-value guarded for all of them.
+def guarded(differences: Mapping[Key, Array]) -> dict[Key, Comparison]:
+    """Return the comparisons of a family, each verdict and p-value guarded for all of them.
 
     An undecided pair is told how many runs would decide it at the level that the number of pairs asks for.
 
     Args:
-        differences: First minus second on each common run, by the pair's names.
+        differences: First minus second on each common run, by whatever tells the comparisons apart.
     """
     found = {pair: paired_difference(values, np.zeros(len(values)), LEVEL) for pair, values in differences.items()}
     adjusted = holm([comparison.p_value for comparison in found.values()])

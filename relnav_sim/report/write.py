@@ -8,30 +8,32 @@ from pathlib import Path
 from relnav_sim.report import html, markdown
 from relnav_sim.report.axes import checked_axes
 from relnav_sim.report.compose import MOST_FIGURES, compose
+from relnav_sim.report.latex import latex
 from relnav_sim.report.page import page_tables
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
 
-FORMATS = ("html", "md", "csv")
+FORMATS = ("html", "md", "csv", "latex")
+USUAL = ("html", "md", "csv")
 
 
 def write_report(
     result_path: str | Path,
     out_dir: str | Path | None = None,
-    formats: Iterable[str] = FORMATS,
+    formats: Iterable[str] = USUAL,
     axes: str = "rtn",
     most_figures: int = MOST_FIGURES,
     workers: int = 2,
 ) -> Path:
     """Write the report of a result.
 
-    ``index.html`` is one file that opens from disk and asks for nothing from anywhere; ``report.md`` and
-    ``tables/*.csv`` hold the same tables; ``figures/`` holds every figure as PNG and PDF.
+    ``index.html`` is one file that opens from disk and asks for nothing from anywhere; ``report.md``,
+    ``tables/*.csv`` and ``tables/*.tex`` hold the same tables; ``figures/`` holds every figure as PNG and PDF.
 
     Args:
         result_path: The results file.
         out_dir: Folder of the report; default: beside the result, with its name without the suffix.
-        formats: Any of ``html``, ``md`` and ``csv``.
+        formats: Any of ``html``, ``md``, ``csv`` and ``latex``.
         axes: ``rtn`` (x radial out, y along-track, z orbit normal) or ``shi2025`` (x along-track, y minus orbit
             normal, z nadir, as Shi et al. 2025 tabulate).
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
@@ -59,11 +61,13 @@ def write_report(
         written["html"] = _write(folder / "index.html", html.render(page))
     if "md" in wanted:
         written["md"] = _write(folder / "report.md", markdown.render(page))
-    if "csv" in wanted:
-        written["csv"] = folder / "tables"
-        written["csv"].mkdir(exist_ok=True)
+    for form, suffix, made in (("csv", "csv", comma_separated), ("latex", "tex", latex)):
+        if form not in wanted:
+            continue
+        written[form] = folder / "tables"
+        written[form].mkdir(exist_ok=True)
         for table in page_tables(page):
-            _write(written["csv"] / f"{table.name}.csv", comma_separated(table))
+            _write(written[form] / f"{table.name}.{suffix}", made(table))
     return next(iter(written.values()))
 
 

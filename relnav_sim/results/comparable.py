@@ -27,11 +27,12 @@ def comparable(a: Results, b: Results) -> list[str]:
         reasons.append("they have no case in common")
     elif not set(a.runs) & set(b.runs):
         reasons.append("they have no run in common")
-    reasons += _different_code(a.provenance, b.provenance)
+    reasons += different_code(a.provenance, b.provenance)
     return reasons
 
 
-def _different_code(a: Provenance, b: Provenance) -> list[str]:
+def different_code(a: Provenance, b: Provenance) -> list[str]:
+    """Return whether two results come from different code, as a sentence; empty: from the same."""
     versions = [provenance.versions.get("relnav", "unknown") for provenance in (a, b)]
     if versions[0] != versions[1]:
         return [f"they come from different versions of relnav ({versions[0]} and {versions[1]})"]

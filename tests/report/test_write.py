@@ -202,7 +202,7 @@ def test_a_report_can_be_written_twice(make_result: ResultMaker) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"formats": ("pdf",)}, "html, md, csv, not 'pdf'"),
+        ({"formats": ("pdf",)}, "html, md, csv, latex, not 'pdf'"),
         ({"formats": ()}, "at least one"),
         ({"axes": "lvlh"}, "rtn, shi2025, not 'lvlh'"),
     ],

@@ -1,0 +1,182 @@
+"""Two results, or two filters across results, set against each other run by run.
+
+The same run of the same case has the same random numbers in both if the seeds are the same, so differences are paired
+even where the two were computed on different days. What cannot be paired is named with the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from relnav_sim.report.axes import Array
+from relnav_sim.report.case_tables import decided_at, p_number
+from relnav_sim.report.facts import CaseFacts, FilterFacts, case_facts
+from relnav_sim.report.layouts import numbers
+from relnav_sim.report.overview import short_labels
+from relnav_sim.report.ranking import guarded, in_percent
+from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.results.comparable import different_code
+from relnav_sim.statistics.intervals import Comparison, Interval, bootstrap_interval
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+_FIGURES = ("position RMS", "velocity RMS", "convergence time")
+_UNITS = {"position RMS": "m", "velocity RMS": "m/s", "convergence time": "s"}
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of a comparison: a result, its name, and the one filter to look at; None: every filter."""
+
+    results: Results
+    name: str
+    filter: str | None = None
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What tells the rows apart."""
+
+    case: str
+    filters: tuple[str, str]
+    figure: str
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What came of a comparison.
+
+    Attributes:
+        table: A row per case, pair of filters and figure; None where nothing could be paired.
+        reasons: What could not be paired, and why.
+        notes: What else a reader must know.
+    """
+
+    table: Table | None
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def compare(first: Side, second: Side) -> Compared:
+    """Return the differences between two sides, first minus second, each verdict guarded for all of them."""
+    a, b = first.results, second.results
+    notes = different_code(a.provenance, b.provenance) if a.path.resolve() != b.path.resolve() else []
+    if a.seed != b.seed:
+        reason = f"the seeds differ ({a.seed} and {b.seed}): no run has the same random numbers in both"
+        return Compared(None, (reason,), tuple(notes))
+    places = {header.id: index for index, header in enumerate(b.headers)}
+    labels = short_labels([header.label for header in a.headers])
+    reasons: list[str] = []
+    found: dict[_Row, tuple[Array, Array]] = {}
+    for index, header in enumerate(a.headers):
+        if header.id not in places:
+            reasons.append(f"case {labels[index]}: only in {first.name}, with these settings")
+            continue
+        one, other = case_facts(a, index), case_facts(b, places[header.id])
+        for names in _filters(first, second, one, other, reasons, labels[index]):
+            notes += _other_settings(a, b, index, places[header.id], names)
+            runs = 0
+            for figure in _FIGURES:
+                values = _paired(one.filter(names[0]), other.filter(names[1]), one, figure)
+                runs = max(runs, len(values[0]))
+                if len(values[0]):
+                    found[_Row(labels[index], names, figure)] = values
+            if not runs:
+                reasons.append(f"case {labels[index]}: {' and '.join(names)} have no completed run in common")
+    here = {header.id for header in a.headers}
+    spare = short_labels([header.label for header in b.headers])
+    reasons += [
+        f"case {spare[index]}: only in {second.name}, with these settings"
+        for index, header in enumerate(b.headers)
+        if header.id not in here
+    ]
+    return Compared(_table(first, second, found) if found else None, tuple(reasons), tuple(dict.fromkeys(notes)))
+
+
+def _filters(
+    first: Side, second: Side, one: CaseFacts, other: CaseFacts, reasons: list[str], label: str
+) -> list[tuple[str, str]]:
+    """Return the pairs of filters to compare in a case: those named, else those of the same name."""
+    here, there = first.filter or second.filter, second.filter or first.filter
+    if here is not None and there is not None:
+        wanted = [(here, there)]
+    else:
+        wanted = [(name, name) for name in one.names if name in other.names]
+        reasons += [] if wanted else [f"case {label}: {first.name} and {second.name} have no filter in common"]
+    held: list[tuple[str, str]] = []
+    for pair in wanted:
+        absent = [
+            f"case {label}: {side.name} has no run of {name}"
+            for side, name, case in zip((first, second), pair, (one, other), strict=True)
+            if name not in case.names
+        ]
+        reasons += absent
+        held += [] if absent else [pair]
+    return held
+
+
+def _other_settings(a: Results, b: Results, index: int, place: int, names: tuple[str, str]) -> list[str]:
+    if names[0] != names[1] or a.headers[index].filter_ids[names[0]] == b.headers[place].filter_ids[names[1]]:
+        return []
+    return [f"{names[0]} has other settings in each of the two"]
+
+
+def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, figure: str) -> tuple[Array, Array]:
+    """Return a figure of both filters on their common runs."""
+    _, here, there = np.intersect1d(one.runs, other.runs, return_indices=True)
+    first, second = (np.where(item.ok, _figure(item, case, figure), np.nan) for item in (one, other))
+    both = np.isfinite(first[here]) & np.isfinite(second[there])
+    return first[here][both], second[there][both]
+
+
+def _figure(item: FilterFacts, case: CaseFacts, figure: str) -> Array:
+    if figure == "convergence time":
+        return item.convergence_s
+    return item.errors("rms", case.span, "r" if figure == "position RMS" else "v")
+
+
+def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) -> Table:
+    compared = guarded({key: one - other for key, (one, other) in found.items()})
+    rows = []
+    for key, (one, other) in found.items():
+        rows.append(
+            Row(
+                key.case,
+                (
+                    Words(" against ".join(dict.fromkeys(key.filters))),
+                    Words(key.figure),
+                    *numbers([bootstrap_interval(one), bootstrap_interval(other)]),
+                    *_cells(compared[key], float(other.mean())),
+                ),
+                unit=_UNITS[key.figure],
+                opens_block=key.figure == _FIGURES[0],
+            )
+        )
+    headings = ("filters", "figure", first.name, second.name, "difference", "%", "verdict", "p", "runs")
+    words = ("filters", "figure", "verdict", "runs")
+    return Table(
+        name="comparison",
+        title=f"{first.name} against {second.name}",
+        caption="First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
+        " verdict is the first's, at 95 % for all rows together (p after Holm).",
+        corner="case",
+        columns=tuple(Column(heading, numeric=heading not in words) for heading in headings),
+        rows=tuple(rows),
+    )
+
+
+def _cells(comparison: Comparison, reference: float) -> Sequence[Cell]:
+    difference = comparison.difference
+    percent = in_percent(difference, reference) if reference else Interval(np.nan, np.nan, np.nan, 0.95, 0)
+    return (
+        *numbers([difference]),
+        *numbers([percent]),
+        Words(comparison.verdict),
+        p_number(comparison.p_value),
+        Words(decided_at(comparison)),
+    )

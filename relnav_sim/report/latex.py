@@ -1,0 +1,96 @@
+r"""A table as LaTeX that drops into an article: booktabs rules, no other package, captions and labels set.
+
+``\input{tables/overview.tex}`` in a document that has ``\usepackage{booktabs}``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from relnav_sim.report.tables import Cell, Column, Number, Row, Table
+
+_SIGNS = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": "$<$",
+    ">": "$>$",
+    "|": "$|$",
+    '"': "''",
+    "\N{MINUS SIGN}": "$-$",
+    "\N{EN DASH}": "--",
+    "\N{INFINITY}": r"$\infty$",
+    "\N{GREATER-THAN OR EQUAL TO}": r"$\geq$",
+    "\N{PLUS-MINUS SIGN}": r"$\pm$",
+    "\N{MULTIPLICATION SIGN}": r"$\times$",
+    "\N{MICRO SIGN}": r"\textmu{}",
+    "\N{MIDDLE DOT}": r"$\cdot$",
+    "\N{HORIZONTAL ELLIPSIS}": r"\ldots{}",
+}
+
+
+def latex(table: Table) -> str:
+    """Return the table as a floating ``table`` with a ``tabular`` in booktabs style."""
+    columns = "l" + "".join("r" if column.numeric else "l" for column in table.columns)
+    lines = [
+        r"% needs \usepackage{booktabs}",
+        r"\begin{table}",
+        r"  \centering\footnotesize",
+        f"  \\caption{{{escaped(table.title)}. {escaped(table.caption)}}}",
+        f"  \\label{{tab:{table.name.replace('_', '-')}}}",
+        f"  \\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
+        r"    \toprule",
+        *(f"    {line}" for line in _heading(table)),
+        r"    \midrule",
+    ]
+    for place, row in enumerate(table.rows):
+        if row.opens_block and place:
+            lines.append(r"    \midrule")
+        lines.append(f"    {_row(row)}")
+    return "\n".join([*lines, r"    \bottomrule", r"  \end{tabular}", r"\end{table}"]) + "\n"
+
+
+def escaped(text: str) -> str:
+    """Return text that LaTeX sets as written."""
+    return "".join(_SIGNS.get(sign, sign) for sign in " ".join(text.split()))
+
+
+def _heading(table: Table) -> Iterable[str]:
+    if table.groups:
+        cells, rules, first = [""], [], 2
+        for name, span in table.groups:
+            cells.append(rf"\multicolumn{{{span}}}{{c}}{{{escaped(name)}}}")
+            rules += [rf"\cmidrule(lr){{{first}-{first + span - 1}}}"] if name else []
+            first += span
+        yield " & ".join(cells) + r" \\"
+        yield " ".join(rules)
+    yield " & ".join([escaped(table.corner), *(_centred(column) for column in table.columns)]) + r" \\"
+
+
+def _centred(column: Column) -> str:
+    return rf"\multicolumn{{1}}{{c}}{{{escaped(column.label)}}}" if column.numeric else escaped(column.label)
+
+
+def _row(row: Row) -> str:
+    label = escaped(row.label) + (rf" / {escaped(row.unit)}" if row.unit else "")
+    return " & ".join([label, *(_cell(cell) for cell in row.cells)]) + r" \\"
+
+
+def _cell(cell: Cell) -> str:
+    if isinstance(cell, Number):
+        parts = [escaped(cell.shown)]
+        if cell.has_interval:
+            parts.append(rf"{{\scriptsize {escaped(cell.shown_interval)}}}")
+        text = "~".join([*parts, *([escaped(cell.note)] if cell.note else [])])
+    else:
+        text = escaped(cell.text)
+    if cell.mark == "best":
+        text = rf"\textbf{{{text}}}"
+    return text if cell.span == 1 else rf"\multicolumn{{{cell.span}}}{{c}}{{{text}}}"
