@@ -22,7 +22,7 @@ from relnav_sim.runner.block import create_campaign_filter
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
 from relnav_sim.runner.survive import BlockTimeout, time_limit
 from relnav_sim.runner.work import filter_ids
-from relnav_sim.sensors import measurement_model, reading_probability
+from relnav_sim.sensors import radar_model, reading_probability
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.statistics.bound import BoundRecursion, matrix_root
 from relnav_sim.statistics.fisher import ReadingInformation
@@ -237,7 +237,7 @@ class _Information:
     def __init__(self, config: CaseConfig, truth: _Ensemble) -> None:
         radar = config.sensors.radar
         assert radar is not None  # a campaign has one: its filters need it
-        model = measurement_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
+        model = radar_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
         assert isinstance(model, PolarRadar)
         law = white_law(noise_parts(radar.noise), len(radar.sigmas))
         self._model, self._truth = model, truth

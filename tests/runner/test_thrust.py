@@ -8,7 +8,6 @@ import pytest
 from relnav_sim import open_results, run_campaign, simulate
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.campaign.manoeuvres import manoeuvre_times
-from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.runner.simulation import stretches
 from relnav_sim.runner.thrust import ThrustInputs
 from relnav_sim.streams import RandomSource
@@ -83,39 +82,6 @@ def test_without_manoeuvres_nothing_changes(tmp_path):
         with results(tmp_path, campaign(filters, manoeuvres={}, runs=3), name) as found:
             errors.append(np.asarray(found.error(0, "kf")))
     assert np.array_equal(*errors)
-
-
-@pytest.mark.parametrize("kind", sorted(name for name in filter_kinds() if not name.startswith("test_")))
-def test_every_filter_knows_thrust_and_its_bits_do_not_depend_on_the_block(tmp_path, kind):
-    fields = filter_kinds()[kind].options_model.model_fields
-    smaller = {name: 100 for name in ("samples", "particles") if name in fields}
-    filters = {
-        "measured": {"kind": kind, **smaller},
-        "planned": {"kind": kind, **smaller, "known_thrust": "planned"},
-    }
-    clock = {"duration_s": 14, "step_s": 1, "store_every_s": 1}
-    manoeuvres = {
-        "kick": {"time_s": 4, "delta_v_m_s": [0, 0.5, 0.1]},
-        "evade": {"craft": "chief", "time_s": 8.5, "delta_v_m_s": [0.1, -0.3, 0.5]},
-    }
-    errors = {**ERRORS, "timing_sigma_s": 1.5}  # so that runs thrust in different steps
-    runs = campaign(
-        filters,
-        accelerometer={**ACCELEROMETER, "deadband_m_s2": 1e-2},
-        manoeuvres=manoeuvres,
-        errors=errors,
-        runs=3,
-        clock=clock,
-        statistics={"settle_s": 5},
-    )
-    found = []
-    for size in (3, 1):
-        with results(tmp_path, parse_campaign(runs.text, (f"block_runs={size}",)), f"{size}.h5") as each:
-            assert not each.failures()
-            found.append([np.asarray(each.error(0, name)) for name in filters])
-    for together, alone in zip(*found, strict=True):
-        assert np.isfinite(together).all()
-        assert np.array_equal(together, alone)
 
 
 def test_a_filter_that_knows_the_latency_undoes_it(tmp_path):
