@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,11 +14,13 @@ from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.models.radar import PolarRadar
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.runner.block import create_campaign_filter
+from relnav_sim.runner.extra import extension_of
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
 from relnav_sim.runner.survive import BlockTimeout, time_limit
 from relnav_sim.runner.work import filter_ids
@@ -76,37 +78,64 @@ def case_bound(case: Case, seed: int) -> BoundResult:
         seed: The campaign's seed.
     """
     config = case.config
-    clock = config.clock
     truth = _ensemble(config, seed)
+    information = _Information(config, truth)
     sharers: dict[str, list[str]] = {}
     for name, entry in config.filters.items():
         sharers.setdefault(_model_key(entry), []).append(name)
-    models = {key: _Model(partial(_believed, names, config, seed), clock.step_s) for key, names in sharers.items()}
-    chain = [_Model(partial(_perfect, config), clock.step_s), *models.values()]
-    information = _Information(config, truth)
-    covariances = np.full((clock.stored, len(chain), 6, 6), np.nan)
-    start = _start(config, truth, information)
-    if start is not None:
-        covariances[0] = start
-        recursion = BoundRecursion(covariances[0])
-        for epochs in _stretches(1, clock.epochs):
-            states = truth.relative_mean[epochs - 1]
-            steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in chain]
-            transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
-            noise_roots, roots = matrix_root(noises), matrix_root(information.at(epochs))
-            for k, epoch in enumerate(epochs):
-                recursion.advance(transitions[k], noise_roots[k], roots[k])
-                if epoch % clock.store_every == 0:
-                    covariances[epoch // clock.store_every] = recursion.covariance
-    bounds = dict(zip(["", *models], _deviations(covariances).swapaxes(0, 1), strict=True))
+    models = {"": _Model(partial(_perfect, config), config)}
+    models |= {
+        key: _Model(partial(_believed, names, config, seed), config, extension_of(config.filters[names[0]], config))
+        for key, names in sharers.items()
+    }
+    bounds: dict[str, Array] = {}
+    for keys in _with_the_same_states(models):
+        bounds |= dict(zip(keys, _side_by_side([models[key] for key in keys], config, truth, information), strict=True))
+    broken = {key: model.broken for key, model in models.items() if model.broken}
     return BoundResult(
         seed=seed,
         case_id=case.id,
         filter_ids=filter_ids(case),
         perfect=bounds[""],
-        filters={name: bounds[key] for key, names in sharers.items() if not models[key].broken for name in names},
-        reason="; ".join(f"{', '.join(sharers[key])}: {model.broken}" for key, model in models.items() if model.broken),
+        filters={name: bounds[key] for key, names in sharers.items() if key not in broken for name in names},
+        reason="; ".join(f"{', '.join(sharers[key])}: {reason}" for key, reason in broken.items()),
     )
+
+
+def _with_the_same_states(models: Mapping[str, _Model]) -> list[list[str]]:
+    """Return the keys of models in groups with the same extra states."""
+    groups: list[list[str]] = []
+    for key, model in models.items():
+        for group in groups:
+            if models[group[0]].has_states_of(model):
+                group.append(key)
+                break
+        else:
+            groups.append([key])
+    return groups
+
+
+def _side_by_side(
+    models: Sequence[_Model], config: CaseConfig, truth: _Ensemble, information: _Information
+) -> Iterator[Array]:
+    """Yield the bound of each of some models with the same states, (times, 8)."""
+    clock, extra = config.clock, models[0].extra
+    n = models[0].dimension
+    covariances = np.full((clock.stored, len(models), n, n), np.nan)
+    start = _start(config, truth, information, extra)
+    if start is not None:
+        covariances[0] = start
+        recursion = BoundRecursion(covariances[0])
+        for epochs in _stretches(1, clock.epochs):
+            states = truth.relative_mean[epochs - 1]
+            steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in models]
+            transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
+            noise_roots, roots = matrix_root(noises), matrix_root(information.at(epochs, extra))
+            for k, epoch in enumerate(epochs):
+                recursion.advance(transitions[k], noise_roots[k], roots[k])
+                if epoch % clock.store_every == 0:
+                    covariances[epoch // clock.store_every] = recursion.covariance
+    yield from _deviations(covariances[..., :6, :6]).swapaxes(0, 1)
 
 
 def _deviations(covariance: Array) -> Array:
@@ -162,40 +191,85 @@ def _mean(values: Array) -> Array:
 class _Model:
     """A model of the motion, along the truth.
 
+    Args:
+        make: Makes the motion of the six states.
+        config: The case.
+        extra: The states behind them; None: there are none.
+
     Attributes:
         broken: The exception that it raised, in words; empty: none.
     """
 
-    def __init__(self, make: Callable[[], Dynamics], step_s: float) -> None:
+    def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
         self.broken = ""
-        self._step_s = step_s
+        self.extra = extra
+        self.dimension = 6 if extra is None else 6 + len(extra.names)
+        self._config = config
         self._dynamics: Dynamics | None = None
         try:
             self._dynamics = make()
         except Exception as error:  # of a user's own filter or dynamics; the other bounds go on
             self.broken = f"{type(error).__name__}: {error}"
 
+    def has_states_of(self, other: _Model) -> bool:
+        """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
+        a, b = self.extra, other.extra
+        if a is None or b is None:
+            return a is b
+        return a.names == b.names and np.array_equal(a.sigma, b.sigma) and np.array_equal(a.errors, b.errors)
+
     def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
-        """Return F and Q of the steps that end at `epochs` (K,), (K, 6, 6) each; NaN and 0 once it is broken.
+        """Return F and Q of the steps that end at `epochs` (K,), (K, n, n) each; NaN and 0 once it is broken.
 
         Args:
             epochs: (K,).
             chief: ECI states of the chief one step before, (K, 6).
             states: Relative states one step before, RTN, (K, 6).
         """
-        shape = (len(epochs), 6, 6)
         if self._dynamics is not None and not self.broken:
             try:
-                F, Q = _steps(self._dynamics, self._step_s, epochs, chief, states)
-                return F.reshape(shape), Q.reshape(shape)
+                return self._extended(*_steps(self._dynamics, self._config.clock.step_s, epochs, chief, states))
             except Exception as error:  # as above
                 self.broken = f"{type(error).__name__}: {error}"
+        shape = (len(epochs), self.dimension, self.dimension)
         return np.full(shape, np.nan), np.zeros(shape)
+
+    def _extended(self, F: Array, Q: Array) -> tuple[Array, Array]:
+        """Return the matrices (K, 6, 6) with the part of the extra states."""
+        if self.extra is None:
+            return F, Q
+        step_s = self._config.clock.step_s
+        whole = self.extra.dynamics(_Given(F, Q), nominal_chief(self._config.truth), step_s)
+        states, step = np.zeros((len(F), self.dimension)), Step(0, step_s)
+        return whole.transition(states, step), whole.process_noise(states, step)
+
+
+class _Given:
+    """Dynamics of six states whose matrices are known, one for each row of states."""
+
+    dimension = 6
+    linear = True
+
+    def __init__(self, transitions: Array, noises: Array) -> None:
+        self._transitions, self._noises = transitions, noises
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x."""
+        return np.einsum("kij,kj->ki", self._transitions, states)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F, (K, 6, 6)."""
+        return self._transitions
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (K, 6, 6)."""
+        return self._noises
 
 
 def _steps(
     dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], chief: Array, states: Array
 ) -> tuple[Array, Array]:
+    """Return F and Q of the six states, (K, 6, 6) each."""
     if isinstance(dynamics, NonlinearJ2Dynamics):
         # The epochs take the place of runs, each with a chief of its own.
         step = Step(1, step_s)
@@ -204,7 +278,8 @@ def _steps(
     pairs = []
     for epoch, state in zip(epochs, states[:, None], strict=True):
         step = Step(int(epoch), step_s)
-        pairs.append((dynamics.transition(state, step), dynamics.process_noise(state, step)))
+        F, Q = dynamics.transition(state, step), dynamics.process_noise(state, step)
+        pairs.append((np.reshape(F, (6, 6)), np.reshape(Q, (6, 6))))
     return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
 
 
@@ -228,7 +303,7 @@ def _model_key(entry: FilterEntry) -> str:
     """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
     if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
         return entry.model_dump_json()
-    return entry.dynamics.model_dump_json() + entry.process_noise.model_dump_json()
+    return entry.model_dump_json(include={"dynamics", "process_noise", "augment"})
 
 
 class _Information:
@@ -240,7 +315,7 @@ class _Information:
         model = radar_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
         assert isinstance(model, PolarRadar)
         law = white_law(noise_parts(radar.noise), len(radar.sigmas))
-        self._model, self._truth = model, truth
+        self._model, self._truth, self._mounting = model, truth, radar.mounting
         self._own = np.diag(np.square(law.nominal * radar.sigmas))
         attitude = np.concatenate([self._attitude(states) for states in truth.relative])
         self._reading = ReadingInformation(law.weights, law.scales * radar.sigmas, attitude)
@@ -250,26 +325,40 @@ class _Information:
         R = self._model.noise(states, 0) - self._own
         return np.asarray(np.broadcast_to(R[..., 1:, 1:], (len(states), 2, 2)))
 
-    def at(self, epochs: NDArray[np.int64]) -> Array:
-        """Return the information of the readings at some epochs, (K, 6, 6); 0 where no trajectory goes on."""
+    def at(self, epochs: NDArray[np.int64], extra: Extension | None = None) -> Array:
+        """Return the information of the readings at some epochs, (K, n, n); 0 where no trajectory goes on.
+
+        Args:
+            epochs: (K,).
+            extra: States behind the six that readings depend on too; they count as 0.
+        """
         states, probability = self._truth.relative[:, epochs], self._truth.probability[:, epochs]
         flat = states.reshape(-1, 6)
-        H = self._model.jacobian(flat, 0)
-        information = (H.swapaxes(1, 2) @ self._reading.at(self._attitude(flat)) @ H).reshape(*states.shape, 6)
+        H = self._jacobian(flat, extra)
+        n = H.shape[-1]
+        information = (H.swapaxes(1, 2) @ self._reading.at(self._attitude(flat)) @ H).reshape(*probability.shape, n, n)
         # Where nothing is measured the information may be anything, as of a target on the radar's axis.
         weighed = np.where(probability[..., None, None] > 0, probability[..., None, None] * information, 0.0)
         going = np.maximum((~np.isnan(probability)).sum(axis=0), 1)
         return np.asarray(weighed.sum(axis=0) / going[:, None, None])
 
+    def _jacobian(self, states: Array, extra: Extension | None) -> Array:
+        """Return H (N, 3, n) at states (N, 6)."""
+        if extra is None:
+            return self._model.jacobian(states, 0)
+        whole = np.concatenate([states, np.zeros((len(states), len(extra.names)))], axis=1)
+        return extra.measurement(self._model, self._mounting).jacobian(whole, 0)
 
-def _start(config: CaseConfig, truth: _Ensemble, information: _Information) -> Array | None:
-    """Return J_0^-1 (6, 6), the covariance of the error with which filters start at best; None where none can."""
+
+def _start(config: CaseConfig, truth: _Ensemble, information: _Information, extra: Extension | None) -> Array | None:
+    """Return J_0^-1 (n, n), the covariance of the error with which filters start at best; None where none can."""
     start = config.start
+    behind = np.zeros(0) if extra is None else extra.sigma
     if isinstance(start, FirstFixStart):
         share = float(truth.probability[:, 0].mean())  # a run without a first fix has failed and does not count
         if not share > 0:
             return None
-        J = information.at(np.zeros(1, dtype=np.int64))[0] / share
-        J[3:, 3:] += np.diag(1 / np.square(start.velocity_sigma_m_s))
+        J = information.at(np.zeros(1, dtype=np.int64), extra)[0] / share
+        J[3:, 3:] += np.diag(1 / np.square([*start.velocity_sigma_m_s, *behind]))
         return np.asarray(np.linalg.inv(J))
-    return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s]))
+    return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s, *behind]))

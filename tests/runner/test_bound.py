@@ -132,6 +132,24 @@ def test_a_filter_without_a_model_costs_its_own_bound_only(campaign, tmp_path, m
     assert any("bad: RuntimeError: no such model" in sentence for sentence in said)
 
 
+def test_extra_states_are_in_the_bound_of_the_filter_that_has_them(campaign, tmp_path):
+    made = campaign(
+        SHARED, ONE, "runs=3",
+        "filters.wide={kind: ekf, augment: "
+        "[{kind: range_bias, sigma_m: 0.5}, {kind: azimuth_bias, sigma_deg: 0.5, tau_s: 20}]}",
+        "filters.known={kind: ekf, augment: "
+        "[{kind: range_bias, sigma_m: 1e-7}, {kind: azimuth_bias, sigma_deg: 1e-7, tau_s: 20}]}",
+    )  # fmt: skip
+    out = run_campaign(made, tmp_path / "out.h5", backend="sequential")
+    with open_results(out) as results:
+        plain, wide, known = (results.bound(0, name) for name in ("ekf", "wide", "known"))
+        np.testing.assert_allclose(known, plain, rtol=1e-6)
+        assert (wide[:, 6] > 1.2 * plain[:, 6]).all()
+        for name, bound in (("ekf", plain), ("wide", wide)):
+            # The filter's own covariance is the same recursion, about its estimates instead of the truth.
+            np.testing.assert_allclose(results.sigma(0, name).mean(axis=0), bound[:, :6], rtol=0.02)
+
+
 def test_a_filter_with_the_right_model_comes_to_the_bound_and_not_below(campaign, tmp_path):
     made = campaign(
         SHARED, ONE, "runs=200", "block_runs=200", "clock={duration_s: 300, step_s: 1, store_every_s: 20}",
