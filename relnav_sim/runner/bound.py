@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign import Case
-from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
-from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.extra_states import Extension
-from relnav_sim.models.gp import GpOptions
-from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.models.radar import PolarRadar
 from relnav_sim.results.bound import BoundResult
-from relnav_sim.runner.block import create_campaign_filter
+from relnav_sim.runner.bound_models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.runner.extra import extension_of
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
 from relnav_sim.runner.survive import BlockTimeout, time_limit
@@ -82,10 +77,12 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     information = _Information(config, truth)
     sharers: dict[str, list[str]] = {}
     for name, entry in config.filters.items():
-        sharers.setdefault(_model_key(entry), []).append(name)
-    models = {"": _Model(partial(_perfect, config), config)}
+        sharers.setdefault(model_key(entry), []).append(name)
+    models = {"": Model(partial(perfect_dynamics, config), config)}
     models |= {
-        key: _Model(partial(_believed, names, config, seed), config, extension_of(config.filters[names[0]], config))
+        key: Model(
+            partial(believed_dynamics, names, config, seed), config, extension_of(config.filters[names[0]], config)
+        )
         for key, names in sharers.items()
     }
     bounds: dict[str, Array] = {}
@@ -96,13 +93,15 @@ def case_bound(case: Case, seed: int) -> BoundResult:
         seed=seed,
         case_id=case.id,
         filter_ids=filter_ids(case),
-        perfect=bounds[""],
+        perfect=None if "" in broken else bounds[""],
         filters={name: bounds[key] for key, names in sharers.items() if key not in broken for name in names},
-        reason="; ".join(f"{', '.join(sharers[key])}: {reason}" for key, reason in broken.items()),
+        reason="; ".join(
+            f"{', '.join(sharers.get(key, ['perfect model']))}: {reason}" for key, reason in broken.items()
+        ),
     )
 
 
-def _with_the_same_states(models: Mapping[str, _Model]) -> list[list[str]]:
+def _with_the_same_states(models: Mapping[str, Model]) -> list[list[str]]:
     """Return the keys of models in groups with the same extra states."""
     groups: list[list[str]] = []
     for key, model in models.items():
@@ -116,7 +115,7 @@ def _with_the_same_states(models: Mapping[str, _Model]) -> list[list[str]]:
 
 
 def _side_by_side(
-    models: Sequence[_Model], config: CaseConfig, truth: _Ensemble, information: _Information
+    models: Sequence[Model], config: CaseConfig, truth: _Ensemble, information: _Information
 ) -> Iterator[Array]:
     """Yield the bound of each of some models with the same states, (times, 8)."""
     clock, extra = config.clock, models[0].extra
@@ -186,124 +185,6 @@ def _mean(values: Array) -> Array:
     known = ~np.isnan(values)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(known, values, 0.0).sum(axis=0) / known.sum(axis=0))
-
-
-class _Model:
-    """A model of the motion, along the truth.
-
-    Args:
-        make: Makes the motion of the six states.
-        config: The case.
-        extra: The states behind them; None: there are none.
-
-    Attributes:
-        broken: The exception that it raised, in words; empty: none.
-    """
-
-    def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
-        self.broken = ""
-        self.extra = extra
-        self.dimension = 6 if extra is None else 6 + len(extra.names)
-        self._config = config
-        self._dynamics: Dynamics | None = None
-        try:
-            self._dynamics = make()
-        except Exception as error:  # of a user's own filter or dynamics; the other bounds go on
-            self.broken = f"{type(error).__name__}: {error}"
-
-    def has_states_of(self, other: _Model) -> bool:
-        """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
-        a, b = self.extra, other.extra
-        if a is None or b is None:
-            return a is b
-        return a.names == b.names and np.array_equal(a.sigma, b.sigma) and np.array_equal(a.errors, b.errors)
-
-    def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
-        """Return F and Q of the steps that end at `epochs` (K,), (K, n, n) each; NaN and 0 once it is broken.
-
-        Args:
-            epochs: (K,).
-            chief: ECI states of the chief one step before, (K, 6).
-            states: Relative states one step before, RTN, (K, 6).
-        """
-        if self._dynamics is not None and not self.broken:
-            try:
-                return self._extended(*_steps(self._dynamics, self._config.clock.step_s, epochs, chief, states))
-            except Exception as error:  # as above
-                self.broken = f"{type(error).__name__}: {error}"
-        shape = (len(epochs), self.dimension, self.dimension)
-        return np.full(shape, np.nan), np.zeros(shape)
-
-    def _extended(self, F: Array, Q: Array) -> tuple[Array, Array]:
-        """Return the matrices (K, 6, 6) with the part of the extra states."""
-        if self.extra is None:
-            return F, Q
-        step_s = self._config.clock.step_s
-        whole = self.extra.dynamics(_Given(F, Q), nominal_chief(self._config.truth), step_s)
-        states, step = np.zeros((len(F), self.dimension)), Step(0, step_s)
-        return whole.transition(states, step), whole.process_noise(states, step)
-
-
-class _Given:
-    """Dynamics of six states whose matrices are known, one for each row of states."""
-
-    dimension = 6
-    linear = True
-
-    def __init__(self, transitions: Array, noises: Array) -> None:
-        self._transitions, self._noises = transitions, noises
-
-    def propagate(self, states: Array, step: Step) -> Array:
-        """Return F x."""
-        return np.einsum("kij,kj->ki", self._transitions, states)
-
-    def transition(self, mean: Array, step: Step) -> Array:
-        """Return F, (K, 6, 6)."""
-        return self._transitions
-
-    def process_noise(self, states: Array, step: Step) -> Array:
-        """Return Q, (K, 6, 6)."""
-        return self._noises
-
-
-def _steps(
-    dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], chief: Array, states: Array
-) -> tuple[Array, Array]:
-    """Return F and Q of the six states, (K, 6, 6) each."""
-    if isinstance(dynamics, NonlinearJ2Dynamics):
-        # The epochs take the place of runs, each with a chief of its own.
-        step = Step(1, step_s)
-        F = dynamics.with_chief(chief[:, None], first_epoch=0).transition(states, step)
-        return F, np.broadcast_to(dynamics.process_noise(states, step), F.shape)
-    pairs = []
-    for epoch, state in zip(epochs, states[:, None], strict=True):
-        step = Step(int(epoch), step_s)
-        F, Q = dynamics.transition(state, step), dynamics.process_noise(state, step)
-        pairs.append((np.reshape(F, (6, 6)), np.reshape(Q, (6, 6))))
-    return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
-
-
-def _believed(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
-    """Return the motion that some filters believe in, from the first of them that can be made."""
-    for name in names[:-1]:
-        with suppress(Exception):
-            return create_campaign_filter(config.filters[name], config, seed).dynamics
-    return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
-
-
-def _perfect(config: CaseConfig) -> Dynamics:
-    """Return the motion as it is: point mass and J2, no process noise."""
-    orbit = nominal_chief(config.truth)
-    if config.truth.forces.zonals < 2:
-        orbit = replace(orbit, j2=0.0)
-    return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
-
-
-def _model_key(entry: FilterEntry) -> str:
-    """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
-    if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
-        return entry.model_dump_json()
-    return entry.model_dump_json(include={"dynamics", "process_noise", "augment"})
 
 
 class _Information:
