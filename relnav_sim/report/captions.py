@@ -25,7 +25,7 @@ def errors_caption(case: CaseFacts, name: str) -> str:
         parts.append(f"Thin line: {run}, the run with the median position RMS.")
     else:
         parts.append(f"Line: {run}.")
-    parts.append("Dashed: ± 3 sigma that the filter claims (root mean over runs).")
+    parts.append("Dashed: ± 3 sigma that the filter claims (root mean over runs); dotted, where stored: of the bound.")
     if case.times_s[0] < case.settle_s <= case.times_s[-1]:
         parts.append(f"Scaled to t ≥ {case.settle_s:g} s; the start may leave the panel.")
     return " ".join([*parts, *_thinned(case), *_left_out([item])])
@@ -48,7 +48,9 @@ def rms_caption(case: CaseFacts) -> str:
     count = max((item.completed for item in case.filters), default=0)
     what = f"RMS over {count} runs" if count > 1 else "Size in the one run"
     what += " of the position and velocity error against time."
-    claim = "Dotted: what each filter claims, the root mean trace of its covariance."
+    claim = (
+        "Dotted: what each filter claims, the root mean trace of its covariance; dash-dotted, where stored: the bound."
+    )
     return " ".join([what, claim, *_thinned(case), *_left_out(case.filters)])
 
 
@@ -96,6 +98,122 @@ def accuracy_alt(rankings: Sequence[Ranking]) -> str:
     """Return the alternative text of ``figures.accuracy_by_case``."""
     best = [f"case {item.case.number} {item.best.name}" for item in rankings if item.standings]
     return f"Position RMS per case and filter with intervals. Smallest: {', '.join(best)}."
+
+
+def start_caption(case: CaseFacts, until_s: float) -> str:
+    """Return the caption of ``figures.rms_over_time`` for the start."""
+    level = (
+        f" Dotted line across: {case.convergence_m:g} m, which counts as converged." if case.convergence_m > 0 else ""
+    )
+    return f"The first {until_s:g} s of the RMS over runs, at the stored epochs.{level}"
+
+
+def start_alt(until_s: float) -> str:
+    """Return the alternative text of ``figures.rms_over_time`` for the start."""
+    return f"Two panels, position and velocity RMS of all filters against time over the first {until_s:g} s."
+
+
+def consistency_caption(case: CaseFacts) -> str:
+    """Return the caption of ``figures.consistency_over_time``."""
+    runs = min((item.completed for item in case.filters if item.completed), default=0)
+    return (
+        "NEES and NIS divided by their dimension, mean over runs, against time. Grey: where a consistent filter lies "
+        f"in 95 % of the epochs ({counted(runs, 'run')}). Above: it claims too much; below: too little."
+    )
+
+
+def consistency_alt(case: CaseFacts) -> str:
+    """Return the alternative text of ``figures.consistency_over_time``."""
+    parts = [
+        f"{item.name} {figure(float(item.consistency('anees', case.span)[item.ok].mean()))}"
+        for item in case.filters
+        if item.completed
+    ]
+    return f"Two panels, NEES and NIS against time with their 95 % bands. ANEES for {case.when}: {', '.join(parts)}."
+
+
+def cost_caption(case: CaseFacts) -> str:
+    """Return the caption of ``figures.cost_against_accuracy``."""
+    return (
+        f"Position RMS ({case.when}, with its 95 % interval) against CPU time per filter step: down and left is "
+        "better. Grey line: filters that no other beats in both."
+    )
+
+
+def cost_alt(case: CaseFacts) -> str:
+    """Return the alternative text of ``figures.cost_against_accuracy``."""
+    costs = [f"{item.name} {figure(float(np.nanmean(item.cpu_us[item.ok])))} µs" for item in _timed(case)]
+    return f"Position RMS against CPU time per filter step. {', '.join(costs) or 'No time is known'}."
+
+
+def worst_caption(case: CaseFacts, name: str) -> str:
+    """Return the caption of ``figures.worst_runs``."""
+    return (
+        f"{name}: the runs to look at, those with the largest position RMS ({case.when}), before all others in grey. "
+        "Below: their NEES. Where it is large too, the filter does not know of its error."
+    )
+
+
+def worst_alt(case: CaseFacts, name: str) -> str:
+    """Return the alternative text of ``figures.worst_runs``."""
+    item = case.filter(name)
+    rms = item.errors("rms", case.span, "r")[item.ok]
+    order = np.argsort(-rms, kind="stable")[:3]
+    runs = [f"run {item.runs[item.ok][row]} with {figure(float(rms[row]))} m" for row in order]
+    return f"Two panels, position error and NEES against time of {name}. Largest position RMS: {', '.join(runs)}."
+
+
+def trajectory_caption(case: CaseFacts, name: str) -> str:
+    """Return the caption of ``figures.trajectory``."""
+    run = case.filter(name).median_run(case.span)
+    return f"True relative trajectory of run {run} and its estimate by {name}. {describe_axes(case.axes)}."
+
+
+def trajectory_alt(case: CaseFacts, name: str) -> str:
+    """Return the alternative text of ``figures.trajectory``."""
+    return f"Relative trajectory in space and in three planes, the truth and the estimate of {name}."
+
+
+def range_caption(case: CaseFacts) -> str:
+    """Return the caption of ``figures.error_against_range``."""
+    return f"Size of the errors against the true range, {case.when}. Solid: RMS over epochs and runs; dashed: 95 %."
+
+
+RANGE_ALT = "Two panels, position and velocity error of every filter against the true range."
+EVENTS_CAPTION = (
+    "RMS position error over runs and events against the time since the event. Dotted: what the filters claim. Outages "
+    "and acquisitions are those that show at the stored epochs."
+)
+EVENTS_ALT = (
+    "Position RMS of every filter before and after outages, acquisitions and manoeuvres, a panel for each kind."
+)
+
+
+def sweep_caption(path: str, case: CaseFacts) -> str:
+    """Return the caption of ``figures.sweep_trend``."""
+    return (
+        f"Position and velocity RMS ({case.when}) against {path}, mean over runs with 95 % intervals. Other varied "
+        f"values are those of case {case.number}."
+    )
+
+
+def sweep_alt(path: str) -> str:
+    """Return the alternative text of ``figures.sweep_trend``."""
+    return f"Two panels, position and velocity RMS of every filter against {path}; the overview table has the figures."
+
+
+def heat_map_caption(paths: Sequence[str], case: CaseFacts) -> str:
+    """Return the caption of ``figures.heat_map``."""
+    return f"Position RMS ({case.when}) of the best filter of each cell over {paths[0]} and {paths[1]}."
+
+
+def heat_map_alt(paths: Sequence[str]) -> str:
+    """Return the alternative text of ``figures.heat_map``."""
+    return f"Heat map of the smallest position RMS over {paths[0]} and {paths[1]}; the overview table has the figures."
+
+
+def _timed(case: CaseFacts) -> list[FilterFacts]:
+    return [item for item in case.filters if np.isfinite(item.cpu_us[item.ok]).any()]
 
 
 def _thinned(case: CaseFacts) -> list[str]:

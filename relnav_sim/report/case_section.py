@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from relnav_sim.report import captions, figures, layouts
+from relnav_sim.report import layouts
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_tables import all_case_tables
-from relnav_sim.report.drawing import Picture, draw, file_name
+from relnav_sim.report.curves import case_curves
 from relnav_sim.report.facts import case_facts
 from relnav_sim.report.page import CaseSection
+from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import verdict
 
-if TYPE_CHECKING:
-    from relnav_sim.results.read import Results
-
 _MOST_CASES_WITH_WHOLE_SPAN = 20
-_NOT_DRAWN = "The figures of this case were left out to keep the report small; relnav_sim.report.figures draws them."
+_NOT_DRAWN = (
+    "The figures of this case were left out to keep the report small; its time series are in the chart above. "
+    "A figure: relnav figure {result} errors --case {case}"
+)
 
 
 def compose_case(
-    result_path: Path, index: int, axes: Axes, figure_folder: Path, drawn: bool
+    result_path: Path, index: int, axes: Axes, figure_folder: Path, drawn: bool, points: int, with_axes: bool
 ) -> tuple[Ranking, CaseSection]:
     """Return one case of a result: the order of its filters, and its section of the report.
 
@@ -34,6 +33,8 @@ def compose_case(
         axes: The axes of tables and figures.
         figure_folder: An existing folder for the figures' files.
         drawn: Whether to draw its figures.
+        points: Most points of a curve of the page's chart.
+        with_axes: Whether the chart shows errors per axis.
     """
     from relnav_sim.results.read import open_results
 
@@ -42,9 +43,12 @@ def compose_case(
         section = _section(ranking, len(results.headers))
         if not ranking.case.filters:
             return ranking, section
+        section = replace(section, curves=case_curves(results, ranking.case, points, with_axes))
         if not drawn:
-            return ranking, replace(section, notes=(*section.notes, _NOT_DRAWN))
-        return ranking, replace(section, pictures=tuple(_pictures(results, ranking, figure_folder)))
+            note = _NOT_DRAWN.format(result=result_path.name, case=results.headers[index].id)
+            return ranking, replace(section, notes=(*section.notes, note))
+        pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
+        return ranking, replace(section, pictures=tuple(pictures))
 
 
 def _section(ranking: Ranking, cases: int) -> CaseSection:
@@ -66,16 +70,3 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
         more_tables=(*failures, *(other if shown else [])),
         file_tables=() if shown else tuple(other),
     )
-
-
-def _pictures(results: Results, ranking: Ranking, folder: Path) -> Iterator[Picture]:
-    case = ranking.case
-    start = f"case_{case.number:03d}"
-    figure = figures.rms_over_time(results, case)
-    yield draw(folder, f"{start}_rms", figure, captions.rms_caption(case), captions.rms_alt(case, ranking))
-    figure = figures.box_plots(results, case)
-    yield draw(folder, f"{start}_boxes", figure, captions.boxes_caption(case), captions.boxes_alt(case, ranking))
-    for number, name in enumerate(case.names):
-        file = f"{start}_errors_{file_name(name, number)}"
-        figure = figures.errors_with_envelope(results, case, name)
-        yield draw(folder, file, figure, captions.errors_caption(case, name), captions.errors_alt(case, name, ranking))

@@ -7,13 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relnav_sim.report import campaign_facts, captions, figures, html
+from relnav_sim.report import campaign_facts, html
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.commands import reproduce_commands
-from relnav_sim.report.drawing import Picture, draw, within
+from relnav_sim.report.curves import embedded, points_of
+from relnav_sim.report.drawing import within
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
+from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.summary import summarise
@@ -22,9 +24,8 @@ from relnav_sim.results.stopping import stopping_in_words
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-MOST_FIGURES = 72
+MOST_FIGURES = 100
 _LARGEST_HTML = 4_700_000
-_FIGURES_OF_A_CASE = 2  # and one per filter
 _WORTH_A_PROCESS = 12  # cases times filters, about 4 s of drawing: less than that, starting a process takes longer
 
 _READING = (
@@ -60,7 +61,7 @@ def compose(
     rankings = [ranking for ranking, _ in parts]
     page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
     left = _LARGEST_HTML - len(html.render(page).encode())
-    top, left = within(_overall_pictures(results, rankings, figure_folder), left)
+    top, left = within(overall_pictures(results, rankings, figure_folder), left)
     sections = []
     for _, section in parts:
         pictures, left = within(section.pictures, left)
@@ -74,9 +75,10 @@ def _cases(
     drawn: list[bool] = []
     figures_left = most_figures
     for header in results.headers:
-        figures_left -= _FIGURES_OF_A_CASE + len(header.filters)
+        figures_left -= FIGURES_OF_A_CASE + len(header.filters)
         drawn.append(not drawn or (figures_left >= 0 and drawn[-1]))
-    todo = [(results.path, index, axes, figure_folder, draw_it) for index, draw_it in enumerate(drawn)]
+    chart = points_of(len(results.headers), len(results.filters))
+    todo = [(results.path, index, axes, figure_folder, draw_it, *chart) for index, draw_it in enumerate(drawn)]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
         return [compose_case(*arguments) for arguments in todo]
     import joblib
@@ -106,17 +108,9 @@ def _without_pictures(
         campaign_text=results.campaign_text,
         reading=(*_READING, _WHOLE_SPAN) if any(section.file_tables for section in sections) else _READING,
         footer=f"Written by relnav from {results.path.name}, computed with relnav {version} on {finished}.",
+        curves=embedded([section.curves for section in sections], results.filters),
     )
 
 
 def _stopped(results: Results) -> tuple[str, ...]:
     return (f"Stopping rule {stopping_in_words(results.stopping)}.",) if results.stopping else ()
-
-
-def _overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path) -> tuple[Picture, ...]:
-    cases = [ranking.case for ranking in rankings if ranking.standings]
-    if len(cases) < 2:
-        return ()
-    figure = figures.accuracy_by_case(results, cases)
-    caption, alt = captions.accuracy_caption(cases), captions.accuracy_alt(rankings)
-    return (draw(folder, "accuracy_by_case", figure, caption, alt),)

@@ -16,7 +16,10 @@ def render(page: Page) -> str:
     """Return the report as HTML; every text in it is escaped."""
     from markupsafe import Markup
 
-    return _template().render(page=page, style=Markup(_asset("page.css")), script=Markup(_asset("page.js")))
+    script = _asset("page.js") + (_asset("chart.js") if page.curves else "")
+    return _template().render(
+        page=page, style=Markup(_asset("page.css")), script=Markup(script), curves=Markup(page.curves)
+    )
 
 
 @functools.cache

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from relnav_sim.report.drawing import Picture
 from relnav_sim.report.tables import Table
@@ -11,7 +12,7 @@ from relnav_sim.report.tables import Table
 
 @dataclass(frozen=True)
 class CaseSection:
-    """One case: its table, its figures, tables that are folded away at first and tables only for files."""
+    """One case: its table, its figures, tables that are folded away at first, tables only for files, its curves."""
 
     number: int
     label: str
@@ -20,6 +21,7 @@ class CaseSection:
     pictures: tuple[Picture, ...]
     more_tables: tuple[Table, ...]
     file_tables: tuple[Table, ...] = ()
+    curves: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,12 @@ class Page:
     reading: tuple[str, ...]
     footer: str
     requirements: Table | None = None
+    curves: str = ""
+
+    @property
+    def filter_names(self) -> tuple[str, ...]:
+        """Names of all filters."""
+        return tuple(row.label for row in self.filters.rows)
 
 
 def page_tables(page: Page) -> Sequence[Table]:

@@ -258,7 +258,7 @@ def test_events_are_read_off_the_measurements(results: Results, monkeypatch: pyt
     nis[2, 50:] = np.nan
     monkeypatch.setattr(Results, "nis", lambda self, case, filter: nis)
     content = results.campaign_content
-    burns = {**content, "truth": {"deputy": {"manoeuvres": [{"start_s": 1010.0}, {"start_s": 9e9}]}}}
+    burns = {**content, "truth": {"manoeuvres": {"brake": {"time_s": 1010.0}, "late": {"time_s": 9e9}}}}
     monkeypatch.setattr(results, "campaign_content", burns)
     facts = case_facts(results, 0)
     found = conditions.events_of(results, facts, facts.filter("kf"))

@@ -27,16 +27,18 @@ class Page(HTMLParser):
         self.addresses: list[str] = []
         self.ids: list[str] = []
         self.images: list[dict[str, str | None]] = []
-        self.scripts = 0
+        self.scripts: list[str | None] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.text: list[str] = []
         self.open: list[str] = []
         self.feed(html)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         found = dict(attrs)
+        self.tags.append((tag, found))
         self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "action", "data")]
         self.ids += [found["id"] or ""] if "id" in found else []
-        self.scripts += tag == "script"
+        self.scripts += [found.get("type")] if tag == "script" else []
         if tag == "img":
             self.images.append(found)
         if tag not in VOID:
@@ -85,7 +87,7 @@ def test_nothing_is_asked_for_from_elsewhere(report: Path, page: Page) -> None:
 
 
 def test_names_show_as_text(page: Page) -> None:
-    assert page.scripts == 1
+    assert page.scripts == ["application/json", None]
     text = "".join(page.text)
     assert text.count(NASTY) >= 2
     assert "</pre><script>alert(2)</script>" in text
@@ -93,9 +95,9 @@ def test_names_show_as_text(page: Page) -> None:
 
 
 def test_every_figure_is_inside_with_words_for_those_who_cannot_see_it(page: Page) -> None:
-    assert len(page.images) == 1 + 2 * (2 + 3)
+    assert len(page.images) == 1 + (7 + 3) + (4 + 3)  # of all cases, of the first with a closer look, of the second
     for image in page.images:
-        assert (image["src"] or "").startswith("data:image/png;base64,")
+        assert (image["src"] or "").startswith("data:image/webp;base64,")
         assert len(image["alt"] or "") > 30
 
 
@@ -138,7 +140,7 @@ def test_the_markdown_is_safe_and_complete(report: Path) -> None:
     assert "<script>alert(1)" not in text.replace(NASTY, "")
     assert text.startswith("# &lt;script&gt;")
     images = re.findall(r"\]\((figures/[^)]+)\)", text)
-    assert len(images) == 11
+    assert len(images) == 18
     assert all((report.parent / image).is_file() for image in images)
 
 
@@ -147,9 +149,10 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path) -> None
     index = write_report(path, tmp_path / "out", most_figures=4, workers=1)
     assert index.stat().st_size < 5_000_000
     page = Page(index.read_text(encoding="utf-8"))
-    assert len(page.images) == 1 + 3  # over all cases, and the first case
+    assert len(page.images) == 2 + 6 + 1  # over all cases, and the first case
     assert {f"case-{n}" for n in range(1, 26)} <= set(page.ids)
     assert " ".join(page.text).count("figures of this case were left out") == 24
+    assert "relnav figure invented.h5 errors --case case0024" in " ".join(page.text)
     assert (tmp_path / "out" / "tables" / "case_025_whole.csv").is_file()
 
 

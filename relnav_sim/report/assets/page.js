@@ -27,19 +27,49 @@
     }));
   }
 
-  // Case switch: one case, or all.
-  const choice = document.getElementById("case-switch");
-  if (choice) {
-    choice.closest("label").hidden = false;
-    const show = () => {
-      for (const part of document.querySelectorAll("[data-case]")) {
-        part.hidden = choice.value !== "" && part.dataset.case !== choice.value;
-        if (choice.value !== "" && !part.hidden && part.matches("details.case")) part.open = true;
-      }
+  // Columns of the tables that stand under one filter's heading.
+  const columnsOf = (table, wanted) => {
+    const groups = [];
+    for (const head of [...table.tHead.rows[0].cells].slice(1)) for (let i = 0; i < head.colSpan; i++) groups.push(head.textContent);
+    const show = (cells, skip) => {
+      let column = 0;
+      for (const cell of [...cells].slice(skip)) { cell.hidden = wanted !== "" && groups[column] !== wanted; column += cell.colSpan; }
     };
-    choice.addEventListener("change", show);
-    show();
+    show(table.tHead.rows[0].cells, 1);
+    show(table.tHead.rows[1].cells, 0);
+    for (const row of table.tBodies[0].rows) show(row.cells, 1);
+  };
+
+  // Switches: one case or all, one filter or all.
+  const [cases, filters] = ["case-switch", "filter-switch"].map((id) => document.getElementById(id));
+  const wants = (choice, name) => !choice || choice.value === "" || name === undefined || name === choice.value;
+  const show = () => {
+    for (const part of document.querySelectorAll("[data-case],[data-filter]")) {
+      part.hidden = !wants(cases, part.dataset.case) || !wants(filters, part.dataset.filter);
+      if (cases && cases.value !== "" && !part.hidden && part.matches("details.case")) part.open = true;
+    }
+    const wanted = filters ? filters.value : "";
+    for (const table of document.querySelectorAll("table.filters")) columnsOf(table, wanted);
+  };
+  for (const [choice, name] of [[cases, "relnav-case"], [filters, "relnav-filter"]]) {
+    if (!choice) continue;
+    choice.closest("label").hidden = false;
+    choice.addEventListener("change", () => { show(); dispatchEvent(new CustomEvent(name, { detail: choice.value })); });
+    choice.value = "";
   }
+
+  // Light or dark: the system's choice until the button says otherwise; remembered where the browser allows it.
+  const theme = document.getElementById("theme-switch"), root = document.documentElement;
+  const dark = () => root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  const name = () => { theme.textContent = dark() ? "Light" : "Dark"; theme.setAttribute("aria-label", `Show the page ${dark() ? "light" : "dark"}`); };
+  try { const kept = localStorage.getItem("relnav-theme"); if (kept) root.dataset.theme = kept; } catch { /* a page from disk may keep nothing */ }
+  theme.hidden = false;
+  theme.addEventListener("click", () => {
+    root.dataset.theme = dark() ? "light" : "dark";
+    try { localStorage.setItem("relnav-theme", root.dataset.theme); } catch { /* as above */ }
+    name();
+  });
+  name();
 
   // A link to a case opens it; a print shows everything.
   const follow = () => {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -190,11 +190,8 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
 
 def manoeuvre_times(results: Results, case: CaseFacts) -> list[float]:
     """Return when the campaign's manoeuvres begin, s, those of both craft."""
-    found: list[float] = []
-    for craft in ("chief", "deputy"):
-        for burn in case_setting(results, case.index, f"truth.{craft}.manoeuvres", None) or ():
-            if isinstance(burn, Mapping):
-                found += [float(value) for name, value in burn.items() if name in ("at_s", "time_s", "start_s")][:1]
+    burns = case_setting(results, case.index, "truth.manoeuvres", None) or {}
+    found = [float(burn["time_s"]) for burn in burns.values()]
     return sorted(time for time in found if case.times_s[0] <= time <= case.times_s[-1])
 
 

@@ -122,8 +122,7 @@ def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter:
 
     With a filter: the bound for that filter's own process noise; without, the one for a perfect model.
     """
-    read = getattr(results, "bound", None)
-    stored = None if read is None else read(case.index, filter)
+    stored = results.bound(case.index, filter)
     if stored is None:
         return None
     sources = [source_component(name, case.axes)[0] for name in (*AXIS_COMPONENTS, "r", "v")]
