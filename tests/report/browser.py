@@ -1,4 +1,4 @@
-"""Headless Chromium through its DevTools pipe, with nothing but the standard library: what a page looks like and says."""
+"""Headless Chromium through its DevTools pipe: what a page looks like, does and says."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CHROMIUM = next(
 
 
 class Tab:
-    """One open page; ``complaints`` collects console errors, warnings and exceptions, ``asked`` every address asked for."""
+    """One open page; ``complaints`` collects errors and warnings of the console, ``asked`` every address asked for."""
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive = send, receive

@@ -79,7 +79,7 @@ def test_the_page_is_well_formed(page: Page) -> None:
 def test_nothing_is_asked_for_from_elsewhere(report: Path, page: Page) -> None:
     html = report.read_text(encoding="utf-8")
     assert not re.search(r"""(src|href|srcset|action)\s*=\s*["']?\s*(https?:)?//""", html, re.IGNORECASE)
-    assert not re.search(r"url\(|@import|fetch\(|XMLHttpRequest", html)
+    assert not re.search(r"url\((?!#)|@import|fetch\(|XMLHttpRequest", html)
     outside = [address for address in page.addresses if not address.startswith(("data:", "#", "figures/"))]
     assert outside == []
     linked = [address for address in page.addresses if address.startswith("figures/")]
@@ -157,12 +157,12 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path) -> None
 
 
 def test_pictures_that_do_not_fit_are_linked(make_result: ResultMaker, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("relnav_sim.report.compose._LARGEST_HTML", 130_000)
+    monkeypatch.setattr("relnav_sim.report.compose._LARGEST_HTML", 190_000)
     index = write_report(make_result(runs=3), tmp_path / "out")
-    assert index.stat().st_size < 130_000
+    assert index.stat().st_size < 190_000
     page = Page(index.read_text(encoding="utf-8"))
-    assert len(page.images) < 5
-    assert sum(address.endswith(".png") for address in page.addresses) == 5
+    assert 0 < len(page.images) < 10
+    assert sum(address.endswith(".png") for address in page.addresses) == 10
 
 
 def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path) -> None:
