@@ -9,6 +9,7 @@ import pytest
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.dynamics import Step
+from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.models.process_noise import ProcessNoiseOptions, van_loan
 from relnav_sim.models.registry import dynamics_kinds
 from relnav_sim.models.thrust import KnownThrust, kicks_of
@@ -168,3 +169,26 @@ def test_kicks_and_unknown_steps():
         ValueError, match="the thrust of the step to epoch 6 is not known; there is that of epochs 3 to 5"
     ):
         told.propagate(np.zeros((20, 6)), Step(6, 10.0))
+
+
+def test_the_chiefs_orbit_filter_follows_its_known_thrust():
+    """Five seconds after 2 m/s it still believes in the old velocity, unless it is told."""
+    craft = {"mass_kg": 100, "area_m2": 1}
+    data = {
+        "chief": {**craft, "orbit": {"a_km": 7137, "e": 0.01, "i_deg": 42}},
+        "deputy": {**craft, "relative": {"position_m": [0, 100, 0], "velocity_m_s": [0, 0, 0]}},
+        "forces": {"zonals": 2, "drag": "none"},
+        "manoeuvres": {"one": {"craft": "chief", "time_s": 200.3, "delta_v_m_s": [0.5, 1.5, -1.2]}},
+    }
+    options = TruthOptions.model_validate_json(json.dumps(data), strict=True)
+    times = np.arange(0, 206.0)
+    chief = truth_trajectory(options, 300.0, RandomSource(0, (0,))).at(times).chief
+    fixes = chief + np.repeat([10.0, 0.5], 3) * np.random.default_rng(3).normal(size=(20, 206, 6))
+    forces = step_forces(planned(options.manoeuvres["one"]), times, 1.0)
+    errors = []
+    for known in (None, forces):
+        sigmas = np.repeat([10.0, 0.5], 3)
+        follower = OrbitFilter(OrbitFilterOptions(), nominal_chief(options), sigmas, 1.0, 20)
+        errors.append(np.linalg.norm((follower.advance(fixes, known) - chief)[:, -1, 3:], axis=-1).mean())
+    assert errors[0] > 1.0
+    assert errors[1] < 0.2
