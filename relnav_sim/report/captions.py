@@ -46,6 +46,8 @@ def errors_alt(case: CaseFacts, name: str, ranking: Ranking) -> str:
 def rms_caption(case: CaseFacts) -> str:
     """Return the caption of ``figures.rms_over_time``."""
     count = max((item.completed for item in case.filters), default=0)
+    if not count:
+        return "Empty: every run failed; there is no error to draw."
     what = f"RMS over {count} runs" if count > 1 else "Size in the one run"
     what += " of the position and velocity error against time."
     claim = (

@@ -274,6 +274,8 @@ def _median_time(name: str, *place: int) -> Figure:
 
 
 def _rate(count: int, total: int) -> Number:
+    if not total:
+        return Number(math.nan)
     found = wilson_interval(count, total)
     return Number(100 * found.estimate, 100 * found.low, 100 * found.high, 1, note=f"({count} of {total})")
 

@@ -172,9 +172,24 @@ class Results:
                         part = np.empty(0, dtype=spec.dtype) if data is None else data[where]
                         columns.setdefault(column, []).append(part)
         summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
+        summary |= self._diagnostic_columns()
         if "failed" in summary:
             summary["failed"] = summary["failed"].astype(bool)
         return summary
+
+    def _diagnostic_columns(self) -> dict[str, Array]:
+        """Return what any filter reports as columns ``diagnostic_<name>``; NaN for the filters that do not."""
+        held = [
+            (len(runs), self.diagnostics(index, name))
+            for index, case in enumerate(self.headers)
+            for name in case.filters
+            if len(runs := self.case_runs(index, name))
+        ]
+        names = sorted({name for _, reported in held for name in reported})
+        return {
+            f"diagnostic_{name}": np.concatenate([found.get(name, np.full(runs, np.nan)) for runs, found in held])
+            for name in names
+        }
 
     def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
         """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""

@@ -66,6 +66,11 @@ def test_diagnostics(result: Path) -> None:
     assert ekf["rejected"].tolist() == [18, 19, 20, 21, 22]
     np.testing.assert_array_equal(alpha["rejected"], [18, 19, 20, np.nan, np.nan])
     assert alpha["ess"].tolist() == [13, 14, 15, 16, 17]
+    with open_results(result) as results:
+        summary = results.summary()
+    mine = (summary["case"] == 1) & (summary["filter"] == "alpha_0.5")
+    np.testing.assert_array_equal(summary["diagnostic_ess"][mine], alpha["ess"])
+    assert np.isnan(summary["diagnostic_ess"][summary["filter"] == "ekf"]).all()
 
 
 def test_extra_states(result: Path, make_block) -> None:
