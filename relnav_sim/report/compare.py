@@ -19,6 +19,7 @@ from relnav_sim.report.layouts import numbers
 from relnav_sim.report.overview import short_labels
 from relnav_sim.report.ranking import guarded, in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code
 from relnav_sim.statistics.intervals import Comparison, Interval, bootstrap_interval
 
@@ -88,6 +89,12 @@ def compare(first: Side, second: Side) -> Compared:
                     found[_Row(labels[index], names, figure)] = values
             if not runs:
                 reasons.append(f"case {labels[index]}: {' and '.join(names)} have no completed run in common")
+    keys = [
+        key
+        for key in changed_keys(a.campaign_content, b.campaign_content)
+        if key.split(".")[0] not in ("name", "seed", "filters")
+    ]
+    reasons += [f"the campaigns differ in {in_words(keys)}"] if keys else []
     here = {header.id for header in a.headers}
     spare = short_labels([header.label for header in b.headers])
     reasons += [
@@ -163,7 +170,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
         name="comparison",
         title=f"{first.name} against {second.name}",
         caption="First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
-        " verdict is the first's, at 95 % for all rows together (p after Holm).",
+        "verdict is the first's, at 95 % for all rows together (p after Holm).",
         corner="case",
         columns=tuple(Column(heading, numeric=heading not in words) for heading in headings),
         rows=tuple(rows),

@@ -67,11 +67,13 @@ def _largest_difference(ranking: Ranking) -> str:
     ends = [abs(end) for item in ranking.undecided for end in (item.percent.low, item.percent.high)]
     most = max([*ends, _SMALLEST_PERCENT])
     text = f", any difference below {figure(most, 2)} %" if np.isfinite(ends).all() else ""
-    first = ranking.undecided[0].against_best
-    if len(ranking.undecided) > 1 or first is None or first.runs_to_decide is None:
+    against = [item.against_best for item in ranking.undecided if item.against_best is not None]
+    needed = [found.runs_to_decide for found in against if found.runs_to_decide is not None]
+    if len(needed) < len(ranking.undecided):
         return text
-    worth_saying = first.difference.runs < first.runs_to_decide < _MANY_RUNS
-    return f"{text}; about {figure(first.runs_to_decide, 2)} runs would decide" if worth_saying else text
+    worth_saying = max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
+    between = " between all of them" if len(needed) > 1 else ""
+    return f"{text}; about {float(f'{max(needed):.2g}'):.0f} runs would decide{between}" if worth_saying else text
 
 
 def _behind(standings: Sequence[Standing]) -> str:

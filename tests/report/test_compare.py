@@ -57,11 +57,14 @@ def test_without_names_the_filters_that_both_have(two: tuple[Path, Path]) -> Non
 def test_why_not(two: tuple[Path, Path], invent: ResultMaker, tmp_path: Path) -> None:
     assert compared(*two, "ekf").reasons == ("case base: b has no run of ekf",)
     (tmp_path / "c").mkdir()
-    more = invent(tmp_path / "c", filters={"kf": 1.0}, labels=("a=1", "a=2"), runs=3, failed={"kf": range(3)})
+    more = invent(
+        tmp_path / "c", filters={"kf": 1.0}, labels=("a=1", "a=2"), runs=3, failed={"kf": range(3)}, settle_s=100.0
+    )
     found = compared(two[0], more, "kf")
     assert found.table is None
     assert any("no completed run in common" in reason for reason in found.reasons)
     assert "case a=2: only in b, with these settings" in found.reasons
+    assert "the campaigns differ in statistics.settle_s" in found.reasons
 
 
 def test_other_seeds_are_not_paired(two: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
