@@ -55,6 +55,10 @@ def block_size(runs: int, cases: Sequence[CaseConfig]) -> int:
 
 
 def _filter_cost_us(entry: FilterEntry) -> float:
-    """Return the registered cost, in proportion to the samples where the campaign asks for another number."""
+    """Return the registered cost, in proportion to the samples where the campaign asks for another number.
+
+    Dynamics that cost more than a product of matrices say so in `step_cost_us`.
+    """
     kind = filter_kinds()[entry.kind]
-    return kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())
+    algorithm = kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())
+    return algorithm + float(getattr(entry.dynamics, "step_cost_us", 0.0))
