@@ -105,7 +105,9 @@ def accuracy_alt(rankings: Sequence[Ranking]) -> str:
 def start_caption(case: CaseFacts, until_s: float) -> str:
     """Return the caption of ``figures.rms_over_time`` for the start."""
     level = (
-        f" Dotted line across: {case.convergence_m:g} m, which counts as converged." if case.convergence_m > 0 else ""
+        f" Dotted line across, where errors are of its size: {case.convergence_m:g} m, which counts as converged."
+        if case.convergence_m > 0
+        else ""
     )
     return f"The first {until_s:g} s of the RMS over runs, at the stored epochs.{level}"
 

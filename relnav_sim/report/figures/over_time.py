@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 Which = Literal["nees", "nis"]
 _STATE, _MEASUREMENT = 6, 3  # dimensions of the error and of a radar reading
 _ZERO_RATIO = 1e-5
+_NEAR_TOP = 5.0
 
 
 def rms_over_time(
@@ -115,7 +116,9 @@ def rms_over_time(
             else:
                 say(panel, "every run failed")
             panel.set_ylabel(f"{quantity} {'RMS' if run is None else 'error'} [{unit}]")
-        if at_start and np.isfinite(facts.convergence_m):
+        bottom, top = panels[0].get_ylim()
+        if at_start and bottom < facts.convergence_m < _NEAR_TOP * top:
+            panels[0].set_ylim(bottom, max(top, 1.25 * facts.convergence_m))
             panels[0].axhline(facts.convergence_m, color=CLAIMED, linewidth=0.8, linestyle=(0, (1, 2)))
         time_axis(panels[-1], view.times, view.unit)
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
