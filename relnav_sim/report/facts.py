@@ -128,6 +128,8 @@ class CaseFacts:
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+        bounds_m: Cramér-Rao bound of a perfect model on the RMS of the position error over each span, m; NaN where the
+            result holds none.
     """
 
     number: int
@@ -144,6 +146,7 @@ class CaseFacts:
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
+    bounds_m: Mapping[Span, float]
 
     def trace_command(self, run: int) -> str:
         """Return the command that computes one run of the case again and stores every step."""
@@ -154,6 +157,11 @@ class CaseFacts:
         """The span that headline figures are taken over: settled, unless nothing lies after settling."""
         settled = any(np.isfinite(item.errors("rms", "settled", "r")[item.ok]).any() for item in self.filters)
         return "settled" if settled else "whole"
+
+    @property
+    def bound_m(self) -> float:
+        """The bound over the headline span, m; NaN without one."""
+        return self.bounds_m[self.span]
 
     @property
     def when(self) -> str:
@@ -213,6 +221,7 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results),
+        bounds_m=_bounds(results, index, times_s, settle_s),
     )
 
 
@@ -266,6 +275,15 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         diverged=diverged_runs(results, index, name),
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
     )
+
+
+def _bounds(results: Results, index: int, times_s: Array, settle_s: float) -> dict[Span, float]:
+    stored = results.bound(index)
+    if stored is None:
+        return {"whole": np.nan, "settled": np.nan}
+    squares = np.square(stored[:, layout.QUANTITIES.index("r")])
+    spans: dict[Span, NDArray[np.bool_]] = {"whole": times_s > 0, "settled": (times_s > 0) & (times_s >= settle_s)}
+    return {span: float(np.sqrt(squares[chosen].mean())) if chosen.any() else np.nan for span, chosen in spans.items()}
 
 
 def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:

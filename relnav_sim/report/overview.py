@@ -8,14 +8,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from relnav_sim.report.layouts import converged_note, failed_cell, mean_cost, numbers, reading_notes
-from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.ranking import Ranking, times_bound
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
+_LIMIT = "position RMS / bound"
 _FIGURES = (
     "position RMS [m]",
     "velocity RMS [m/s]",
     "RMS above the best [%]",
+    _LIMIT,
     "convergence [s]",
     "ANEES",
     "mean NIS",
@@ -28,7 +30,9 @@ _NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 def overview_table(rankings: Sequence[Ranking]) -> Table:
     """Return one row per case and filter with the headline figures; without a column of cases if there is one."""
     cases = [ranking.case for ranking in rankings]
-    columns = [*(Column(label) for label in _FIGURES), Column("failed runs", numeric=False)]
+    bounded = any(math.isfinite(case.bound_m) for case in cases)
+    figures = [label for label in _FIGURES if bounded or label != _LIMIT]
+    columns = [*(Column(label) for label in figures), Column("failed runs", numeric=False)]
     if len(cases) > 1:
         headings = [
             f"{c.number}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
@@ -43,13 +47,14 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
                 record=heading,
             )
             for ranking, heading in zip(rankings, headings, strict=True)
-            for place, row in enumerate(_rows(ranking))
+            for place, row in enumerate(_rows(ranking, bounded))
         ]
     else:
-        rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking)]
+        rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking, bounded)]
     spans = {case.when for case in cases}
     over = spans.pop() if len(spans) == 1 else "the settled span"
     above = "Above the best: relative difference on the same runs."
+    above += " Bound: Cramér-Rao, of a perfect model." if bounded else ""
     return Table(
         name="overview",
         title="All cases and filters" if len(cases) > 1 else "All filters",
@@ -70,7 +75,7 @@ def short_labels(labels: Sequence[str]) -> list[str]:
     return short if len(set(short)) == len(labels) else list(labels)
 
 
-def _rows(ranking: Ranking) -> list[Row]:
+def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
     """Return a row per filter of a case, headed by the filter's name; figures of one column share their decimals."""
     case = ranking.case
     standings = [ranking.of(item.name) for item in case.filters]
@@ -78,6 +83,7 @@ def _rows(ranking: Ranking) -> list[Row]:
         numbers([_NOTHING if standing is None else standing.position for standing in standings]),
         numbers([_NOTHING if standing is None else standing.velocity for standing in standings]),
         [_above_best(ranking, item.name) for item in case.filters],
+        *([numbers([_of_bound(ranking, item.name) for item in case.filters])] if bounded else []),
         numbers(
             [bootstrap_interval(item.convergence_s[item.ok]) for item in case.filters],
             notes=[converged_note(item) for item in case.filters],
@@ -94,6 +100,11 @@ def _rows(ranking: Ranking) -> list[Row]:
     ]
     waiting = Words("no run yet", span=len(columns))
     return rows + [Row(name, (waiting,), key=key, order=case.number) for name in case.waiting]
+
+
+def _of_bound(ranking: Ranking, name: str) -> Interval:
+    standing = ranking.of(name)
+    return _NOTHING if standing is None else times_bound(standing.position, ranking.case.bound_m)
 
 
 def _above_best(ranking: Ranking, name: str) -> Cell:

@@ -158,6 +158,11 @@ def in_percent(difference: Interval, reference: float) -> Interval:
     )
 
 
+def times_bound(size: Interval, bound: float) -> Interval:
+    """Return an RMS in multiples of its bound; NaN where there is no bound."""
+    return replace(size, estimate=size.estimate / bound, low=size.low / bound, high=size.high / bound)
+
+
 def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair, ...]:
     """Return the pairs of a case, the later of the order first."""
     differences, references = {}, {}

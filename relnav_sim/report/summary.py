@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.report.facts import FilterFacts, Span
-from relnav_sim.report.ranking import Ranking, Standing
+from relnav_sim.report.ranking import Ranking, Standing, times_bound
 from relnav_sim.report.wording import between, counted, figure, listed
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
@@ -32,7 +32,7 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
             sentences += [
                 f"Case {ranking.case.number} ({ranking.case.label}): {verdict(ranking)}" for ranking in computed
             ]
-    sentences += [*_consistency(computed), *_convergence(computed), *_cost(computed)]
+    sentences += [*_limit(computed), *_consistency(computed), *_convergence(computed), *_cost(computed)]
     return (*sentences, *_missing(rankings), *_failures(rankings))
 
 
@@ -120,6 +120,19 @@ def _of_all(count: int, total: int) -> str:
     if count == total:
         return "both cases" if total == 2 else f"all {total} cases"
     return f"{count} of {total} cases"
+
+
+def _limit(rankings: Sequence[Ranking]) -> list[str]:
+    """Return how far the best filter of each case is from the bound."""
+    found = [times_bound(item.best.position, item.case.bound_m) for item in rankings]
+    known = sorted((item for item in found if math.isfinite(item.estimate)), key=lambda item: item.estimate)
+    if not known:
+        return []
+    low, high = known[0], known[-1]
+    size = f"{figure(low.estimate)}{between(low.low, low.high)}"
+    size = size if len(known) == 1 else f"{figure(low.estimate)} to {figure(high.estimate)}"
+    each = "the best filter's" if len(known) == 1 else "in each case the best filter's"
+    return [f"Limit: {each} position RMS is {size} times the Cramér-Rao bound of a perfect model."]
 
 
 def _consistency(rankings: Sequence[Ranking]) -> list[str]:

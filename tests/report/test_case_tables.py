@@ -22,6 +22,7 @@ from relnav_sim.report.facts import CaseFacts, case_facts
 from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_table
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import guarded, rank
+from relnav_sim.report.summary import summarise
 from relnav_sim.report.tables import Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
@@ -176,3 +177,17 @@ def test_the_stopping_rule_is_in_the_report(make_result: ResultMaker) -> None:
     text = write_report(path, formats=["md"], most_figures=0).read_text(encoding="utf-8")
     assert "Stopping rule met at 6 runs: half width of the 95 % interval of settled" in text
     assert "every filter 0.0412, wanted 0.05; looked at 6, 12 runs." in text
+
+
+def test_how_far_from_the_bound(make_result: ResultMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = make_result(runs=6, filters={"ekf": 1.0})
+    assert "position RMS / bound" not in [column.label for column in overview_table([rank(facts_of(path))]).columns]
+    bound = np.full((61, 8), 99.0)
+    bound[5:, 6] = np.where(np.arange(56) % 2, 0.1, 0.7)  # t >= 500 s: RMS 0.5
+    monkeypatch.setattr("relnav_sim.results.read.Results.bound", lambda self, case, filter=None: bound)
+    ranking = rank(facts_of(path))
+    table = overview_table([ranking])
+    place = [column.label for column in table.columns].index("position RMS / bound")
+    cell = table.rows[0].cells[place]
+    assert isinstance(cell, Number) and cell.value == pytest.approx(ranking.best.position.estimate / 0.5)
+    assert any(sentence.startswith("Limit: the best filter's position RMS is") for sentence in summarise([ranking]))
