@@ -135,17 +135,19 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) ->
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 
 
-_LEARNED: dict[tuple[str, str, int], Dynamics] = {}
-"""Dynamics learned in this process, by case, filter and seed: learning takes seconds, and every block needs them."""
+_LEARNED: dict[tuple[str, str, str, int], Dynamics] = {}
+"""Dynamics learned in this process, by case, options, process noise and seed: learning takes seconds, and every block
+and several filters need them."""
 
 
 def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: int) -> Dynamics:
     case = config.model_copy(update={"filters": {}})
-    key = (case.model_dump_json(), entry.model_dump_json(), seed)
+    noise = entry.process_noise
+    key = (case.model_dump_json(), options.model_dump_json(), noise.model_dump_json(), seed)
     if key not in _LEARNED:
-        track = training_track(config, entry, options, seed)
+        track = training_track(config, options, noise, seed)
         orbit = nominal_chief(config.truth)
-        _LEARNED[key] = options.build(orbit, entry.process_noise, config.clock.step_s, track)
+        _LEARNED[key] = options.build(orbit, noise, config.clock.step_s, track)
     return _LEARNED[key]
 
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import create_filter
@@ -15,7 +14,9 @@ from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import CwOptions
+from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.gp import GpOptions, TrainingTrack
+from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.models.radar import PolarRadar, first_fix
 from relnav_sim.runner.simulation import stretches
 from relnav_sim.sensors import measurement_model
@@ -28,17 +29,17 @@ TRAINING_RUN = 2**40
 """Number of the training flight: beyond every run, so that it shares no random numbers with any."""
 
 
-def training_track(config: CaseConfig, entry: FilterEntry, options: GpOptions, seed: int) -> TrainingTrack:
+def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOptions, seed: int) -> TrainingTrack:
     """Return the states that learned dynamics are trained on, one step apart.
 
     The nominal flight of the same two craft over the training and calibration spans before the campaign's start, which
     it reaches. From `smoothed_radar` the states are those of an extended Kalman filter on its radar, with the base
-    dynamics and the entry's process noise, smoothed; from `truth` they are error-free.
+    dynamics and a process noise, smoothed; from `truth` they are error-free.
 
     Args:
         config: The case.
-        entry: The filter that uses the dynamics.
         options: What to learn from.
+        noise: The process noise of the filter that smooths.
         seed: The campaign's seed.
 
     Raises:
@@ -55,13 +56,12 @@ def training_track(config: CaseConfig, entry: FilterEntry, options: GpOptions, s
     if options.training == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
     z = np.concatenate([part.inputs["polar"] for part in flight], axis=1)
-    states, first = _smoothed(config, entry, options, orbit, z)
+    dynamics = (options.base or CwOptions()).build(orbit, noise, step_s)
+    states, first = _smoothed(config, dynamics, orbit, z)
     return TrainingTrack(states, time_s[first:], orbit, first)
 
 
-def _smoothed(
-    config: CaseConfig, entry: FilterEntry, options: GpOptions, orbit: ChiefOrbit, z: Array
-) -> tuple[Array, int]:
+def _smoothed(config: CaseConfig, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
     """Return the smoothed states (K, 6) after the first of the radar's readings z (1, epochs, 3), and their epoch."""
     step_s = config.clock.step_s
     radar = measurement_model("polar", "total", config.sensors, orbit)
@@ -77,6 +77,5 @@ def _smoothed(
     covariance[:, :3, :3] = position_covariance
     covariance[:, 3:, 3:] = speed**2 * np.eye(3)
     start = Gaussian(np.concatenate([position, np.zeros((1, 3))], axis=1), covariance)
-    dynamics = (options.base or CwOptions()).build(orbit, entry.process_noise, step_s)
     _, history = advance(create_filter("ekf", dynamics, radar), start, z[:, first:], first, step_s)
     return smooth(history, dynamics, step_s, first).mean[0], first

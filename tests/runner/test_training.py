@@ -8,6 +8,7 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.models.cw_second_order import CwSecondOrderOptions
 from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
+from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.runner.training import training_track
 
 LEARNED = (
@@ -17,8 +18,8 @@ LEARNED = (
 
 
 def track_of(parsed, **options):
-    config = parsed.cases[0].config
-    return training_track(config, config.filters["learned"], GpOptions(training_span_s=80, **options), parsed.seed)
+    noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-6)
+    return training_track(parsed.cases[0].config, GpOptions(training_span_s=80, **options), noise, parsed.seed)
 
 
 @pytest.mark.parametrize("calibration_span_s", [None, 0.0, 200.0])
