@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from relnav_sim.report.axes import Array
 from relnav_sim.report.figures.data import (
     Case,
-    bound_of,
     chosen_filters,
     errors_of,
     facts_of,
@@ -19,6 +18,7 @@ from relnav_sim.report.figures.data import (
     sizes,
     window,
 )
+from relnav_sim.report.figures.sweeps import settled_bound
 from relnav_sim.report.panels import log_axis, say, time_axis
 from relnav_sim.report.style import (
     BOUND,
@@ -63,10 +63,8 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
                       for item in items])  # fmt: skip
     found = [bootstrap_interval(item.errors("rms", facts.span, "r")[item.ok]) for item in items]
     values = np.array([one.estimate for one in found])
-    bound = bound_of(
-        results, facts, np.flatnonzero(facts.times_s >= (facts.settle_s if facts.span == "settled" else 0))
-    )
-    labels = [shown_name(item.name) for item in items] + (["bound"] if bound is not None else [])
+    limit = settled_bound(results, facts, "position")
+    labels = [shown_name(item.name) for item in items] + (["bound"] if np.isfinite(limit) else [])
     with house_style():
         figure = new_figure(2.2 + legend_height(labels))
         panel = figure.subplots()
@@ -82,8 +80,8 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
         front = pareto_front(costs, values)
         if len(front) > 1:
             panel.plot(costs[front], values[front], color=FAINT, linewidth=0.8, zorder=1)
-        if bound is not None and len(bound):
-            panel.axhline(float(np.sqrt(np.mean(bound[:, 6] ** 2))), color=BOUND, linestyle="-.", linewidth=1.0)
+        if np.isfinite(limit):
+            panel.axhline(limit, color=BOUND, linestyle="-.", linewidth=1.0)
             handles.append(key(BOUND, "-.", 1.0))
         if not np.isfinite(costs * values).any():
             say(panel, "no completed run with a known cost")

@@ -60,7 +60,7 @@ def accuracy_by_case(
     names = tuple(results.filters if filters is None else filters)
     styles = line_styles(results.filters)
     numbers = np.array([case.number for case in facts], dtype=float)
-    limits = np.array([_settled_bound(results, case, "position") for case in facts])
+    limits = np.array([settled_bound(results, case, "position") for case in facts])
     with house_style():
         labels = [shown_name(name) for name in names] + (["bound"] if np.isfinite(limits).any() else [])
         figure = new_figure(2.3 + legend_height(labels))
@@ -313,22 +313,24 @@ def _with_intervals(
     )
 
 
-def _settled_bound(results: Results, case: CaseFacts, quantity: str) -> float:
+def settled_bound(results: Results, case: CaseFacts, quantity: str) -> float:
     """Return the RMS over time of the bound on the headline span; NaN where none is stored."""
     if not case.filters:
         return np.nan
     rows = np.flatnonzero(case.times_s >= case.settle_s) if case.span == "settled" else np.arange(len(case.times_s))
     bound = bound_of(results, case, rows)
-    if bound is None or not rows.size:
+    if bound is None:
         return np.nan
-    return float(np.sqrt(np.mean(bound[:, 6 + (quantity == "velocity")] ** 2)))
+    known = bound[:, 6 + (quantity == "velocity")]
+    known = known[np.isfinite(known)]  # there is none before the first epoch at which a run could start
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
 
 
 def _trend_bound(results: Results, lines: Sequence[Trend], quantity: str) -> tuple[Array, Array] | None:
     if not lines or not lines[0].label:
         return None
     values = np.array([float(point.value) for point in lines[0].points])
-    limits = np.array([_settled_bound(results, point.case, quantity) for point in lines[0].points])
+    limits = np.array([settled_bound(results, point.case, quantity) for point in lines[0].points])
     return (values, limits) if np.isfinite(limits).any() else None
 
 
