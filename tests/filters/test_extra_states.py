@@ -9,6 +9,10 @@ from scipy.stats import chi2
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.models.augmented import AdditiveBias, AugmentedDynamics, AugmentedMeasurement
+from relnav_sim.models.cw import cw_system, cw_transition
+from relnav_sim.models.extra_states import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions, extension
+from relnav_sim.models.process_noise import van_loan
+from relnav_sim.models.radar import PolarRadar, RadarNoise
 
 KINDS = sorted(filter_kinds())
 CONSIDERING = sorted(kind for kind, known in filter_kinds().items() if known.considers)
@@ -196,3 +200,40 @@ def test_a_bias_added_to_an_angle_is_wrapped_with_it():
     predicted = measurement.predict(state, 0)
     z = predicted + 0.1 - 2 * np.pi
     assert np.allclose(measurement.residual(z, predicted), 0.1, atol=1e-12)
+
+
+def bias_sigmas(psd):
+    """Return the stated sigmas (epochs, 3) of azimuth, elevation (deg) and range (m) bias over one revolution.
+
+    The deputy stands 12 km ahead on the chief's circle; a reading every 60 s is as good as 300 of 4 m and 1/15 deg.
+    """
+    n, step_s, epochs = 2 * np.pi / 6000, 60.0, 100
+    _, Q = van_loan(cw_system(n), np.vstack([np.zeros((3, 3)), np.eye(3)]), psd * np.eye(3), step_s)
+    sigmas = np.array([4.0, np.radians(1 / 15), np.radians(1 / 15)]) / np.sqrt(300)
+    radar = PolarRadar(np.eye(3), RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
+    extra = extension(
+        [AzimuthBiasOptions(sigma_deg=0.1), ElevationBiasOptions(sigma_deg=0.1), RangeBiasOptions(sigma_m=20)],
+        np.eye(3),
+        step_s,
+    )
+    dynamics = AugmentedDynamics(LinearDynamics(cw_transition(n, step_s), Q), extra.decay, extra.noise)
+    start = np.array([[0, 12000.0, 0, 0, 0, 0, 0, 0, 0]])
+    z = np.broadcast_to(radar.predict(start[:, :6], 0)[:, None], (1, epochs, 3))
+    cov0 = np.diag(np.concatenate([[30.0] * 3, [1.0] * 3, extra.sigma]) ** 2)
+    filter = create_filter("ekf", dynamics, extra.measurement(radar, np.eye(3)))
+    history = run_filter(filter, z, start, cov0, step_s=step_s)
+    found = np.sqrt(np.diagonal(history.covariance[0], axis1=1, axis2=2)[:, 6:])
+    return found * np.array([180 / np.pi, 180 / np.pi, 1])
+
+
+def test_what_dynamics_can_and_cannot_tell_of_a_bias():
+    """An angle's bias makes a standing offset that no orbit keeps; a range's bias one that an orbit does keep."""
+    trusted, plain = bias_sigmas(1e-12), bias_sigmas(1e-6)
+    # A standing offset along-track is an orbit: nothing but the priors of range bias and position tells them apart.
+    alone = 1 / np.sqrt(1 / 30**2 + 1 / 20**2)
+    for sigmas in (trusted, plain):
+        np.testing.assert_allclose(sigmas[-1, 2], alone, rtol=1e-3)
+    # A constant 0.05 deg, 10 m at 12 km, shows against trusted dynamics before the end of a revolution only.
+    assert (trusted[8, :2] > 0.02).any() and (trusted[-1, :2] < 0.002).all()
+    # Against dynamics as wrong as plain Clohessy-Wiltshire's at 12 km it hardly shows at all.
+    assert (plain[-1, :2] > 0.01).all()
