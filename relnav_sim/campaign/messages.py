@@ -132,8 +132,8 @@ def _expected(detail: ErrorDetails, known: Shape | None) -> list[str]:
     if kind in _LENGTHS:
         node = known.chosen([]).node if known else {}
         least, most = node.get("minItems"), node.get("maxItems")
-        if least == most and least is not None:
-            return [f"a list of {least} values"]
+        if least == most:
+            return ["a list" if least is None else f"a list of {least} values"]
         return [f"a list of at least {least} values" if most is None else f"a list of at most {most} values"]
     message = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     return [message[:1].lower() + message[1:]]

@@ -181,6 +181,7 @@ def test_true_values_where_they_are_known(tmp_path):
         ("  t: {kind: two_step, augment: [{kind: range_bias, sigma_m: 1, mode: consider}]}\n", "can't account for"),
         ("  e: {kind: ekf, augment: [{kind: range_bias, sigma_m: 1}, {kind: range_bias, sigma_m: 2}]}\n", "twice"),
         ("  e: {kind: ekf, augment: [{kind: azimuth_bias, sigma_m: 1}]}\n", "sigma_deg"),
+        ("  e: {kind: ekf, augment: {kind: azimuth_bias, sigma_deg: 1}}\n", "must be a list, not a section"),
         ("  e: {kind: ekf, augment: [{kind: accelerometer_bias, sigma_m_s2: 1}]}\n", "no measured thrust"),
         ("  e: {kind: ekf, augment: [{kind: azimuth_bais, sigma_deg: 1}]}\n", "azimuth_bias"),
         ("  e: {kind: ekf, augment: [{kind: range_bias, sigma_m: 1, tau_s: 9, walk_m_per_sqrt_s: 1}]}\n", "not both"),
