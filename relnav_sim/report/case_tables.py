@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from relnav_sim.report.axes import Array
+from relnav_sim.report.extra_table import extra_table
 from relnav_sim.report.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.layouts import INTERVALS, numbers, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
@@ -312,4 +313,7 @@ def all_case_tables(ranking: Ranking) -> Iterable[Table]:
     yield consistency_table(case)
     yield convergence_table(case)
     yield spread_table(case)
+    extra = extra_table(case)
+    if extra is not None:
+        yield extra
     yield reliability_table(case)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.report.commands import run_command
 from relnav_sim.results import layout
+from relnav_sim.results.block import ExtraStates
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
 
@@ -57,6 +58,7 @@ class FilterFacts:
         diagnostics: What the filter reports of its own working, by name (n,).
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
+        extra: What it found out about its extra states; None where it has none.
     """
 
     name: str
@@ -71,6 +73,7 @@ class FilterFacts:
     diagnostics: Mapping[str, Array]
     diverged: NDArray[np.bool_]
     nees_time_s: float
+    extra: ExtraStates | None = None
 
     @property
     def failed(self) -> int:
@@ -274,6 +277,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         diagnostics=results.diagnostics(index, name),
         diverged=diverged_runs(results, index, name),
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
+        extra=results.extra(index, name),
     )
 
 

@@ -1,0 +1,58 @@
+"""What the filters of a case found out about the states they carry behind position and velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import degrees
+
+import numpy as np
+
+from relnav_sim.report.axes import Array
+from relnav_sim.report.facts import CaseFacts, FilterFacts
+from relnav_sim.report.layouts import INTERVALS, numbers
+from relnav_sim.report.tables import Column, Row, Table
+from relnav_sim.results.block import ExtraStates
+from relnav_sim.statistics.intervals import bootstrap_interval
+
+_SETTLED = 1
+_SHOWN_UNITS = {"rad": ("deg", degrees(1.0)), "m/s^2": ("um/s^2", 1e6)}
+"""Unit that a table shows in place of an SI unit, and the factor to it."""
+
+
+def extra_table(case: CaseFacts) -> Table | None:
+    """Return the errors of the extra states, settled, and the sigma stated at the end; None where no filter has any."""
+    states = {
+        name: unit
+        for item in case.filters
+        if item.extra is not None
+        for name, unit in zip(item.extra.names, item.extra.units, strict=True)
+    }
+    if not states:
+        return None
+    rows: list[Row] = []
+    for name, unit in states.items():
+        shown, factor = _SHOWN_UNITS.get(unit, (unit, 1.0))
+        figures: tuple[tuple[str, Callable[[ExtraStates], Array]], ...] = (
+            ("rms error, settled", lambda extra: extra.rms[:, _SETTLED]),
+            ("mean error, settled", lambda extra: extra.mean[:, _SETTLED]),
+            ("stated sigma at the end", lambda extra: extra.sigma[:, -1]),
+        )
+        for place, (what, of) in enumerate(figures):
+            cells = numbers([bootstrap_interval(factor * _of_state(item, name, of)) for item in case.filters])
+            rows.append(Row(f"{name}, {what}", cells, shown, opens_block=place == 0 and bool(rows)))
+    return Table(
+        name=f"case_{case.number:03d}_extra",
+        title="Extra states",
+        caption=f"States that a filter carries behind position and velocity. {INTERVALS} Errors are missing where the "
+        "truth is not known; a state that is only considered keeps its mean at 0 and its sigma.",
+        corner="figure",
+        columns=tuple(Column(item.name) for item in case.filters),
+        rows=tuple(rows),
+    )
+
+
+def _of_state(item: FilterFacts, name: str, of: Callable[[ExtraStates], Array]) -> Array:
+    """Return a figure of one state, one for each run that did not fail; NaN where the filter has no such state."""
+    if item.extra is None or name not in item.extra.names:
+        return np.full(len(item.runs), np.nan)[item.ok]
+    return of(item.extra)[item.ok][:, item.extra.names.index(name)]
