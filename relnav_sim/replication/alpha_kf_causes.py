@@ -103,12 +103,12 @@ def process_noise_orders_the_filters(measured: Measured) -> Experiment:
         f"{_SPECTRA[best]}) to "
         f"{max(k[0] for k in kf):.2f} m, by its process noise alone: more than the published filters differ. The paper "
         "gives no Q for any of them.",
+        f"KF(R) with S_a = 5e-7 and KF(R/0.5) with S_a = 1e-6 have the same gain; their errors differ by {same:.2f} %.",
         "The radial bias tells which: Clohessy-Wiltshire leaves out curvature and differential J2, and the quieter "
         "the "
         f"filter, the longer it believes in that. The published biases z = {published['z']['ekf'][0]:.3f}, "
         f"{published['z']['ukf'][0]:.3f} and {published['z']['alpha_kf'][0]:.3f} m belong to process noises about a "
         "hundred times apart; one process noise for all would give one bias.",
-        f"KF(R) with S_a = 5e-7 and KF(R/0.5) with S_a = 1e-6 have the same gain; their errors differ by {same:.2f} %.",
     )
     return Experiment("The process noise orders the filters", ("A1", "A2", "A3", "A4", "A5"), text, table)
 

@@ -215,3 +215,30 @@ def error_norms(
         legend_above(figure, handles, labels)
         margins(figure, 0.6, 0.1, 0.1 + legend_height(labels), 0.4, 0.1, 0.1)
     return figure
+
+
+def orbit_plane(measured: Measured, campaign: str, case: int, filters: Mapping[str, str]) -> Figure:
+    """Return the relative path in the orbit plane (run 0), whole and magnified about its last tenth."""
+    results = measured.results(campaign)
+    run = int(results.case_runs(case, next(iter(filters)))[0])
+    with house_style():
+        labels = ["truth", *filters.values()]
+        figure = new_figure(2.9 + legend_height(labels), _WIDE)
+        panels = figure.subplots(1, 2)
+        handles: list[Any] = []
+        for index, filter in enumerate(filters):
+            series = results.series(case, filter, run)
+            track = series.truth[:, :2] + series.error[:, :2]
+            for panel in panels:
+                (line,) = panel.plot(track[:, 1], track[:, 0], color=PALETTE[index % len(PALETTE)], linewidth=0.8)
+            handles.append(line)
+        for panel in panels:
+            (line,) = panel.plot(series.truth[:, 1], series.truth[:, 0], color="k", linewidth=0.8, linestyle="--")
+            panel.set_xlabel("along-track y [m]")
+        centre = series.truth[-len(series.truth) // 10, :2]
+        panels[1].set_xlim(centre[1] - 10, centre[1] + 10)
+        panels[1].set_ylim(centre[0] - 10, centre[0] + 10)
+        panels[0].set_ylabel("radial x [m]")
+        legend_above(figure, [line, *handles], labels)
+        margins(figure, 0.6, 0.1, 0.1 + legend_height(labels), 0.4, 0.1, 0.6)
+    return figure

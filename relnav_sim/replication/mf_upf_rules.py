@@ -4,35 +4,49 @@ from __future__ import annotations
 
 from relnav_sim.replication.rules import Part, Reading, Rule, within_factor
 
-_LEARNED = (
+LEARNED, UNSCENTED = "mf_upf_particles", "mf_upf"
+_TARGETS = (
     ("difference", "if it learns the difference of successive states"),
     ("residual", "if it learns what the Clohessy-Wiltshire equations leave over"),
 )
+_KINDS = {
+    "gp_particle": "",
+    "mf_upf": "with an unscented filter for each particle, ",
+    "gp_ukf": "with an unscented filter instead of particles, ",
+}
 _AS_PRINTED = Reading(
     "as printed",
     "with the algorithm as printed: a Gaussian process for the next state, trained on the truth",
-    "mf_upf",
+    LEARNED,
     {"filter": "gp_particle_absolute_truth"},
 )
 _VARIANTS = (
     *(
         Reading(
-            f"{target}, {source}",
-            f"{words}, trained on {'the truth' if source == 'truth' else 'a smoothed track of its own radar'}",
-            "mf_upf",
+            f"{kind}, {target}, {source}",
+            f"{_KINDS[kind]}{words}, trained on "
+            f"{'the truth' if source == 'truth' else 'a smoothed track of its own radar'}",
+            UNSCENTED if kind == "gp_ukf" else LEARNED,
             {"filter": f"{kind}_{target}_{source}"},
         )
-        for kind in ("gp_particle", "mf_upf")
-        for target, words in (("absolute", "if it learns the next state"), *_LEARNED)
+        for kind in ("gp_particle", "mf_upf", "gp_ukf")
+        for target, words in (("absolute", "if it learns the next state"), *_TARGETS)
         for source in ("truth", "radar")
         if (kind, target, source) != ("gp_particle", "absolute", "truth")
     ),
 )
-_PF = Reading("paper's Q", "with the paper's Q and 500 particles", "mf_upf", {"filter": "pf"})
+DEPLETION = "mf_upf_depletion"
+USUAL = {"clock.step_s": 1, "start.position_sigma_m": 10}
+SLOW = {"clock.step_s": 10}
+PERFECT = {"start.position_sigma_m": 0.001}
+_PF = Reading("paper's Q", "with the paper's Q and 500 particles", DEPLETION, {"filter": "pf"}, USUAL)
 _PF_OTHERS = (
-    Reading("tuned Q", "with a tuned Q", "mf_upf", {"filter": "pf_tuned"}),
-    Reading("100 particles", "with 100 particles", "mf_upf_sensitivity", {"filter": "pf_100"}),
-    Reading("50 particles", "with 50 particles", "mf_upf_sensitivity", {"filter": "pf_50"}),
+    Reading("tuned Q", "with a tuned Q", DEPLETION, {"filter": "pf_tuned"}, USUAL),
+    Reading("100 particles", "with 100 particles", DEPLETION, {"filter": "pf_100"}, USUAL),
+    Reading("50 particles", "with 50 particles", DEPLETION, {"filter": "pf_50"}, USUAL),
+    Reading("10 s", "with a measurement every 10 s", DEPLETION, {"filter": "pf"}, SLOW),
+    Reading("perfect start", "from a perfect start", DEPLETION, {"filter": "pf"}, PERFECT),
+    Reading("open loop", "without any measurement, from a perfect start", DEPLETION, {"filter": "open_loop"}, PERFECT),
 )
 
 RULES = (

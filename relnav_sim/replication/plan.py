@@ -20,22 +20,29 @@ class Planned:
 
     Attributes:
         name: The file without ``.yaml``.
-        runs: Runs in the usual size; the full size takes those of the file.
+        runs: Runs in the usual size.
         changes: What the usual size changes, as ``--set`` takes it.
         trial: What the trial changes besides its three runs.
+        full_runs: Runs in the full size; default: those of the file.
     """
 
     name: str
     runs: int
     changes: tuple[str, ...] = ()
     trial: tuple[str, ...] = ("clock.duration_s=120", "statistics.settle_s=60")
+    full_runs: int | None = None
 
 
 PLAN = (
-    Planned("two_step", 200, trial=("clock.duration_s=350",)),
+    Planned("two_step", 200, trial=("clock.duration_s=200",)),
+    Planned("mf_upf", 50, trial=("clock.duration_s=1200",)),
+    Planned("mf_upf_depletion", 20, trial=("clock.duration_s=1200",)),
+    # Minutes a run: the paper has one, an interval needs a few.
+    Planned("mf_upf_particles", 4, ("clock.duration_s=3000",), ("clock.duration_s=1200",), full_runs=100),
     Planned("alpha_kf_start", 100, trial=()),
     Planned("alpha_kf_gaussian", 100),
     Planned("alpha_kf_mixture", 100),
+    Planned("alpha_kf_beyond", 50),
     Planned("alpha_kf_sweep", 100),
     Planned("alpha_kf_process_noise", 40),
     Planned("alpha_kf_bias", 40),
@@ -61,7 +68,7 @@ def planned_campaign(planned: Planned, size: Size, folder: Path) -> Campaign:
     """
     path = folder / f"{planned.name}.yaml"
     if size == "full":
-        return load_campaign(path)
+        return load_campaign(path, () if planned.full_runs is None else (f"runs={planned.full_runs}",))
     runs = planned.runs if size == "usual" else TRIAL_RUNS
     changes = planned.changes if size == "usual" else planned.trial
     return load_campaign(path, (f"runs={runs}", *changes))

@@ -6,7 +6,11 @@ from relnav_sim.replication.rules import Part, Reading, Rule
 
 WIDE_M, PRIORS_M = 200, (1, 10, 50, 200)
 QUICK_S = 60.0
-_PATH = "start.position_sigma_m"
+
+
+def prior(sigma_m: float) -> dict[str, object]:
+    """Return what picks the case with this start error."""
+    return {"start": {"kind": "dispersed", "position_sigma_m": sigma_m}}
 
 
 def _prior(sigma_m: float, filters: dict[str, str], words: str = "") -> Reading:
@@ -15,7 +19,7 @@ def _prior(sigma_m: float, filters: dict[str, str], words: str = "") -> Reading:
         f"with a start error of {sigma_m:g} m (1 sigma){words and ' and ' + words}",
         "two_step",
         filters,
-        {_PATH: sigma_m},
+        prior(sigma_m),
     )
 
 

@@ -128,7 +128,7 @@ def test_the_two_step_filter_must_beat_both():
         return 0.5 if filter == "two_step_unscented" else 1.0
 
     assert judge(BY_CLAIM["C2"], Synthetic(figures)).verdict == "reproduced"
-    only_wide = judge(BY_CLAIM["C2"], Synthetic(lambda c, k, f, q: 0.5 if f.startswith("two") and "10" in k else 1.0))
+    only_wide = judge(BY_CLAIM["C2"], Synthetic(lambda c, k, f, q: 0.5 if f.startswith("two") and "10}" in k else 1.0))
     assert only_wide.verdict == "reproduced only if"
     assert len(only_wide.conditions) == 1
 
