@@ -13,6 +13,7 @@ from relnav_sim.cli.output import print_table
 
 if TYPE_CHECKING:
     from relnav_sim.replication.plan import Size
+    from relnav_sim.replication.summary import Summary
 
 
 def reproduce(
@@ -49,7 +50,18 @@ def reproduce(
 
         summary = reproduce(size, campaigns, folder, workers, docs, progress=True, say=_say)
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
-        typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}")
+        typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
+
+
+def _beside_the_committed(summary: Summary) -> str:
+    """Return how the summary compares with the one that docs/replication.md was made of, where that is at hand."""
+    from relnav_sim.replication.summary import read_summary, written
+
+    path = Path("docs/replication.json")
+    if not path.exists() or read_summary(path).size != summary.size:
+        return ""
+    same = path.read_text(encoding="utf-8") == written(summary)
+    return f"; the summary {'is' if same else 'differs from'} {path}{', byte for byte' if same else ''}"
 
 
 def _say(sentence: str) -> None:

@@ -154,6 +154,7 @@ _A3_OTHERS = (
         "alpha_kf_gaussian",
         {**_SAME, "ukf": "ukf_quiet"},
     ),
+    *_GEOMETRIES,
 )
 
 

@@ -100,7 +100,7 @@ def sigma_curves(measured: Measured, campaign: str, filters: Mapping[str, str]) 
 def alpha_boxes(measured: Measured, campaign: str, filters: Mapping[str, str], paper: Mapping[str, Any]) -> Figure:
     """Return box plots over time and runs of position and velocity error, by alpha, with the published means."""
     results = measured.results(campaign)
-    settled = results.time_s(0) >= 500 if results.time_s(0)[-1] > 1000 else results.time_s(0) >= 100
+    settled = results.time_s(0) >= results.campaign_content["statistics"]["settle_s"]
     with house_style():
         figure = new_figure(2.8, _WIDE)
         panels = figure.subplots(1, 2)

@@ -12,32 +12,13 @@ from relnav_sim.replication.evidence import number_of
 from relnav_sim.replication.figure_drawing import error_norms, orbit_plane
 from relnav_sim.replication.figure_files import save
 from relnav_sim.replication.measured import Measured
-from relnav_sim.replication.mf_upf_rules import DEPLETION, LEARNED, PERFECT, SLOW, UNSCENTED, USUAL
+from relnav_sim.replication.mf_upf_causes import COLUMNS, PARTICLE_FILTERS, experiments
+from relnav_sim.replication.mf_upf_rules import DEPLETION, LEARNED, UNSCENTED, USUAL
 from relnav_sim.replication.paper_tables import place
 from relnav_sim.replication.papers import papers
-from relnav_sim.replication.summary import Experiment, PaperPart, Plot
+from relnav_sim.replication.summary import PaperPart, Plot
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.statistics.verdicts import mean_of_runs
-
-PARTICLE_FILTERS = {
-    "pf": "PF, paper's Q, 500 particles",
-    "pf_50": "PF, paper's Q, 50 particles",
-    "pf_100": "PF, paper's Q, 100 particles",
-    "pf_2000": "PF, paper's Q, 2000 particles",
-    "pf_roughened": "PF, paper's Q, 500 particles, roughened",
-    "pf_tuned": "PF, tuned Q, 500 particles, roughened",
-    "ekf": "EKF, paper's Q",
-    "ekf_tuned": "EKF, tuned Q",
-    "ekf_j2": "EKF with J2 dynamics",
-    "open_loop": "Clohessy-Wiltshire alone, no measurement",
-}
-_COLUMNS = {
-    "r RMS [m]": ("settled_r_rms_m", 3),
-    "r 95 % of the time [m]": ("settled_r_p95_m", 3),
-    "r largest [m]": ("settled_r_max_m", 2),
-    "v RMS [m/s]": ("settled_v_rms_m_s", 5),
-    "v 95 % of the time [m/s]": ("settled_v_p95_m_s", 5),
-}
 
 
 def part(measured: Measured, folder: Path) -> PaperPart:
@@ -53,7 +34,7 @@ def part(measured: Measured, folder: Path) -> PaperPart:
         index=_index(),
         tables=_tables(measured),
         plots=_plots(measured, folder),
-        experiments=_experiments(measured),
+        experiments=experiments(measured),
         beyond=_beyond(measured),
     )
 
@@ -87,7 +68,7 @@ def _error_table(
     for index, (filter, label) in enumerate(filters.items()):
         cells: list[Cell] = [
             number_of(mean_of_runs(measured.values(campaign, case, filter, column)), decimals)
-            for column, decimals in _COLUMNS.values()
+            for column, decimals in COLUMNS.values()
         ]
         rows.append(Row(label, tuple(cells), opens_block=index == 0))
     runs = max(len(measured.runs(campaign, case, filter)) for filter in filters)
@@ -96,7 +77,7 @@ def _error_table(
         title,
         f"After 1000 s, mean over {runs} runs with 95 % interval.",
         "filter",
-        tuple(Column(label) for label in _COLUMNS),
+        tuple(Column(label) for label in COLUMNS),
         tuple(rows),
     )
 
@@ -114,80 +95,6 @@ def _tables(measured: Measured) -> tuple[Table, ...]:
         _error_table(measured, "mf_upf_pf", "The particle filter of the comparison", DEPLETION, usual, PARTICLE_FILTERS)
     )
     return tuple(tables)
-
-
-def _experiments(measured: Measured) -> tuple[Experiment, ...]:
-    return (_depletion(measured), _fair_baseline(measured))
-
-
-def _depletion(measured: Measured) -> Experiment:
-    """Return the largest errors by number of particles, beside Clohessy-Wiltshire without measurements."""
-    rows = []
-    cases = [(label, measured.case(DEPLETION, case)) for label, case in _CASES.items()]
-    for filter, label in PARTICLE_FILTERS.items():
-        cells: list[Cell] = []
-        for _, case in cases:
-            for column, decimals in (("settled_r_max_m", 2), ("settled_v_rms_m_s", 5)):
-                cells.append(number_of(mean_of_runs(measured.values(DEPLETION, case, filter, column)), decimals))
-        rows.append(Row(label, tuple(cells)))
-    heads = ("r largest [m]", "v RMS [m/s]")
-    table = Table(
-        "mf_upf_depletion",
-        "Where 5 m and 0.01 m/s come from",
-        "After 1000 s, mean over runs with 95 % interval. The paper's PF: about 5 m and 0.01 m/s.",
-        "filter",
-        tuple(Column(head, label, opens_group=head == heads[0]) for label in _CASES for head in heads),
-        tuple(rows),
-    )
-    perfect = measured.case(DEPLETION, PERFECT)
-    usual = measured.case(DEPLETION, USUAL)
-    alone = measured.values(DEPLETION, perfect, "open_loop", "settled_r_max_m").mean()
-    ekf = measured.values(DEPLETION, usual, "ekf", "settled_r_max_m").mean()
-    few, many = (measured.values(DEPLETION, usual, name, "settled_r_max_m").mean() for name in ("pf_50", "pf_2000"))
-    text = (
-        "A filter that uses this radar can't be metres off: with the paper's own Q an extended Kalman filter's "
-        "largest "
-        f"error is {ekf:.2f} m. Clohessy-Wiltshire without any measurement, from a perfect start, is off by up to "
-        f"{alone:.1f} m in a revolution: that is what J2 and drag do to it, and it oscillates with the orbit.",
-        f"A particle filter whose cloud has died out follows its equations. With 50 particles its largest error is "
-        f"{few:.1f} m, with 2000 {many:.2f} m: the number of particles, which the paper doesn't report, makes any "
-        "error "
-        "between.",
-    )
-    return Experiment("A depleted particle filter flies open loop", ("B3", "B4"), text, table)
-
-
-def _fair_baseline(measured: Measured) -> Experiment:
-    """Velocity error by process noise: what the paper's Q alone costs."""
-    usual = measured.case(DEPLETION, USUAL)
-    rows = []
-    for filter in ("ekf", "ekf_tuned", "ekf_j2"):
-        cells = tuple(
-            number_of(mean_of_runs(measured.values(DEPLETION, usual, filter, column)), decimals)
-            for column, decimals in _COLUMNS.values()
-        )
-        rows.append(Row(PARTICLE_FILTERS[filter], cells))
-    table = Table(
-        "mf_upf_baseline",
-        "The comparison with a process noise of the right size",
-        "After 1000 s, mean over runs with 95 % interval.",
-        "filter",
-        tuple(Column(label) for label in _COLUMNS),
-        tuple(rows),
-    )
-    paper_q, tuned = (
-        measured.values(DEPLETION, usual, name, "settled_v_rms_m_s").mean() for name in ("ekf", "ekf_tuned")
-    )
-    r = measured.values(DEPLETION, usual, "ekf_tuned", "settled_r_p95_m").mean()
-    text = (
-        "The paper sets Q for one step to 1e-6 (m/s)² because perturbations are 1e-6 m/s²: 1 mm/s a step, a hundred "
-        f"to a thousand times too much. With that Q a Kalman filter's velocity error is {paper_q:.4f} m/s, with a "
-        "tuned "
-        f"one {tuned:.5f} m/s.",
-        f"So the published gain of the model-free filter (0.5 m, 0.001 m/s) is within reach of Clohessy-Wiltshire: "
-        f"{r:.3f} m and {tuned:.5f} m/s, with nothing learned.",
-    )
-    return Experiment("The baseline was detuned", ("B1", "B2", "B4"), text, table)
 
 
 def _learned(measured: Measured) -> tuple[str, ...]:
@@ -289,9 +196,6 @@ def _plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             )
         )
     return tuple(plots)
-
-
-_CASES: dict[str, Mapping[str, Any]] = {"1 s": USUAL, "10 s": SLOW, "1 s, perfect start": PERFECT}
 
 
 def _index() -> Table:

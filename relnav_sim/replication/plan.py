@@ -38,7 +38,7 @@ PLAN = (
     Planned("mf_upf", 50, trial=("clock.duration_s=1200",)),
     Planned("mf_upf_depletion", 20, trial=("clock.duration_s=1200",)),
     # Minutes a run: the paper has one, an interval needs a few.
-    Planned("mf_upf_particles", 4, ("clock.duration_s=3000",), ("clock.duration_s=1200",), full_runs=100),
+    Planned("mf_upf_particles", 4, ("clock.duration_s=2500",), ("clock.duration_s=1200",), full_runs=100),
     Planned("alpha_kf_start", 100, trial=()),
     Planned("alpha_kf_gaussian", 100),
     Planned("alpha_kf_mixture", 100),
@@ -92,6 +92,7 @@ def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: boo
     loaded = [(planned.name, planned_campaign(planned, size, campaigns)) for planned in PLAN]
     paths = {}
     for number, (name, campaign) in enumerate(loaded, start=1):
-        say(f"{number} of {len(loaded)}: {name}, {len(campaign.cases)} cases of {campaign.runs} runs")
+        cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"
+        say(f"campaign {number} of {len(loaded)}: {name}, {cases} of {campaign.runs} runs")
         paths[name] = run_campaign(campaign, out / f"{name}.h5", workers=workers, progress=progress)
     return paths
