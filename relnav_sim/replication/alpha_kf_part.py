@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,18 +22,65 @@ from relnav_sim.replication.summary import Experiment, PaperPart
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
 from relnav_sim.statistics.verdicts import mean_of_runs
 
-_BEYOND = "alpha_kf_beyond"
-_PAPERS_OWN = {
-    "alpha_kf": "αKF, one process noise",
-    "alpha_kf_tuned": "αKF, tuned",
-    "kf_tuned": "KF, tuned",
-    "adaptive_alpha_tuned": "adaptive alpha filter, tuned",
-}
-_BETTER = {
-    "ekf_second_order": "EKF with quadratic gravity",
-    "ekf_j2": "EKF with J2 dynamics",
-    "adaptive_alpha_j2": "adaptive alpha filter with J2 dynamics",
-}
+_LIMIT = "limit"
+
+
+@dataclass(frozen=True)
+class _Scenario:
+    """One of the paper's scenarios: its best row, the filters of its own campaign and those of the campaign limit."""
+
+    label: str
+    paper: tuple[str, float, float, float, float]
+    campaign: str
+    own: Mapping[str, str]
+    case: Mapping[str, Any]
+    better: Mapping[str, str]
+
+
+def _scenarios() -> tuple[_Scenario, ...]:
+    content = papers()["alpha_kf"].content
+    gaussian, mixture = (
+        (*content[table]["r"]["alpha_kf"], *content[table]["v"]["alpha_kf"]) for table in ("table_2", "table_3")
+    )
+    best = min(content["table_4"], key=lambda row: math.hypot(row[1], row[2]))
+    own = {
+        "alpha_kf": "αKF, one process noise",
+        "alpha_kf_tuned": "αKF, tuned",
+        "kf_tuned": "KF, tuned",
+        "adaptive_alpha_tuned": "adaptive alpha filter, tuned",
+    }
+    white = {"sensors.radar.azimuth_bias_deg": 0}
+    return (
+        _Scenario(
+            "Gaussian",
+            ("αKF", *gaussian),
+            "alpha_kf_gaussian",
+            own,
+            {**white, "sensors.radar.noise": {"kind": "gaussian"}},
+            {"kf": "KF with J2 dynamics"},
+        ),
+        _Scenario(
+            "mixture",
+            ("αKF", *mixture),
+            "alpha_kf_mixture",
+            own,
+            {**white, "sensors.radar.noise": {"kind": "mixture"}},
+            {"kf": "KF with J2 dynamics", "imm": "IMM with J2 dynamics"},
+        ),
+        _Scenario(
+            "mixture and bias",
+            (f"αKF, α = {best[0]:g}", *best[1:]),
+            "alpha_kf_sweep",
+            {f"alpha_{best[0]:g}": f"αKF, α = {best[0]:g}"},
+            {"sensors.radar.azimuth_bias_deg": 0.05},
+            {
+                "kf": "KF with J2 dynamics",
+                "kf_biases": "KF with J2 dynamics and the biases as states",
+                "imm_biases": "IMM with J2 dynamics and the biases as states",
+                "kf_considering": "KF with J2 dynamics that considers the biases",
+            },
+        ),
+    )
 
 
 def part(measured: Measured, folder: Path) -> PaperPart:
@@ -97,33 +147,22 @@ def _index() -> Table:
 def _best_filters(measured: Measured) -> Table:
     """Relnav's best filters on the paper's scenarios, with the bound where it is stored."""
     rows = []
-    for noise, published, campaign in (
-        ("Gaussian", "table_2", "alpha_kf_gaussian"),
-        ("mixture", "table_3", "alpha_kf_mixture"),
-    ):
-        content = papers()["alpha_kf"].content[published]
-        r, v = content["r"]["alpha_kf"], content["v"]["alpha_kf"]
-        rms = [math.hypot(*pair) for pair in (r, v)]
-        paper = (
-            Number(r[0], decimals=3),
-            Number(rms[0], decimals=3),
-            Number(v[0], decimals=3),
-            Number(rms[1], decimals=4),
-        )
-        rows.append(Row(f"{noise}: paper's αKF", paper, opens_block=True))
-        case = measured.case(_BEYOND, {"sensors.radar.noise": {"kind": noise.lower()}})
-        places = [(campaign, 0, filter, label) for filter, label in _PAPERS_OWN.items()]
-        places += [(_BEYOND, case, filter, label) for filter, label in _BETTER.items()]
-        for where, number, filter, label in places:
-            columns = (R_MEAN, "settled_r_rms_m", V_MEAN, "settled_v_rms_m_s")
-            cells = tuple(
-                number_of(mean_of_runs(measured.values(where, number, filter, c)), 3 if "_r_" in c else 5)
-                for c in columns
-            )
-            rows.append(Row(f"{noise}: {label}", cells))
+    columns = (R_MEAN, "settled_r_rms_m", V_MEAN, "settled_v_rms_m_s")
+    for scenario in _scenarios():
+        name, r, r_std, v, v_std = scenario.paper
+        paper = zip((r, math.hypot(r, r_std), v, math.hypot(v, v_std)), (3, 3, 3, 4), strict=True)
+        cells = tuple(Number(value, decimals=decimals) for value, decimals in paper)
+        rows.append(Row(f"{scenario.label}: paper's {name}", cells, opens_block=True))
+        case = measured.case(_LIMIT, scenario.case)
+        places = [(scenario.campaign, 0, filter, label) for filter, label in scenario.own.items()]
+        places += [(_LIMIT, case, filter, label) for filter, label in scenario.better.items()]
+        for campaign, number, filter, label in places:
+            found = (mean_of_runs(measured.values(campaign, number, filter, column)) for column in columns)
+            ours = tuple(number_of(f, 3 if "_r_" in c else 5) for f, c in zip(found, columns, strict=True))
+            rows.append(Row(f"{scenario.label}: {label}", ours))
         bound = _bound_row(measured, case)
         if bound is not None:
-            rows.append(Row(f"{noise}: bound, perfect model", bound))
+            rows.append(Row(f"{scenario.label}: bound, perfect model", bound))
     return Table(
         "beyond_alpha_kf",
         "The same scenario with relnav's filters",
@@ -137,7 +176,7 @@ def _best_filters(measured: Measured) -> Table:
 
 def _bound_row(measured: Measured, case: int) -> tuple[Words | Number, ...] | None:
     """Return the bound's RMS over the settled time, or None where results hold none."""
-    results = measured.results(_BEYOND)
+    results = measured.results(_LIMIT)
     bound = results.bound(case)
     if bound is None:
         return None

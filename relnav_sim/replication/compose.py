@@ -55,6 +55,7 @@ def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
         why=why(rule.claim, experiments),
         evidence=evidence_table(judgement),
         missing=judgement.missing,
+        undecided=judgement.undecided,
     )
 
 

@@ -65,6 +65,12 @@ class Judgement:
             return ()
         return tuple(item.reading.words for item in self.evidence if item.outcome == "holds")
 
+    @property
+    def undecided(self) -> bool:
+        """Whether the claim is not reproduced only for want of runs: some main reading is open and none fails."""
+        main = [item.outcome for item in self.evidence if item.main]
+        return self.verdict == "not reproduced" and "open" in main and "fails" not in main
+
 
 def judge(rule: Rule, measured: Measured) -> Judgement:
     """Return the verdict on a claim.

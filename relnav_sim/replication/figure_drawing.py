@@ -127,7 +127,7 @@ def alpha_boxes(measured: Measured, campaign: str, filters: Mapping[str, str], p
             panel.set_xlabel("alpha")
             panel.set_ylabel(f"{quantity} error [{unit}]")
             panel.set_ylim(bottom=0)
-        panels[0].legend(loc="upper right")
+        panels[0].legend(loc="lower right")
         margins(figure, left=0.5, right=0.1, top=0.1, bottom=0.4, hspace=0.1, wspace=0.5)
     return figure
 
@@ -236,8 +236,9 @@ def orbit_plane(measured: Measured, campaign: str, case: int, filters: Mapping[s
             (line,) = panel.plot(series.truth[:, 1], series.truth[:, 0], color="k", linewidth=0.8, linestyle="--")
             panel.set_xlabel("along-track y [m]")
         centre = series.truth[-len(series.truth) // 10, :2]
-        panels[1].set_xlim(centre[1] - 10, centre[1] + 10)
-        panels[1].set_ylim(centre[0] - 10, centre[0] + 10)
+        panels[1].set_xlim(centre[1] - 2, centre[1] + 2)
+        panels[1].set_ylim(centre[0] - 2, centre[0] + 2)
+        panels[1].locator_params(nbins=5)
         panels[0].set_ylabel("radial x [m]")
         legend_above(figure, [line, *handles], labels)
         margins(figure, 0.6, 0.1, 0.1 + legend_height(labels), 0.4, 0.1, 0.6)

@@ -152,11 +152,13 @@ def _plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
         shown = {name: filters[name] for name in wanted if name in filters} or filters
     else:
         shown = {name: PARTICLE_FILTERS[name] for name in ("pf", "ekf_tuned")}
+    plain = {"pf_no_roughening": "PF, paper's Q"} if filters else {}
+    in_plane = {**shown, **plain}
     pf = {name: PARTICLE_FILTERS[name] for name in ("pf", "pf_50", "pf_tuned", "ekf_tuned")}
     plots = [
         Plot(
             "Fig. 2",
-            save(folder, "mf_upf_fig_2", orbit_plane(measured, campaign, case, shown)),
+            save(folder, "mf_upf_fig_2", orbit_plane(measured, campaign, case, in_plane)),
             "Relative position in the orbit plane, run 0, with a magnified part: truth and estimates.",
             "Fig. 2 of Wei, Song and Zhang (2012), replicated",
         )

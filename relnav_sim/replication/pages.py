@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 TITLE = "Three papers, claim by claim"
+_SHOWN_CONDITIONS = 2
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
     "usual": "Made by `make reproduce`, which takes less than 20 minutes on two cores.",
@@ -78,8 +79,10 @@ def verdict_in_words(claim: Claim) -> str:
     if not claim.evidence.rows:
         return "not run"
     if claim.verdict == "reproduced only if" and claim.conditions:
-        return "reproduced only " + ", or ".join(claim.conditions)
-    return claim.verdict
+        shown, more = claim.conditions[:_SHOWN_CONDITIONS], len(claim.conditions) - _SHOWN_CONDITIONS
+        rest = f", or in {more} more readings" if more > 1 else ", or in one more reading" if more == 1 else ""
+        return f"reproduced only {'; or '.join(shown)}{rest}"
+    return f"{claim.verdict} (undecided with these runs)" if claim.undecided else claim.verdict
 
 
 def verdict_lines(summary: Summary) -> list[tuple[str, str, str]]:

@@ -34,6 +34,7 @@ class Claim:
         why: The cause, in sentences with the figures of its experiment.
         evidence: Every reading with its effects, intervals and outcome.
         missing: Readings that were not run.
+        undecided: Not reproduced, but no main reading contradicts the claim either: too few runs.
     """
 
     number: str
@@ -46,6 +47,7 @@ class Claim:
     why: tuple[str, ...]
     evidence: Table
     missing: tuple[str, ...] = ()
+    undecided: bool = False
 
 
 @dataclass(frozen=True)
