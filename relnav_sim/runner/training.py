@@ -19,7 +19,7 @@ from relnav_sim.models.gp import GpOptions, TrainingTrack
 from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.models.radar import PolarRadar, first_fix
 from relnav_sim.runner.simulation import stretches
-from relnav_sim.sensors import measurement_model
+from relnav_sim.sensors import measurement_model, radar_model
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import begun_earlier, nominal_chief
 
@@ -65,13 +65,15 @@ def _smoothed(config: CaseConfig, dynamics: Dynamics, orbit: ChiefOrbit, z: Arra
     """Return the smoothed states (K, 6) after the first of the radar's readings z (1, epochs, 3), and their epoch."""
     step_s = config.clock.step_s
     radar = measurement_model("polar", "total", config.sensors, orbit)
-    assert isinstance(radar, PolarRadar)
+    at_once = radar_model("polar", "total", config.sensors, orbit)
+    assert isinstance(at_once, PolarRadar)
     seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
     if not len(seen):
         raise ValueError("the radar sees nothing before the campaign's start, so that there is nothing to learn from")
     first = int(seen[0]) + 1
-    position, position_covariance = first_fix(radar, z[:, first - 1])
-    # A closed relative orbit of that size moves no faster; how it moves, the radar tells in a few readings.
+    position, position_covariance = first_fix(at_once, z[:, first - 1])
+    # A closed relative orbit of that size moves no faster, so that a latency does not matter to the fix; how it moves,
+    # the radar tells in a few readings.
     speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)
     covariance = np.zeros((1, 6, 6))
     covariance[:, :3, :3] = position_covariance
