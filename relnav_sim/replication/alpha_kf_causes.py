@@ -26,11 +26,11 @@ def alpha_is_a_gain(measured: Measured) -> Experiment:
     """The alpha filter beside KF(R / alpha), with fixed samples and with 10000 random ones."""
     rows = []
     for label, campaign, sampled, closed, case in (
-        ("Gaussian, α = 0.5, 256 fixed samples", "alpha_kf_gaussian", "alpha_kf", "kf_r2", 0),
-        ("mixture, α = 0.5, 256 fixed samples", "alpha_kf_mixture", "alpha_kf", "kf_r2", 0),
+        ("Gaussian, α = 0.5, 512 fixed samples", "alpha_kf_gaussian", "alpha_kf", "kf_r2", 0),
+        ("mixture, α = 0.5, 512 fixed samples", "alpha_kf_mixture", "alpha_kf", "kf_r2", 0),
         ("Gaussian, α = 0.5, 10000 random samples", "alpha_kf_draws", "random_0.5", "kf_0.5", 0),
         *(
-            (f"mixture and bias, α = {a:g}, 256 fixed samples", "alpha_kf_sweep", f"alpha_{a:g}", f"kf_{a:g}", 0)
+            (f"mixture and bias, α = {a:g}, 512 fixed samples", "alpha_kf_sweep", f"alpha_{a:g}", f"kf_{a:g}", 0)
             for a in ALPHAS
         ),
     ):
@@ -49,20 +49,19 @@ def alpha_is_a_gain(measured: Measured) -> Experiment:
     table = Table(
         "alpha_is_a_gain",
         "The alpha filter and the linear Kalman filter with R / α",
-        "Mean position error [m] and velocity error [m/s] over t ≥ 500 s, mean over runs, 95 % intervals; differences "
-        "are of the same runs.",
+        "Mean position error [m] and velocity error [m/s] over t ≥ 500 s, mean over runs, 95 % intervals; "
+        "differences are of the same runs.",
         "case",
         tuple(Column(head, group, opens_group=head == "αKF") for group in ("position", "velocity") for head in heads),
         tuple(rows),
     )
     worst = max(abs(cell.value) for row in rows[:2] for cell in row.cells[2::3] if isinstance(cell, Number))
     text = (
-        "One step of the alpha filter weighs samples of the prediction with the likelihood to the power α. A Gaussian "
-        "to the power α is a Gaussian with R / α, and the converted measurement is linear: the filter is a Kalman "
-        "filter with R / α, drawn with dice. Nothing is left for a divergence to do.",
+        "One step of the alpha filter weighs samples of the prediction with the likelihood to the power α. A "
+        "Gaussian to the power α is a Gaussian with R / α, and the converted measurement is linear: the filter is a "
+        "Kalman filter with R / α, drawn with dice. Nothing is left for a divergence to do.",
         f"On the same runs the alpha filter and KF(R/α) differ by at most {worst:.2f} % at α = 0.5; gain and "
-        "covariance depend on Q and R "
-        "through their ratio alone, so choosing α is choosing the process noise.",
+        "covariance depend on Q and R through their ratio alone, so choosing α is choosing the process noise.",
     )
     return Experiment("α is a gain", ("A1", "A2", "A4", "A5"), text, table)
 
@@ -101,13 +100,11 @@ def process_noise_orders_the_filters(measured: Measured) -> Experiment:
     same = abs(found["kf_5e-7"][0] / found["r2_1e-6"][0] - 1) * 100
     text = (
         f"The same Kalman filter has mean position errors from {min(k[0] for k in kf):.2f} m (S_a = "
-        f"{_SPECTRA[best]}) to "
-        f"{max(k[0] for k in kf):.2f} m, by its process noise alone: more than the published filters differ. The paper "
-        "gives no Q for any of them.",
+        f"{_SPECTRA[best]}) to {max(k[0] for k in kf):.2f} m, by its process noise alone: more than the published "
+        "filters differ. The paper gives no Q for any of them.",
         f"KF(R) with S_a = 5e-7 and KF(R/0.5) with S_a = 1e-6 have the same gain; their errors differ by {same:.2f} %.",
         "The radial bias tells which: Clohessy-Wiltshire leaves out curvature and differential J2, and the quieter "
-        "the "
-        f"filter, the longer it believes in that. The published biases z = {published['z']['ekf'][0]:.3f}, "
+        f"the filter, the longer it believes in that. The published biases z = {published['z']['ekf'][0]:.3f}, "
         f"{published['z']['ukf'][0]:.3f} and {published['z']['alpha_kf'][0]:.3f} m belong to process noises about a "
         "hundred times apart; one process noise for all would give one bias.",
     )
@@ -144,10 +141,9 @@ def unscented_is_extended(measured: Measured) -> Experiment:
     a = measured.values("alpha_kf_gaussian", 0, "ukf", R_MEAN)
     b = measured.values("alpha_kf_gaussian", 0, "ekf", R_MEAN)
     text = (
-        f"At 12 km the measurement hardly bends over the prior's spread (8 mm): UKF and EKF differ by "
+        "At 12 km the measurement hardly bends over the prior's spread (8 mm): UKF and EKF differ by "
         f"{abs(percent_below(ratio_of_means(a, b)).estimate):.4f} % on the same runs. A factor of 1.7 in accuracy "
-        "and of "
-        "13 in convergence time between them is a difference of settings, not of filters.",
+        "and of 13 in convergence time between them is a difference of settings, not of filters.",
     )
     return Experiment("UKF and EKF are one filter here", ("A1", "A3", "A4"), text, table)
 
@@ -174,8 +170,8 @@ def sampling_floor(measured: Measured) -> Experiment:
     table = Table(
         "sampling_floor",
         "What 10000 random draws add to the position error",
-        "Closed form sqrt(trace R / (α N)), and sqrt(RMS² of the sampled filter − RMS² of KF(R/α)) on the same runs, "
-        "mean over runs with 95 % interval; last the standard deviation in the paper's Table 4. All in m.",
+        "Closed form sqrt(trace R / (α N)), and sqrt(RMS² of the sampled filter − RMS² of KF(R/α)) on the same "
+        "runs, mean over runs with 95 % interval; last the standard deviation in the paper's Table 4. All in m.",
         "alpha",
         (
             Column("closed form"),
@@ -187,11 +183,11 @@ def sampling_floor(measured: Measured) -> Experiment:
     )
     small = floors[2]
     text = (
-        "A sampled mean has a noise of its own, which the filter doesn't know of and carries on. It does not depend on "
-        "Q and grows as 1/sqrt(α): the smaller α, the less each sample is worth and the longer the filter remembers.",
+        "A sampled mean has a noise of its own, which the filter doesn't know of and carries on. It does not depend "
+        "on Q and grows as 1/sqrt(α): the smaller α, the less each sample is worth and the longer the filter "
+        "remembers.",
         f"At α = {small[0]:g} that is {small[1]:.2f} m by the formula and {small[2]:.2f} m in our runs. The rise of "
-        "the "
-        "published scatter towards small α is the size of this noise, not a property of the divergence: fixed "
+        "the published scatter towards small α is the size of this noise, not a property of the divergence: fixed "
         "samples, or none at all, remove it.",
     )
     return Experiment("The scatter of Table 4 is the noise of the samples", ("A6",), text, table)
@@ -219,8 +215,7 @@ def small_alpha_is_slow(measured: Measured) -> Experiment:
         "bias_and_memory",
         "KF(R/α) by the angle that carries the bias",
         "Mean over t ≥ 500 s of the position error [m] and of the velocity error [m/s], mean over runs, 95 % "
-        "intervals. "
-        "S_a = 1e-6 m²/s³ throughout.",
+        "intervals. S_a = 1e-6 m²/s³ throughout.",
         "alpha",
         tuple(
             Column(label, group, opens_group=label == "paper")
@@ -231,11 +226,10 @@ def small_alpha_is_slow(measured: Measured) -> Experiment:
     )
     text = (
         f"0.05 deg at 12 km is {12000 * math.radians(0.05):.1f} m for each angle that carries it. Which one does is "
-        "not in "
-        "the paper, and it decides the size of the error more than α does.",
-        "In the paper's own Table 4 the velocity error falls all the way from α = 0.001 to 0.999 (0.028 to 0.016 m/s), "
-        "and so does the scatter; the position means lie within 4 % from 0.01 to 0.999. A best range 0.05 to 0.1 can "
-        "only be read from the position means, whose differences (0.003 m between 0.05 and 0.1) are far "
+        "not in the paper, and it decides the size of the error more than α does.",
+        "In the paper's own Table 4 the velocity error falls all the way from α = 0.001 to 0.999 (0.028 to 0.016 "
+        "m/s), and so does the scatter; the position means lie within 4 % from 0.01 to 0.999. A best range 0.05 to "
+        "0.1 can only be read from the position means, whose differences (0.003 m between 0.05 and 0.1) are far "
         "inside the noise of a single run.",
     )
     return Experiment("The bias decides, α hardly matters", ("A6",), text, table)
@@ -264,8 +258,7 @@ def counted_operations() -> Experiment:
     ratio = operations.count("alpha_kf", 10000) / operations.count("ekf", 0)
     text = (
         f"With the paper's 10000 samples a step takes {ratio:.0f} times the operations of the EKF's. It would cost "
-        "no more "
-        f"than the UKF with {operations.break_even_samples('ukf')} samples or fewer, than the EKF with "
+        f"no more than the UKF with {operations.break_even_samples('ukf')} samples or fewer, than the EKF with "
         f"{operations.break_even_samples('ekf')}.",
     )
     return Experiment("Counted operations", ("A7",), text, table)

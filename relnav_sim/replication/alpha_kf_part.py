@@ -19,7 +19,7 @@ from relnav_sim.replication.measured import Measured
 from relnav_sim.replication.paper_tables import figures, published_table, table_four
 from relnav_sim.replication.papers import papers
 from relnav_sim.replication.summary import Experiment, PaperPart
-from relnav_sim.report.tables import Column, Number, Row, Table, Words
+from relnav_sim.report.tables import Column, Number, Row, Table, Words, shown_number
 from relnav_sim.statistics.verdicts import mean_of_runs
 
 _LIMIT = "limit"
@@ -166,8 +166,8 @@ def _best_filters(measured: Measured) -> Table:
     return Table(
         "beyond_alpha_kf",
         "The same scenario with relnav's filters",
-        "t ≥ 500 s, mean over runs with 95 % interval; the paper's RMS is made of its mean and standard deviation. The "
-        "bound is the posterior Cramér-Rao bound of a filter whose dynamics are perfect.",
+        "t ≥ 500 s, mean over runs with 95 % interval; the paper's RMS is made of its mean and standard deviation. "
+        "The bound is the posterior Cramér-Rao bound of a filter whose dynamics are perfect.",
         "noise: filter",
         (Column("r mean [m]"), Column("r RMS [m]"), Column("v mean [m/s]"), Column("v RMS [m/s]")),
         tuple(rows),
@@ -216,11 +216,10 @@ def _learned(measured: Measured) -> tuple[str, ...]:
     quiet = figures(measured, "alpha_kf_gaussian", "ekf_implied", "z", "mean")
     return (
         "The alpha filter is a Kalman filter with R / α. A linear Kalman filter gives the same estimate at a "
-        "thousandth "
-        "of the cost, without sampling noise.",
+        "thousandth of the cost, without sampling noise.",
         f"Tuned, a plain Kalman filter has a mean position error of {r.mean():.3f} m, the tuned alpha filter "
         f"{alpha.mean():.3f} m: α and Q are two names for one knob.",
-        "The published filters differ by their process noise. The radial bias gives it away: an EKF with "
-        f"S_a = 1.5e-8 m²/s³ has one of {quiet.mean():.2f} m here, the paper's has 1.497 m.",
+        "The published filters differ by their process noise. The radial bias gives it away: an EKF with S_a = "
+        f"1.5e-8 m²/s³ has one of {shown_number(quiet.mean(), 2)} m here, the paper's has 1.497 m.",
         "Whoever wants to beat all three columns of Table 2 changes the dynamics, not the divergence: see below.",
     )

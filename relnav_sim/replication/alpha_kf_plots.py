@@ -65,8 +65,7 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "alpha_kf_fig_3",
             lambda: drawing.error_curves(measured, gaussian, _THREE, velocity=False),
             f"Position errors with Gaussian noise and one process noise for all. {_SPREAD} The panels of a row are "
-            "alike "
-            "because the filters are; the paper's differ because their settings do. "
+            "alike because the filters are; the paper's differ because their settings do. "
             + _places(measured, gaussian, "table_2", "r"),
         ),
         (
@@ -93,10 +92,9 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "Figs. 7, 8 and 9",
             "alpha_kf_fig_7_8_9",
             lambda: drawing.sigma_curves(measured, start, {**_THREE, "ukf_quiet": "UKF, quiet"}),
-            "Roots of the diagonal of P. EKF and UKF lie on each other, the alpha filter is where R / α puts it; the "
-            "only "
-            "filter that stands apart, later, is a UKF with a process noise 10000 times smaller. The paper prints no "
-            "number.",
+            "Roots of the diagonal of P. EKF and UKF lie on each other, the alpha filter is where R / α puts it; "
+            "the only filter that stands apart, later, is a UKF with a process noise 10000 times smaller. The paper "
+            "prints no number.",
         ),
         (
             "Fig. 10",
@@ -114,8 +112,8 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "Figs. 12 and 13",
             "alpha_kf_fig_12_13",
             lambda: drawing.alpha_boxes(measured, "alpha_kf_sweep", sweep, published),
-            "Position and velocity error by alpha, over all epochs after the start and all runs: box from quartile to "
-            "quartile, line at the median, whiskers to the extremes. Triangles: means of the paper's Table 4. "
+            "Position and velocity error by alpha, over all epochs after the start and all runs: box from quartile "
+            "to quartile, line at the median, whiskers to the extremes. Triangles: means of the paper's Table 4. "
             + _sweep_places(measured, "r"),
         ),
         (
@@ -139,7 +137,7 @@ def _trend(measured: Measured) -> list[dict[str, Any]]:
         {"label": "paper, one run", "alpha": ALPHAS, **{n: [row[i + 1] for row in rows] for i, n in enumerate(names)}}
     ]
     for label, campaign, pattern, case in (
-        ("256 fixed samples", "alpha_kf_sweep", "alpha_{:g}", 0),
+        ("512 fixed samples", "alpha_kf_sweep", "alpha_{:g}", 0),
         ("KF(R/α), tuned for each α", "alpha_kf_sweep", "kf_{:g}_tuned", 0),
         ("10000 random draws", "alpha_kf_draws", "random_{:g}", 1),
     ):

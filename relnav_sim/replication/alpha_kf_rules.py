@@ -189,9 +189,9 @@ _A6_PARTS = tuple(
 RULES = (
     Rule(
         "A1",
-        "The mean over time (t >= 500 s) of the position error, averaged over runs, is lower for the alpha filter than "
-        "for the EKF and for the UKF by at least half the published percentage: both 95 % intervals of the reduction "
-        "lie wholly above it.",
+        "The mean over time (t >= 500 s) of the position error, averaged over runs, is lower for the alpha filter "
+        "than for the EKF and for the UKF by at least half the published percentage: both 95 % intervals of the "
+        "reduction lie wholly above it.",
         (
             reduction("alpha_kf", "ekf", R_MEAN, 74.6, "position error below the EKF's"),
             reduction("alpha_kf", "ukf", R_MEAN, 56.7, "position error below the UKF's"),
@@ -230,8 +230,8 @@ RULES = (
     ),
     Rule(
         "A5",
-        "With mixture noise the alpha filter's mean velocity error is below the EKF's by at least half of 4.3 %, and "
-        "above the UKF's by at least half of 0.007 m/s.",
+        "With mixture noise the alpha filter's mean velocity error is below the EKF's by at least half of 4.3 %, "
+        "and above the UKF's by at least half of 0.007 m/s.",
         (
             reduction("alpha_kf", "ekf", V_MEAN, 4.3, "velocity error below the EKF's"),
             Part(
@@ -277,8 +277,8 @@ RULES = (
     ),
     Rule(
         "A7",
-        "Floating-point operations of one prediction and update, counted by formula: the alpha filter needs fewer than "
-        "the EKF and fewer than the UKF.",
+        "Floating-point operations of one prediction and update, counted by formula: the alpha filter needs fewer "
+        "than the EKF and fewer than the UKF.",
         tuple(
             Part(
                 f"operations over the {name.upper()}'s",

@@ -38,8 +38,8 @@ def evidence_table(judgement: Judgement) -> Table:
     return Table(
         f"claim_{claim}",
         f"{claim}: the evidence",
-        "Intervals: 95 % over runs for the main readings (marked *); the others share 5 % of error. "
-        "A reading holds when every figure's whole interval is where the rule asks for it.",
+        "Intervals: 95 % over runs for the main readings (marked *); the others share 5 % of error. A reading holds "
+        "when every figure's whole interval is where the rule asks for it.",
         "reading",
         _COLUMNS,
         tuple(rows),

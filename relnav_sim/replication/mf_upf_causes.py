@@ -76,12 +76,10 @@ def _what_is_learned(measured: Measured) -> Experiment:
     )
     text = (
         "A Gaussian process for the next state has to learn Clohessy-Wiltshire's equations too, which were known; "
-        "one for "
-        "what they leave over learns perturbations alone.",
+        "one for what they leave over learns perturbations alone.",
         f"As printed, from error-free states, the errors that hold 95 % of the time are {absolute:.2f} m and "
         f"{absolute_v:.5f} m/s. Learning the residual from the radar's own track, which a flight filter can have, "
-        "gives "
-        f"{residual:.3f} m and {residual_v:.5f} m/s.",
+        f"gives {residual:.3f} m and {residual_v:.5f} m/s.",
     )
     return Experiment("What is learned decides", ("B1", "B2"), text, table)
 
@@ -114,15 +112,14 @@ def _depletion(measured: Measured) -> Experiment:
     )
     lucky = measured.values(DEPLETION, perfect, "pf", "settled_r_max_m").mean()
     text = (
-        "A filter that uses this radar can't be metres off: with the paper's own Q an extended Kalman filter's largest "
-        f"error is {ekf:.2f} m. Clohessy-Wiltshire without any measurement, from a perfect start, is off by up to "
-        f"{alone:.1f} m in a revolution, and oscillates with the orbit: that is what J2 and drag do to it.",
+        "A filter that uses this radar can't be metres off: with the paper's own Q an extended Kalman filter's "
+        f"largest error is {ekf:.2f} m. Clohessy-Wiltshire without any measurement, from a perfect start, is off by "
+        f"up to {alone:.1f} m in a revolution, and oscillates with the orbit: that is what J2 and drag do to it.",
         f"With the paper's Q and 500 particles the largest error is {usual_pf:.1f} m, with 50 {few:.1f} m, with 2000 "
         f"{many:.2f} m; from a perfect start 500 particles stay within {lucky:.2f} m. The cloud dies at the start, "
-        "where a radar "
-        "of 3 cm meets a prior of metres; what is left follows its equations until the process noise has found the "
-        "measurements again. The number of particles and P0, neither of which the paper reports, make any error "
-        "between.",
+        "where a radar of 3 cm meets a prior of metres; what is left follows its equations until the process noise "
+        "has found the measurements again. The number of particles and P0, neither of which the paper reports, make "
+        "any error between.",
     )
     return Experiment("A depleted particle filter flies open loop", ("B3", "B4"), text, table)
 
@@ -152,9 +149,8 @@ def _fair_baseline(measured: Measured) -> Experiment:
     text = (
         "The paper sets Q for one step to 1e-6 (m/s)² because perturbations are 1e-6 m/s²: 1 mm/s a step, a hundred "
         f"to a thousand times too much. With that Q a Kalman filter's velocity error is {paper_q:.4f} m/s, with a "
-        "tuned "
-        f"one {tuned:.5f} m/s.",
-        f"So the published gain of the model-free filter (0.5 m, 0.001 m/s) is within reach of Clohessy-Wiltshire: "
+        f"tuned one {tuned:.5f} m/s.",
+        "So the published gain of the model-free filter (0.5 m, 0.001 m/s) is within reach of Clohessy-Wiltshire: "
         f"{r:.3f} m and {tuned:.5f} m/s, with nothing learned.",
     )
     return Experiment("The baseline was detuned", ("B1", "B2", "B4"), text, table)

@@ -103,15 +103,13 @@ def _learned(measured: Measured) -> tuple[str, ...]:
     v = measured.values(DEPLETION, usual, "ekf_tuned", "settled_v_p95_m_s").mean()
     return (
         f"An extended Kalman filter on Clohessy-Wiltshire with a process noise of the right size stays below {r:.2f} "
-        "m and "
-        f"{v:.5f} m/s for 95 % of the time.",
+        f"m and {v:.5f} m/s for 95 % of the time.",
         "The steps that the paper lists run no unscented filter: particles are drawn from the learned dynamics, "
-        "weighed by "
-        "the likelihood, resampled and moved. Here that is gp_particle; mf_upf is the filter that the title promises.",
+        "weighed by the likelihood, resampled and moved. Here that is gp_particle; mf_upf is the filter that the "
+        "title promises.",
         "Training on accurate states is leakage: no flight filter has 500 error-free positions and velocities.",
         "Its equation 3 has the exponent −1/2 where it must be +1/2, equation 4 has y where x is radial, and μ is "
-        "printed ten "
-        "times too small. relnav computes the measurement from the geometry instead.",
+        "printed ten times too small. relnav computes the measurement from the geometry instead.",
     )
 
 
@@ -190,10 +188,9 @@ def _plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             Plot(
                 f"{number}, Clohessy-Wiltshire",
                 save(folder, f"{name}_cw", figure),
-                f"{what} error: median of the runs, and where 90 % of them are. Dashed: the published size for the PF, "
-                f"{pf_level:g} {unit}; dotted: the bound of a perfect model. The published size among our runs of "
-                "the PF "
-                f"with 500 particles ({size}): {place(pf_level, runs)}.",
+                f"{what} error: median of the runs, and where 90 % of them are. Dashed: the published size for the "
+                f"PF, {pf_level:g} {unit}; dotted: the bound of a perfect model. The published size among our runs "
+                f"of the PF with 500 particles ({size}): {place(pf_level, runs)}.",
                 f"{number} of Wei, Song and Zhang (2012), filters over Clohessy-Wiltshire dynamics",
             )
         )

@@ -52,8 +52,8 @@ _PF_OTHERS = (
 RULES = (
     Rule(
         "B1",
-        "After 1000 s the position error stays below 0.5 m for 95 % of the time: the mean over runs of each run's 95 % "
-        "quantile, its whole 95 % interval, is below 0.5 m.",
+        "After 1000 s the position error stays below 0.5 m for 95 % of the time: the mean over runs of each run's "
+        "95 % quantile, its whole 95 % interval, is below 0.5 m.",
         (
             Part(
                 "95 % quantile over time of the position error",

@@ -25,17 +25,15 @@ SIZES = {
     "full": "Made by `make reproduce-full`: every campaign at the papers' sizes, 100 runs of each case.",
 }
 PRINCIPLES = (
-    "The rules were written, and committed, before any result. Three principles make every threshold: an improvement "
-    "counts "
-    "as reproduced when at least half of it is there; a size (“about 5 m”, “18 s”) within a factor of two; a limit "
-    "(“below 0.5 m”) as printed.",
+    "Thresholds and main readings were written, and committed, before any result; alternative readings that came "
+    "later, before their own. Three principles make every threshold: an improvement counts as reproduced when at "
+    "least half of it is there; a size (“about 5 m”, “18 s”) within a factor of two; a limit (“below 0.5 m”) as "
+    "printed.",
     "Intervals decide, at 95 % over runs: an effect holds when its whole interval is where the rule asks for it, "
-    "fails when "
-    "none of it is, and is undecided in between. A claim is reproduced when all its figures hold in all its main "
-    "readings: "
-    "one process noise for all filters, and each filter tuned on separate seeds with the same budget. "
-    "It is “reproduced only if …” when it holds in "
-    "one of them, or in another reading of what the paper leaves open; those share 5 % of error between them.",
+    "fails when none of it is, and is undecided in between. A claim is reproduced when all its figures hold in all "
+    "its main readings: one process noise for all filters, and each filter tuned on separate seeds with the same "
+    "budget. It is “reproduced only if …” when it holds in one of them, or in another reading of what the paper "
+    "leaves open; those share 5 % of error between them.",
 )
 
 

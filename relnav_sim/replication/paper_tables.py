@@ -98,9 +98,9 @@ def published_table(measured: Measured, number: int, campaign: str) -> Table:
     return Table(
         f"table_{number}",
         f"Table {number} of Shi et al. (2025), {noise}",
-        f"Mean and standard deviation over time (t ≥ 500 s) of the signed error, and of its norm r and v; the paper's "
-        f"numbers are of one run, ours the mean over {runs_text} runs with its 95 % interval. Axes: x along-track, "
-        "y minus orbit normal, z nadir.",
+        "Mean and standard deviation over time (t ≥ 500 s) of the signed error, and of its norm r and v; the "
+        f"paper's numbers are of one run, ours the mean over {runs_text} runs with its 95 % interval. Axes: x "
+        "along-track, y minus orbit normal, z nadir.",
         "quantity",
         tuple(columns),
         tuple(rows),
@@ -156,9 +156,8 @@ def table_four(measured: Measured) -> Table:
     return Table(
         "table_4",
         "Table 4 of Shi et al. (2025): the divergence coefficient, with mixture noise and 0.05 deg of bias",
-        "r in m, v in m/s. Ours: mean over runs with its 95 % interval (t ≥ 500 s); the rows with 10000 random draws "
-        "an "
-        "epoch are of fewer and shorter runs.",
+        "r in m, v in m/s. Ours: mean over runs with its 95 % interval (t ≥ 500 s); the rows with 10000 random "
+        "draws an epoch are of fewer and shorter runs.",
         "alpha",
         columns,
         tuple(rows),

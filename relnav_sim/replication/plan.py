@@ -37,10 +37,12 @@ class Planned:
 
 PLAN = (
     Planned("two_step", 200, trial=("clock.duration_s=200",)),
-    Planned("mf_upf", 50, trial=("clock.duration_s=1200",)),
-    Planned("mf_upf_depletion", 20, trial=("clock.duration_s=1200",)),
+    Planned("mf_upf", 30, ("block_runs=15",), ("clock.duration_s=1200",)),
+    Planned("mf_upf_depletion", 20, ("block_runs=20",), ("clock.duration_s=1200",)),
     # Minutes a run: the paper has one, an interval needs a few.
-    Planned("mf_upf_particles", 4, ("clock.duration_s=2500",), ("clock.duration_s=1200",), full_runs=100),
+    Planned(
+        "mf_upf_particles", 4, ("clock.duration_s=2000", "block_runs=2"), ("clock.duration_s=1200",), full_runs=100
+    ),
     Planned("alpha_kf_start", 100, trial=()),
     Planned("alpha_kf_gaussian", 100),
     Planned("alpha_kf_mixture", 100),
@@ -52,11 +54,11 @@ PLAN = (
     Planned("alpha_kf_geometry", 40),
     Planned("alpha_kf_attitude", 40),
     Planned("alpha_kf_epsilon", 40),
-    # 10000 draws an epoch cost 700 us a step and run: a quarter of the duration, and few runs.
+    # 10000 draws an epoch cost 700 us a step and run: a fifth of the duration, and few runs.
     Planned(
         "alpha_kf_draws",
         4,
-        ("clock.duration_s=1500",),
+        ("clock.duration_s=1200",),
         ("clock.duration_s=60", "statistics.settle_s=30"),
     ),
 )

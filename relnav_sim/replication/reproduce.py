@@ -74,7 +74,7 @@ def timing_lines(measured: Measured) -> list[str]:
         ("KF(R/alpha)", "alpha_kf_gaussian", "kf_r2"),
         ("EKF", "alpha_kf_gaussian", "ekf"),
         ("UKF", "alpha_kf_gaussian", "ukf"),
-        ("alpha filter, 256 fixed samples", "alpha_kf_gaussian", "alpha_kf"),
+        ("alpha filter, 512 fixed samples", "alpha_kf_gaussian", "alpha_kf"),
         ("alpha filter, 10000 random samples", "alpha_kf_draws", "random_0.5"),
     ):
         if measured.has(campaign, (filter,)):

@@ -101,8 +101,7 @@ def start_is_all(measured: Measured) -> Experiment:
         "two_step_start",
         f"From {WIDE_M} m and 0.3 m/s: two-step filters and the filters that need no second step",
         "RMS position error [m]: over the whole run, median of the runs; after 150 s, median and the 95 % quantile "
-        "of the "
-        "runs.",
+        "of the runs.",
         "filter",
         (Column("whole run"), Column("settled"), Column("settled, 95 % of runs")),
         tuple(rows),
@@ -112,19 +111,14 @@ def start_is_all(measured: Measured) -> Experiment:
     ekf_fix = float(np.nanmedian(measured.values("two_step", fix, "ekf", "settled_r_rms_m")))
     text = (
         "Everything depends on how far the first-step state y = [x; g(x)] may start off the manifold y = f(x). Not "
-        "at all "
-        "makes the two-step filter worse than an EKF; without limit it is an iterated EKF. The unscented transform "
-        "finds a "
-        "distance that is wide enough from the curvature of g over the prior.",
+        "at all makes the two-step filter worse than an EKF; without limit it is an iterated EKF. The unscented "
+        "transform finds a distance that is wide enough from the curvature of g over the prior.",
         f"So does a slack of 1e6 R, which knows nothing of curvature: settled median {by['two_step_loose']:.4f} m, "
-        "against "
-        f"{by['two_step_unscented']:.4f} m from the unscented transform. What is arbitrary does no harm as long as "
-        "it is "
-        "large; only a start that is too sure of itself does.",
-        f"The iterated EKF needs no second state for it: {by['iekf']:.4f} m. An EKF that starts at the first radar fix "
-        f"has {ekf_fix:.4f} m, a Kalman filter on converted fixes {by['kf']:.4f} m. What the two-step filter gains "
-        "on EKF and "
-        "UKF is a start that others get for less.",
+        f"against {by['two_step_unscented']:.4f} m from the unscented transform. What is arbitrary does no harm as "
+        "long as it is large; only a start that is too sure of itself does.",
+        f"The iterated EKF needs no second state for it: {by['iekf']:.4f} m. An EKF that starts at the first radar "
+        f"fix has {ekf_fix:.4f} m, a Kalman filter on converted fixes {by['kf']:.4f} m. What the two-step filter "
+        "gains on EKF and UKF is a start that others get for less.",
     )
     return Experiment("The start is all there is", ("C1", "C2"), text, table)
 
@@ -149,8 +143,8 @@ def part(measured: Measured, folder: Path) -> PaperPart:
         scenario=paper.scenario,
         silent=paper.silent,
         learned=(
-            "The paper says that earlier work left the start of the first-step state open; Garrison and Axelrad (1997) "
-            "treated it already.",
+            "The paper says that earlier work left the start of the first-step state open; Garrison and Axelrad "
+            "(1997) treated it already.",
             "Where the prior is as good as the measurement, every filter here is the same filter.",
         ),
         index=Table(

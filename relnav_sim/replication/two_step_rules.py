@@ -29,9 +29,9 @@ _FILTERS = {"two_step": "two_step_unscented", "ekf": "ekf", "ukf": "ukf"}
 RULES = (
     Rule(
         "C1",
-        "Converged: the position error stays below 1 m for 10 s, from 60 s at the latest, from start errors of 200 m "
-        "and 0.3 m/s. With the unscented start at least 95 % of the runs have converged (the 95 % interval's lower end "
-        "above 90 %), and at least half of all runs more than from the linearised covariance F P F^T.",
+        "Converged: the position error stays below 1 m for 10 s, from 60 s at the latest, from start errors of 200 "
+        "m and 0.3 m/s. With the unscented start at least 95 % of the runs have converged (the 95 % interval's "
+        "lower end above 90 %), and at least half of all runs more than from the linearised covariance F P F^T.",
         (
             Part(
                 "share of runs that converge with the unscented start",
