@@ -36,7 +36,7 @@ class Planned:
 
 
 PLAN = (
-    Planned("two_step", 200, trial=("clock.duration_s=200",)),
+    Planned("two_step", 100, trial=("clock.duration_s=200",)),
     Planned("mf_upf", 30, ("block_runs=15",), ("clock.duration_s=1200",)),
     Planned("mf_upf_depletion", 20, ("block_runs=20",), ("clock.duration_s=1200",)),
     # Minutes a run: the paper has one, an interval needs a few.
@@ -47,7 +47,7 @@ PLAN = (
     Planned("alpha_kf_gaussian", 100),
     Planned("alpha_kf_mixture", 100),
     # Its own settled span is the last 2000 s; the paper's tables are over all of the time.
-    Planned("limit", 20, always=("statistics.settle_s=500",)),
+    Planned("limit", 12, always=("statistics.settle_s=500",)),
     Planned("alpha_kf_sweep", 100),
     Planned("alpha_kf_process_noise", 40),
     Planned("alpha_kf_bias", 40),
