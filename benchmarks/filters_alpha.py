@@ -20,7 +20,7 @@ from relnav_sim.models.cw import cw_system
 from relnav_sim.models.process_noise import van_loan
 from relnav_sim.models.radar import PolarRadar, RadarNoise
 
-ROUNDS = 5
+ROUNDS = 12
 SIGMAS = np.array([4.0, 1.164e-3, 1.164e-3])  # m, rad, rad
 # Filter, options, form of the measurement, runs, steps, and the most that it may cost, us.
 CASES = (
