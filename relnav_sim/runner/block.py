@@ -216,6 +216,9 @@ class FilterTrack:
             self._steps += history.nis.size
             error = history.mean[..., :6] - stretch.truth.relative
             covariance = history.covariance[..., :6, :6]
+            if self._extra is not None:
+                # A run whose extra states are lost has failed, though without a reading position may not show it yet.
+                error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
                 stretch.truth.times_s, error, covariance, history.nis, history.log_likelihood, history.extras
             )

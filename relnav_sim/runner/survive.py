@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from relnav_sim.campaign import Case
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.results.merge import united_columns
 from relnav_sim.runner.block import scoring_rules, simulate_block
 from relnav_sim.runner.work import with_filters
 from relnav_sim.streams import RandomSource
@@ -158,5 +159,7 @@ def _side_by_side(parts: Sequence[BlockResult]) -> BlockResult:
 
 
 def _joined_filter(parts: Sequence[FilterResult]) -> FilterResult:
-    arrays: list[Mapping[str, np.ndarray]] = [part.arrays() for part in parts]
-    return FilterResult.of_arrays({name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]})
+    columns = united_columns([part.columns for part in parts])
+    arrays: list[Mapping[str, np.ndarray]] = [part.arrays(columns) for part in parts]
+    joined = {name: np.concatenate([part[name] for part in arrays]) for name in arrays[0]}
+    return FilterResult.of_arrays(joined, columns)
