@@ -46,7 +46,7 @@ def bound_surviving(case: Case, seed: int, timeout_s: float | None = None) -> Bo
             return case_bound(case, seed)
     except BlockTimeout:
         return failed_bound(case, seed, f"took longer than {timeout_s:g} s")
-    except Exception as error:  # whatever the cause, it must not end the campaign
+    except (Exception, SystemExit) as error:  # whatever the cause, it must not end the campaign
         return failed_bound(case, seed, f"{type(error).__name__}: {error}")
 
 

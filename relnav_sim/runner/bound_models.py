@@ -41,7 +41,7 @@ class Model:
         self._dynamics: Dynamics | None = None
         try:
             self._dynamics = make()
-        except Exception as error:  # of a user's own filter or dynamics; the other bounds go on
+        except (Exception, SystemExit) as error:  # of a user's own filter or dynamics; the other bounds go on
             self.broken = f"{type(error).__name__}: {error}"
 
     def has_states_of(self, other: Model) -> bool:
@@ -61,8 +61,9 @@ class Model:
         """
         if self._dynamics is not None and not self.broken:
             try:
-                return self._extended(*_steps(self._dynamics, self._config.clock.step_s, epochs, chief, states))
-            except Exception as error:  # as above
+                steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
+                return self._extended(*_finite(*steps, states))
+            except (Exception, SystemExit) as error:  # as above
                 self.broken = f"{type(error).__name__}: {error}"
         shape = (len(epochs), self.dimension, self.dimension)
         return np.full(shape, np.nan), np.zeros(shape)
@@ -116,10 +117,22 @@ def _steps(
     return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
 
 
+def _finite(F: Array, Q: Array, states: Array) -> tuple[Array, Array]:
+    """Return F and Q (K, 6, 6), NaN and 0 where there are no states (K, 6) any more.
+
+    Raises:
+        ValueError: One is not finite at a state that is.
+    """
+    lost = np.any(~np.isfinite(F + Q), axis=(1, 2), keepdims=True)
+    if (lost[:, 0, 0] & np.isfinite(states).all(axis=1)).any():
+        raise ValueError("its transition or process noise is not finite")
+    return np.where(lost, np.nan, F), np.where(lost, 0.0, Q)
+
+
 def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
     """Return the motion that some filters believe in, from the first of them that can be made."""
     for name in names[:-1]:
-        with suppress(Exception):
+        with suppress(Exception, SystemExit):
             return create_campaign_filter(config.filters[name], config, seed).dynamics
     return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
 

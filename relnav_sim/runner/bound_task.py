@@ -60,7 +60,9 @@ def is_finished(task: BoundTask, say: Callable[[str], None]) -> bool:
     if not task.path.exists():
         return False
     try:
-        read_bound(task.path)
+        bound = read_bound(task.path)
+        if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, filter_ids(task.case)):
+            raise ResultsError(f"{task.path}: this is the bound of something else")
     except ResultsError as error:
         say(f"{error}; computing it again")
         task.path.unlink()
