@@ -6,9 +6,10 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from relnav_sim.results.bound import write_bound
@@ -107,15 +108,26 @@ def _in_parallel(blocks: Sequence[Task], workers: int, timeout_s: float | None) 
             suspects = [block for block in waiting.values() if block.busy.exists()]
             for suspect in suspects:
                 del waiting[suspect.path]
-            yield from _one_by_one(suspects, timeout_s)
+            yield from _one_by_one(suspects, timeout_s, suspects={suspect.path for suspect in suspects})
 
 
-def _one_by_one(blocks: Sequence[Task], timeout_s: float | None) -> Iterator[Done]:
-    """Compute blocks in one worker process, so that it is known which of them kills it; cut that one."""
+def _one_by_one(
+    blocks: Sequence[Task], timeout_s: float | None, suspects: Collection[Path] = frozenset()
+) -> Iterator[Done]:
+    """Compute blocks in one worker process, so that it is known which of them kills it; cut that one.
+
+    What can't be cut is blamed the second time only: the first time it may have been somebody who killed the worker.
+
+    Args:
+        blocks: What to compute.
+        timeout_s: As in `computed`.
+        suspects: Files of the blocks that were being computed when a worker died.
+    """
     from joblib.externals.loky import ProcessPoolExecutor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     waiting = list(reversed(blocks))
+    suspects = set(suspects)
     while waiting:
         executor = ProcessPoolExecutor(max_workers=1, env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
         try:
@@ -130,6 +142,10 @@ def _one_by_one(blocks: Sequence[Task], timeout_s: float | None) -> Iterator[Don
             block.busy.unlink(missing_ok=True)
             if pieces := block.pieces():
                 waiting += reversed(pieces)
+                suspects.update(piece.path for piece in pieces)
+            elif block.path not in suspects:
+                suspects.add(block.path)
+                waiting.append(block)
             else:
                 yield _blamed(block)
         finally:
