@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, StringConstraints, ValidationError, model_validator
+from pydantic import Field, StringConstraints, ValidationError, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.options import Options
@@ -185,6 +185,12 @@ class TruthOptions(Options):
         default=ExecutionErrors(),
         description="How badly manoeuvres are carried out, unless one has errors of its own; default: perfectly",
     )
+
+    @field_validator("manoeuvres")
+    @classmethod
+    def _in_order_of_time(cls, manoeuvres: dict[str, ManoeuvreOptions]) -> dict[str, ManoeuvreOptions]:
+        # The order in the file means nothing, and sums over manoeuvres must round alike whatever it is.
+        return dict(sorted(manoeuvres.items(), key=lambda item: (item[1].time_s, item[0])))
 
     @property
     def is_dispersed(self) -> bool:
