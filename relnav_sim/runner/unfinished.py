@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from relnav_sim.results.block import ResultsError
@@ -38,7 +39,10 @@ def results_so_far(out: Path) -> Iterator[Path]:
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == header.seed]
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
-        provenance = provenance_of(past_sessions(folder))
+        sessions = past_sessions(folder)
+        provenance = provenance_of(sessions)
+        if sessions:  # the command at work here is only looking
+            provenance = replace(provenance, command_line=sessions[-1].command_line)
         merge_pieces(mine, header, provenance, path, complete=False, bounds=sound_bounds(folder))
         yield path
 

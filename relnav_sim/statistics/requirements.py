@@ -135,6 +135,9 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _converged(results, requirement, case, filter), EVERY_EPOCH
         case FailedRequirement() | DivergedRequirement():
             finding, basis = _lost(results, requirement, case, filter)
+    if finding is None and basis == EVERY_EPOCH:
+        failed = results.statistic(case, filter, "failed") == 1
+        basis = "no completed run" if failed.all() else "no figure in the span"
     return Judgement(name, requirement, case, filter, finding, basis)
 
 
