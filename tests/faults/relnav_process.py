@@ -51,6 +51,16 @@ class Relnav:
         return process.returncode, stdout, stderr
 
 
+def installed(site: Path, module: str, source: str) -> dict[str, str]:
+    """Return the environment in which a module of filters counts as an installed package."""
+    info = site / f"{module}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (site / f"{module}.py").write_text(source)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[relnav.filters]\nbad = {module}\n")
+    return {"PYTHONPATH": os.pathsep.join(part for part in (str(site), os.environ.get("PYTHONPATH", "")) if part)}
+
+
 def members(session: int) -> dict[int, str]:
     """Return the living processes of a session with their command lines, without the session's leader."""
     found = {}

@@ -1,6 +1,7 @@
 """A filter of somebody else's that kills, raises, fills the memory or hangs in run 3 costs that run and no other."""
 
 import pytest
+from relnav_process import installed
 
 from relnav_sim import open_results
 from relnav_sim.statistics.intervals import wilson_interval
@@ -29,6 +30,15 @@ class Kills(Bad):
     """Kills its process."""
     def go_wrong(self, belief):
         os.kill(os.getpid(), signal.SIGKILL)
+
+@register_filter("killed_once", KalmanOptions)
+class KilledOnce(KalmanFilter):
+    """Its process is killed the first time, as if somebody did it from outside."""
+    def start(self, prior, source):
+        if not os.path.exists("killed"):
+            open("killed", "w").close()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().start(prior, source)
 
 @register_filter("exits", KalmanOptions)
 class Exits(Bad):
@@ -73,19 +83,13 @@ class Diverges(Bad):
 @pytest.fixture
 def with_plugin(relnav, tmp_path):
     """Return a maker of command lines that know the plugin as an installed package."""
-    site = tmp_path / "site"
-    (site / "bad_filters-1.0.dist-info").mkdir(parents=True)
-    (site / "bad_filters.py").write_text(PLUGIN)
-    (site / "bad_filters-1.0.dist-info" / "METADATA").write_text(
-        "Metadata-Version: 2.1\nName: bad-filters\nVersion: 1.0\n"
-    )
-    (site / "bad_filters-1.0.dist-info" / "entry_points.txt").write_text("[relnav.filters]\nbad = bad_filters\n")
+    environment = installed(tmp_path / "site", "bad_filters", PLUGIN)
 
     def make(*kinds):
         entries = "".join(f"\n  {kind}: {{kind: {kind}}}" for kind in kinds)
         one_case = ("[{kind: gaussian}, {kind: mixture, scale: 5, fraction: 0.1}]", "[{kind: gaussian}]")
         change = ("\n  ekf: {kind: ekf}", f"\n  ekf: {{kind: ekf}}{entries}")
-        return relnav(change, one_case, environment={"PYTHONPATH": str(site)})
+        return relnav(change, one_case, environment=environment)
 
     return make
 
@@ -125,6 +129,14 @@ def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
         "kills": "the worker process died: killed by the system, most likely out of memory, or a crash in compiled code"
     }
     assert not list(here.shards.glob("*.busy"))
+
+
+def test_a_run_that_cannot_be_cut_is_blamed_the_second_time_only(with_plugin):
+    here = with_plugin("killed_once")
+    options = ("--workers", "1", "--runs", "1", "--set", "filters={once: {kind: killed_once}}", "--set", "bound=false")
+    code, _, stderr = here.run("run", "small.yaml", *options)
+    assert code == 0, stderr
+    assert (here.folder / "killed").exists()
 
 
 @pytest.mark.slow
