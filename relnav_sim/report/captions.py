@@ -161,9 +161,8 @@ def worst_caption(case: CaseFacts, name: str) -> str:
 def worst_alt(case: CaseFacts, name: str) -> str:
     """Return the alternative text of ``figures.worst_runs``."""
     item = case.filter(name)
-    rms = item.errors("rms", case.span, "r")[item.ok]
-    order = np.argsort(-rms, kind="stable")[:3]
-    runs = [f"run {item.runs[item.ok][row]} with {figure(float(rms[row]))} m" for row in order]
+    rms = item.errors("rms", case.span, "r")
+    runs = [f"run {item.runs[row]} with {figure(float(rms[row]))} m" for row in item.worst_rows(case.span, 3)]
     return f"Two panels, position error and NEES against time of {name}. Largest position RMS: {', '.join(runs)}."
 
 

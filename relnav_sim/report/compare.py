@@ -16,9 +16,9 @@ from relnav_sim.report.axes import Array
 from relnav_sim.report.case_tables import decided_at, p_number
 from relnav_sim.report.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.layouts import numbers
-from relnav_sim.report.overview import short_labels
 from relnav_sim.report.ranking import guarded, in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code
 from relnav_sim.statistics.intervals import Comparison, Interval, bootstrap_interval

@@ -102,6 +102,16 @@ class FilterFacts:
         """Return one figure per completed run of a stored dataset, for example ``figure("coverage", 1, 0, 2)``."""
         return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
 
+    def worst_rows(self, span: Span, count: int) -> NDArray[np.intp]:
+        """Return which of all rows are the completed runs with the largest position RMS, the largest first."""
+        rows = np.flatnonzero(self.ok)
+        return rows[np.argsort(-self.errors("rms", span, "r")[rows], kind="stable")[:count]]
+
+    def times_median(self, span: Span) -> Array:
+        """Return the position RMS of every computed run as a multiple of its median over the completed ones (n,)."""
+        sizes = self.errors("rms", span, "r")
+        return np.asarray(sizes / np.median(sizes[self.ok])) if self.completed else np.full(sizes.shape, np.nan)
+
     def median_row(self, span: Span) -> int:
         """Return which of the completed runs has the median position RMS, the lower of two."""
         sizes = self.errors("rms", span, "r")[self.ok]

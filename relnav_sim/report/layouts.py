@@ -16,7 +16,7 @@ from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 INTERVALS = "Figures are means over runs; in brackets their 95 % interval (bootstrap over runs)."
 _ONE_RUN = "One run only: there are no intervals."
 _NO_RUN = "No run was completed: there are no figures."
-_WORST_RUNS = 2
+WORST_RUNS = 2
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
 
@@ -94,19 +94,18 @@ def worst_runs_table(case: CaseFacts) -> Table:
     """Return the completed runs with the largest position RMS of each filter, and the command that shows them again."""
     found: dict[int, list[str]] = {}
     for item in case.filters:
-        sizes = item.errors("rms", case.span, "r")[item.ok]
-        median = float(np.median(sizes)) if len(sizes) else math.nan
-        for place in np.argsort(-sizes, kind="stable")[:_WORST_RUNS] if len(sizes) > _WORST_RUNS else ():
-            lost = " (diverged)" if item.diverged[item.ok][place] else ""
-            words = f"{item.name} {figure(sizes[place])} m, {figure(sizes[place] / median, 2)} times its median{lost}"
-            found.setdefault(int(item.runs[item.ok][place]), []).append(words)
+        sizes, times = item.errors("rms", case.span, "r"), item.times_median(case.span)
+        for row in item.worst_rows(case.span, WORST_RUNS) if item.completed > WORST_RUNS else ():
+            lost = " (diverged)" if item.diverged[row] else ""
+            words = f"{item.name} {figure(sizes[row])} m, {figure(times[row], 2)} times its median{lost}"
+            found.setdefault(int(item.runs[row]), []).append(words)
     rows = [
         Row(f"run {run}", (Words("; ".join(words)), Words(case.trace_command(run)))) for run, words in found.items()
     ]
     return Table(
         name=f"case_{case.number:03d}_worst",
         title="Worst runs",
-        caption=f"The {_WORST_RUNS} completed runs of each filter with the largest position RMS ({case.when}).",
+        caption=f"The {WORST_RUNS} completed runs of each filter with the largest position RMS ({case.when}).",
         corner="run",
         columns=(Column("position RMS", numeric=False), Column("a closer look", numeric=False)),
         rows=tuple(rows),

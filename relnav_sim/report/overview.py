@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 from relnav_sim.report.layouts import converged_note, failed_cell, mean_cost, numbers, reading_notes
 from relnav_sim.report.ranking import Ranking, times_bound
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.report.wording import short_labels
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
 _LIMIT = "position RMS / bound"
@@ -23,7 +23,6 @@ _FIGURES = (
     "mean NIS",
     "CPU per step [µs]",
 )
-_PATH = r"(?:(?<=[ ,])|^)(?:[A-Za-z_]\w*\.)+(?P<last>[A-Za-z_]\w*\.[A-Za-z_]\w*=)"
 _NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 
 
@@ -64,15 +63,6 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         rows=tuple(rows),
         sortable=True,
     )
-
-
-def short_labels(labels: Sequence[str]) -> list[str]:
-    """Return labels of cases with the last two parts of each path, as ``radar.range_sigma_m=4``.
-
-    Labels stay whole where the short ones would not tell the cases apart, or a path is no plain dotted name.
-    """
-    short = [re.sub(_PATH, r"\g<last>", label) for label in labels]
-    return short if len(set(short)) == len(labels) else list(labels)
 
 
 def _rows(ranking: Ranking, bounded: bool) -> list[Row]:

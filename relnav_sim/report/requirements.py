@@ -18,10 +18,9 @@ from relnav_sim.campaign.requirements import (
     stored_requirements,
 )
 from relnav_sim.report.layouts import numbers
-from relnav_sim.report.overview import short_labels
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import figure, listed
+from relnav_sim.report.wording import figure, listed, short_labels
 from relnav_sim.results.block import ResultsError
 from relnav_sim.statistics.requirements import Judgement, Verdict, judge, overall
 

@@ -1,4 +1,4 @@
-"""The result in plain words, made from its figures: which filter, by how much, how sure, at what cost."""
+"""The result in plain words: which filter, by how much, how sure, at what cost, and which runs to look at."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.report.facts import FilterFacts, Span
+from relnav_sim.report.layouts import WORST_RUNS
 from relnav_sim.report.ranking import Ranking, Standing, times_bound
-from relnav_sim.report.wording import between, counted, figure, listed
+from relnav_sim.report.wording import between, counted, figure, listed, short_labels
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval
 
 _MOST_CASES_IN_WORDS = 6
 _SMALLEST_PERCENT = 0.1
 _MANY_RUNS = 100_000
+_RUNS_NAMED = 3
+_FILTERS_NAMED = 4
 _SIGMA_MARGIN = 0.05
 """A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
+_SIGMA_KNOWN = 0.25
+"""An interval of 1 that reaches farther than 25 % from right sigmas is too few runs, not consistency."""
 
 
 def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
@@ -29,11 +34,13 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
     else:
         sentences = [_across_cases(computed)]
         if len(computed) <= _MOST_CASES_IN_WORDS:
+            labels = short_labels([ranking.case.label for ranking in computed])
             sentences += [
-                f"Case {ranking.case.number} ({ranking.case.label}): {verdict(ranking)}" for ranking in computed
+                f"Case {ranking.case.number} ({label}): {verdict(ranking)}"
+                for ranking, label in zip(computed, labels, strict=True)
             ]
     sentences += [*_limit(computed), *_consistency(computed), *_convergence(computed), *_cost(computed)]
-    return (*sentences, *_missing(rankings), *_failures(rankings))
+    return (*sentences, *_worth_a_look(computed), *_diverged(computed), *_missing(rankings), *_failures(rankings))
 
 
 def verdict(ranking: Ranking) -> str:
@@ -69,7 +76,7 @@ def _largest_difference(ranking: Ranking) -> str:
     text = f", any difference below {figure(most, 2)} %" if np.isfinite(ends).all() else ""
     against = [item.against_best for item in ranking.undecided if item.against_best is not None]
     needed = [found.runs_to_decide for found in against if found.runs_to_decide is not None]
-    if len(needed) < len(ranking.undecided):
+    if len(needed) < len(ranking.undecided) or most <= _SMALLEST_PERCENT:
         return text
     worth_saying = max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
     between = " between all of them" if len(needed) > 1 else ""
@@ -98,7 +105,7 @@ def _across_cases(rankings: Sequence[Ranking]) -> str:
         ahead = {ranking.best.name, *(item.name for item in ranking.undecided)}
         winners.setdefault(tuple(name for name in ranking.case.names if name in ahead), []).append(ranking)
     parts = []
-    for names, won in sorted(winners.items(), key=lambda item: -len(item[1])):
+    for names, won in sorted(winners.items(), key=lambda item: (-len(item[1]), len(item[0]))):
         where = _of_all(len(won), total)
         if len(names) == 1:
             parts.append(f"{names[0]} has the smallest position error in {where}{_margin(won)}")
@@ -144,7 +151,11 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
         if not known:
             continue
         factors = [math.sqrt(found.estimate) for found in known]
-        if all(map(_is_consistent, known)):
+        if all(map(_is_consistent, known)) and not all(map(_is_known_well, known)):
+            sizes = [math.sqrt(max(end, 0.0)) for found in known for end in (found.low, found.high)]
+            size = f"{figure(min(sizes), 2)} to {figure(max(sizes), 2)} times as large as"
+            words = (f"may be consistent (its errors are {size} claimed)", f"may be consistent (errors {size} claimed)")
+        elif all(map(_is_consistent, known)):
             words = ("is consistent (ANEES near 1)", "are consistent (ANEES near 1)")
         elif max(factors) < 1:
             size = _factor([1 / factor for factor in factors])
@@ -164,8 +175,13 @@ def _is_consistent(anees: Interval) -> bool:
     return anees.low <= 1 <= anees.high or abs(math.sqrt(anees.estimate) - 1) <= _SIGMA_MARGIN
 
 
-def _factor(factors: Sequence[float]) -> str:
-    low, high = f"{min(factors):.3g}", f"{max(factors):.3g}"
+def _is_known_well(anees: Interval) -> bool:
+    """Return whether the interval of the ratio of true to claimed sigma is narrow enough to speak of consistency."""
+    return anees.low >= (1 - _SIGMA_KNOWN) ** 2 and anees.high <= (1 + _SIGMA_KNOWN) ** 2
+
+
+def _factor(factors: Sequence[float], digits: int = 3) -> str:
+    low, high = f"{min(factors):.{digits}g}", f"{max(factors):.{digits}g}"
     return low if low == high else f"{low} to {high}"
 
 
@@ -200,6 +216,47 @@ def _cost(rankings: Sequence[Ranking]) -> list[str]:
     others = [f"{name} takes {figure(cost / least)} times that" for cost, name in known[1:]]
     text = f"Cost: {cheapest} {figure(least)} µs of CPU per filter step"
     return [f"{text}; {listed(others)}." if others else f"{text}."]
+
+
+def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
+    """Return the runs that stand out: of each filter and case the worst, those first that are lost or far off."""
+    times: dict[tuple[int, int], list[float]] = {}
+    names: dict[tuple[int, int], list[str]] = {}
+    lost: set[tuple[int, int]] = set()
+    for ranking in rankings:
+        for item in ranking.case.filters:
+            if item.completed <= WORST_RUNS:
+                continue
+            (row,) = item.worst_rows(ranking.case.span, 1)
+            place = (ranking.case.number, int(item.runs[row]))
+            names.setdefault(place, []).append(item.name)
+            times.setdefault(place, []).append(float(item.times_median(ranking.case.span)[row]))
+            if item.diverged[row]:
+                lost.add(place)
+    if not names:
+        return []
+    many = len(rankings) > 1
+    parts = [
+        f"run {run}{f' of case {case}' if many else ''} ({_in_short(names[case, run])}, "
+        f"{_factor(times[case, run], 2)} times the median)"
+        for case, run in sorted(names, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
+    ]
+    how = "the commands that show them are in the tables of worst runs"
+    return [f"Look at {listed(parts)}: the largest position errors; {how}."]
+
+
+def _in_short(names: Sequence[str]) -> str:
+    return listed(names) if len(names) <= _FILTERS_NAMED else counted(len(names), "filter")
+
+
+def _diverged(rankings: Sequence[Ranking]) -> list[str]:
+    """Return which filters lost their way in runs that did not fail, and so count in every mean."""
+    parts = []
+    for name, items in _per_filter(rankings):
+        count = sum(int((item.diverged & item.ok).sum()) for item, _ in items)
+        if count:
+            parts.append(f"{name} in {count} of {counted(sum(item.completed for item, _ in items), 'run')}")
+    return [f"Diverged, yet in every mean: {listed(parts)}."] if parts else []
 
 
 def _per_filter(rankings: Sequence[Ranking]) -> list[tuple[str, list[tuple[FilterFacts, Span]]]]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 from relnav_sim.report.tables import shown_number
+
+_PATH = r"(?:(?<=[ ,])|^)(?:[A-Za-z_]\w*\.)+(?P<last>[A-Za-z_]\w*\.[A-Za-z_]\w*=)"
 
 
 def figure(value: float, digits: int = 3) -> str:
@@ -33,3 +36,12 @@ def listed(words: Sequence[str]) -> str:
 def counted(number: int, noun: str) -> str:
     """Return ``1 run`` or ``7 runs``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def short_labels(labels: Sequence[str]) -> list[str]:
+    """Return labels of cases with the last two parts of each path, as ``radar.range_sigma_m=4``.
+
+    Labels stay whole where the short ones would not tell the cases apart, or a path is no plain dotted name.
+    """
+    short = [re.sub(_PATH, r"\g<last>", label) for label in labels]
+    return short if len(set(short)) == len(labels) else list(labels)

@@ -11,9 +11,10 @@ from scipy.stats import t
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.facts import CaseFacts, case_facts
 from relnav_sim.report.layouts import case_table, failures_table
-from relnav_sim.report.overview import overview_table, short_labels
+from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.tables import Number, Table, Words
+from relnav_sim.report.wording import short_labels
 from relnav_sim.results import open_results
 
 ResultMaker = Callable[..., Path]

@@ -80,3 +80,29 @@ def test_words() -> None:
     assert [listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
     assert [counted(1, "run"), counted(2, "run")] == ["1 run", "2 runs"]
     assert [figure(0.012345), figure(123.4), figure(0.0), figure(3e-9)] == ["0.0123", "123", "0", "3.00e-09"]
+
+
+def test_the_runs_to_look_at_are_named(make_result: ResultMaker) -> None:
+    a, b = np.linspace(1.0, 1.1, 9), np.linspace(2.0, 1.9, 9)
+    a[6], b[6], b[2] = 2.1, 4.9, 5.85
+    path = make_result(
+        filters={"a": 1.0, "b": 1.0, "c": 1.0},
+        runs=9,
+        summaries={"a": {"rms": rms(a)}, "b": {"rms": rms(b)}, "c": {"rms": rms(a)}},
+    )
+    (found,) = [sentence for sentence in summarise(rankings_of(path)) if sentence.startswith("Look at")]
+    assert found.startswith("Look at run 2 (b, 3 times the median) and run 6 (a and c, 2 times the median): ")
+
+
+def test_runs_that_a_filter_lost_are_told(make_result: ResultMaker) -> None:
+    late = {"ekf": {"outside_late": np.array([0.0, 0.3, 0.0, 0.0])}}
+    text = " ".join(summarise(rankings_of(make_result(runs=4, summaries=late))))
+    assert "Diverged, yet in every mean: ekf in 1 of 4 runs." in text
+
+
+def test_few_runs_are_not_called_consistent(make_result: ResultMaker) -> None:
+    anees = np.repeat(np.repeat(np.array([0.1, 0.9, 2.2])[:, None, None], 2, axis=1), 3, axis=2)
+    text = " ".join(
+        summarise(rankings_of(make_result(filters={"ekf": 1.0}, runs=3, summaries={"ekf": {"anees": anees}})))
+    )
+    assert "Consistency: ekf may be consistent (its errors are " in text
