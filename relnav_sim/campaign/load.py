@@ -20,7 +20,7 @@ from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
-from relnav_sim.campaign.requirements import AnyRequirement
+from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement
 
 
 @dataclass(frozen=True)
@@ -131,8 +131,8 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     if settings.stop is not None and settings.stop.filter not in (None, *(names := cases[0].config.filters)):
         sentence = f"no filter is named {settings.stop.filter!r}; there are {', '.join(names)}"
         raise _error([Problem(("stop", "filter"), sentence)], source)
-    if unnamed := _unknown_filters(settings, cases[0].config.filters):
-        raise _error(unnamed, source)
+    if unmeant := [*_unknown_filters(settings, cases[0].config.filters), *_too_late(settings, cases)]:
+        raise _error(unmeant, source)
     content = _content(settings, valid, cases)
     return Campaign(
         name=settings.name,
@@ -149,6 +149,11 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         tune=settings.tune,
         requirements=settings.requirements,
     )
+
+
+def located(campaign: Campaign, problem: Problem) -> str:
+    """Return a problem that was found after loading as ``file:line: path: sentence``."""
+    return Source(str(campaign.path or "campaign"), load_document(campaign.text)).located(problem)[1]
 
 
 def _error(problems: Sequence[Problem], source: Source) -> CampaignError:
@@ -185,6 +190,16 @@ def _unknown_filters(settings: Settings, filters: Iterable[str]) -> list[Problem
         for name, requirement in settings.requirements.items()
         for one in requirement.filters or ()
         if one not in known
+    ]
+
+
+def _too_late(settings: Settings, cases: Sequence[Case]) -> list[Problem]:
+    """Return the requirements that look only at what comes after the run, and so could never be decided."""
+    end = min(case.config.clock.duration_s for case in cases)
+    return [
+        Problem(("requirements", name, "from_s"), f"{requirement.from_s:g} s leaves nothing of a run of {end:g} s")
+        for name, requirement in settings.requirements.items()
+        if isinstance(requirement, ErrorsRequirement) and requirement.from_s >= end
     ]
 
 

@@ -11,6 +11,7 @@ import typer
 from relnav_sim.cli.failures import Exit, UserError
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import new_file, print_table
+from relnav_sim.cli.validate import check_tuning
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -106,6 +107,7 @@ def tune(
         from relnav_sim.campaign import load_campaign
 
         campaign = load_campaign(file, changes or [])
+        check_tuning(campaign)
         if bad := [number for number in cases or [] if number >= len(campaign.cases)]:
             raise UserError(f"there is no case {bad[0]}; the campaign has {len(campaign.cases)}, counted from 0")
         options = _options(

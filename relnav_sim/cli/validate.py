@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.output import count_in_words, in_words, print_table, size_in_words
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ def validate(
     from relnav_sim.campaign import load_campaign, plan_campaign
 
     campaign = load_campaign(file, changes or [])
-    _check_tuning(campaign)
+    check_tuning(campaign)
     plan = plan_campaign(campaign)
     typer.echo(f"{file} is a valid campaign")
     config = campaign.cases[0].config
@@ -49,13 +48,26 @@ def validate(
     )
 
 
-def _check_tuning(campaign: Campaign) -> None:
-    """Refuse a `tune:` section that names what is not there."""
+def check_tuning(campaign: Campaign) -> None:
+    """Refuse a `tune:` section that names what is not there, every mistake with its line."""
+    from relnav_sim.campaign import CampaignError
+    from relnav_sim.campaign.load import located
+    from relnav_sim.campaign.problems import Problem
     from relnav_sim.tuning.scalars import TuningError, free_scalars
 
-    if campaign.tune is None:
+    tune = campaign.tune
+    if tune is None:
         return
-    try:
-        free_scalars(campaign, (), campaign.tune.free, campaign.tune.objective)
-    except TuningError as error:
-        raise UserError(f"tune: {error}") from None
+    problems = []
+    for text, bounds in tune.free.items():
+        try:
+            free_scalars(campaign, (), {text: bounds}, tune.objective)
+        except TuningError as error:
+            problems.append(Problem(("tune", "free", text), str(error)))
+    if not problems:
+        try:
+            free_scalars(campaign, (), tune.free, tune.objective)
+        except TuningError as error:
+            problems.append(Problem(("tune",), str(error)))
+    if problems:
+        raise CampaignError([located(campaign, problem) for problem in problems])

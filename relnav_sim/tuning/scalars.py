@@ -180,7 +180,9 @@ def _named(text: str, bounds: Bounds | None, campaign: Campaign) -> tuple[str, S
     except PathError as error:
         raise TuningError(str(error)) from None
     entries = campaign.cases[0].config.filters
-    if len(path) < 3 or path[0] != "filters" or path[1] not in entries:
+    if len(path) > 2 and path[0] == "filters" and path[1] not in entries:
+        raise TuningError(f"no filter is named {quoted(str(path[1]))}; there are {listed(list(entries), 'and')}")
+    if len(path) < 3 or path[0] != "filters":
         raise TuningError(f"{quoted(text)} is no number of a filter; write it as filters.NAME.alpha")
     if _overlaps(path, _varied_paths(campaign)):
         raise TuningError(f"{text} is varied by the campaign's grid; it cannot be tuned as well")

@@ -34,6 +34,10 @@ def test_they_are_read_and_change_no_hash(demo: str) -> None:
         ("{kind: converged, within_s: 60, share: 0.9, below_m: 7}", "must be 1, 2, 5, 10, 20, 50 or 100, not 7"),
         ("{kind: nees, filters: [pf]}", "no filter is named 'pf'"),
         ("{kind: nes}", "there is no kind 'nes'; did you mean 'nees'?"),
+        (
+            "{kind: errors, below_m: 1, share: 0.9, from_s: 600}",
+            "requirements.wanted.from_s: 600 s leaves nothing of a run",
+        ),
         ("{below_m: 1}", "requirements.wanted.kind: this key is missing"),
     ],
 )

@@ -74,6 +74,10 @@ def test_the_section_of_the_campaign_is_taken_and_the_command_line_wins(demo):
     ("arguments", "words"),
     [
         (["--filter", "efk"], "no filter is named 'efk'; did you mean 'ekf'?"),
+        (
+            ["--set", "tune={free: {filters.ekf.nope: [0, 1]}}"],
+            "tune.free.filters.ekf.nope: filters.ekf.nope is no number",
+        ),
         (["--free", "filters.ekf.alpha=0:1"], "filters.ekf.alpha is no number of this campaign"),
         (["--free", "filters.kf.r_scale=a:b"], "--free takes PATH=LOW:HIGH"),
         (["--free", "filters.kf.r_scale=0:1"], "does not take 0: input should be greater than 0"),
@@ -105,7 +109,7 @@ def test_validate_checks_the_section(demo):
     )
     result = CliRunner().invoke(app, ["validate", "demo.yaml"])
     assert result.exit_code == 2
-    assert "tune: filters.ekf.alpha is no number of this campaign" in result.stderr
+    assert result.stderr.startswith("demo.yaml:1: tune.free.filters.ekf.alpha: filters.ekf.alpha is no number")
 
 
 def test_nothing_is_overwritten_unasked(demo):
