@@ -93,7 +93,7 @@ def check_same_campaign(out: Path, header: ResultHeader) -> None:
         return
     if changed := changed_keys(stored, header.content):
         raise RefusedError(
-            f"{out} holds results of other settings: {in_words(changed)} differ; give another --out, "
+            f"{out} holds results of other settings ({in_words(changed)}); give another --out, "
             "or --fresh to move it aside and start over"
         )
     folder = shard_folder(out)

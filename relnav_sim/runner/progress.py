@@ -37,7 +37,7 @@ class Silent:
 
 
 class Lines:
-    """Plain lines on standard error, at most one in ten seconds and one at the end."""
+    """Plain lines on standard error, at most once in ten seconds, and of all cases at the end."""
 
     def __init__(self, tally: Tally, every_s: float = 10.0) -> None:
         self._tally = tally
@@ -54,9 +54,13 @@ class Lines:
             return
         self._last = now
         rest = f"in {tally.elapsed_s:.0f} s" if finished else f"about {tally.left_s:.0f} s left"
-        label, _, means = tally.row(block.case.id)
         print(f"{tally.done} of {tally.total} runs done, {rest}", file=sys.stderr)
-        print(f"  {label}: position error {means}", file=sys.stderr, flush=True)
+        rows = tally.cases() if finished else [tally.row(block.case.id)]
+        for label, _, means in rows[:CASES_SHOWN]:
+            print(f"  {label}: position error {means}", file=sys.stderr)
+        if len(rows) > CASES_SHOWN:
+            print(f"  and {len(rows) - CASES_SHOWN} more cases", file=sys.stderr)
+        sys.stderr.flush()
 
 
 class Bar:

@@ -59,6 +59,10 @@ class Tally:
         """Return label, ``done/total`` and the filters' figures of every case that is begun and not done."""
         return [self.row(case) for case, runs in self._runs_of.items() if 0 < self._done_of[case] < runs]
 
+    def cases(self) -> list[tuple[str, str, str]]:
+        """Return the same of every case."""
+        return [self.row(case) for case in self._runs_of]
+
     def row(self, case: str) -> tuple[str, str, str]:
         """Return label, ``done/total`` and figures of a case."""
         return self._labels[case], f"{self._done_of[case]}/{self._runs_of[case]}", self._figures_in_words(case)

@@ -62,6 +62,16 @@ def test_lines(blocks, capsys):
     assert second.startswith(f"  {blocks[0].case.label}: position error kf 2.5 ±")
 
 
+def test_the_last_lines_are_of_all_cases(blocks, capsys):
+    lines = Lines(Tally(blocks, {}), every_s=1e9)
+    for block in blocks:
+        lines.advance(block, figures(block))
+    labels = list(dict.fromkeys(block.case.label for block in blocks))
+    first, *rest = capsys.readouterr().err.splitlines()
+    assert first.startswith("12 of 12 runs done") and len(labels) == 2
+    assert [line.split(":")[0].strip() for line in rest] == labels
+
+
 def test_the_bar_shows_cases_under_way(blocks):
     from rich.console import Console
 
