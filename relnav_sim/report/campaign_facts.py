@@ -29,6 +29,20 @@ def headline_facts(results: Results) -> tuple[str, ...]:
     return (*facts, f"seed {results.seed}", f"hash {results.campaign_hash[:_HASH_SHOWN]}")
 
 
+def leakage(results: Results) -> tuple[str, ...]:
+    """Return a sentence on the filters whose dynamics were learned from the truth, if there are any."""
+    settings = dict(flattened(results.campaign_content.get("filters", {}), "filters"))
+    for header in results.headers:
+        settings |= {path: value for path, value in flattened(header.variables) if value == "truth"}
+    told = [name for name in results.filters if settings.get(f"filters.{name}.dynamics.training") == "truth"]
+    if not told:
+        return ()
+    return (
+        f"Leakage: the dynamics of {', '.join(told)} are learned from the truth, which no flight filter has; do not "
+        "compare their errors with those of the others.",
+    )
+
+
 def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
     """Return how the result came about, as names and values."""
     origin = results.provenance
