@@ -36,7 +36,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def with_exit_codes(*args: Any, **kwargs: Any) -> None:
         from relnav_sim.campaign.problems import CampaignError
-        from relnav_sim.results.block import ResultsError
+        from relnav_sim.results.block import RefusedError, ResultsError
 
         before = signal.getsignal(signal.SIGINT)
         try:
@@ -47,7 +47,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             for problem in error.problems:
                 typer.echo(problem, err=True)
             raise typer.Exit(Exit.BAD_INPUT) from None
-        except UserError as error:
+        except (UserError, RefusedError) as error:
             _stop(str(error), Exit.BAD_INPUT)
         except ResultsError as error:
             _stop(str(error), Exit.INPUT_OUTPUT)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import ExtraStates, Failure, ResultsError
+from relnav_sim.results.block import ExtraStates, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound
 from relnav_sim.results.header import read_header
 from relnav_sim.results.pieces import columns_of, read_failures
@@ -125,12 +125,12 @@ class Results:
         """Return the number of the case with this number, label or id.
 
         Raises:
-            ResultsError: There is none.
+            RefusedError: There is none.
         """
         for index, header in enumerate(self.headers):
             if case in (index, header.label, header.id):
                 return index
-        raise ResultsError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
+        raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
 
     def case_runs(self, case: int | str, filter: str) -> NDArray[np.int64]:
         """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
