@@ -36,7 +36,7 @@ def test_many_samples_make_blocks_short(demo):
     assert blocks_of(demo, sampled, "clock.duration_s=10", "statistics.settle_s=1")[0] == 10
     few = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 100}"]))
     many = plan_campaign(parse_campaign(demo, ["filters.kf={kind: alpha_kf, samples: 10000}"]))
-    assert many.cpu_s > 15 * few.cpu_s  # a hundred times the samples; the other filters and the simulation stay
+    assert many.cpu_s > 12 * few.cpu_s  # a hundred times the samples; the other filters and the simulation stay
 
 
 def test_the_campaign_may_say_how_many(demo):
