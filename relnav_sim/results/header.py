@@ -11,6 +11,9 @@ from relnav_sim.results import layout, store
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.provenance import Provenance, Session
 
+_MAPPINGS = ("clock", "truth", "sensors", "start", "statistics", "filters", "grid", "zip", "requirements")
+"""Keys of a campaign's content that hold keys of their own."""
+
 
 def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) -> None:
     """Write the attributes of the file, its constants, and a group with attributes for each case."""
@@ -56,10 +59,13 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         seed = int(store.text(file, "seed"))
     except ValueError:
         raise ResultsError(f"{file.filename}: the seed is no whole number") from None
+    content = store.json_value(file, "campaign_content", dict)
+    if odd := [key for key in _MAPPINGS if not isinstance(content.get(key, {}), dict)]:
+        raise ResultsError(f"{file.filename}: {odd[0]!r} of its campaign_content is damaged")
     header = ResultHeader(
         campaign_name=store.text(file, "campaign_name"),
         text=store.text(file, "campaign_text"),
-        content=store.json_value(file, "campaign_content", dict),
+        content=content,
         hash=store.text(file, "campaign_hash"),
         seed=seed,
         runs=int(store.number(file, "runs")),

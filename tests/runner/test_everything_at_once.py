@@ -5,6 +5,7 @@ are estimated and considered, mixtures, fixed and random samples, learned dynami
 """
 
 import json
+import shutil
 
 import h5py
 import numpy as np
@@ -19,6 +20,7 @@ from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.models import registry as dynamics_registry
 from relnav_sim.models.cw import CwOptions
 from relnav_sim.results import layout
+from relnav_sim.results.block import ResultsError
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.runner.bound_task import bound_tasks, is_finished
 from relnav_sim.runner.merging import merge_results
@@ -319,3 +321,18 @@ def test_what_is_there_of_an_unfinished_campaign_names_the_command_that_computes
     with results_so_far(out) as path, open_results(path) as results:
         assert results.provenance.command_line == "relnav run it.yaml"
         assert results.missing() and results.bound(0) is not None
+
+
+def test_a_stranger_s_file_with_other_content_is_damaged_in_words(tmp_path, reference):
+    path = tmp_path / "strange.h5"
+    shutil.copy(reference, path)
+    with h5py.File(path, "r+") as file:
+        content = json.loads(file.attrs["campaign_content"])
+        file.attrs["campaign_content"] = json.dumps({**content, "filters": None})
+    with pytest.raises(ResultsError, match="'filters' of its campaign_content is damaged"):
+        open_results(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["campaign_content"] = json.dumps(content)
+        del file["case_000/ekf/extra_unit"]
+    with open_results(path) as results, pytest.raises(ResultsError, match="lacks units of its extra states"):
+        results.extra(0, "ekf")

@@ -34,6 +34,7 @@ from relnav_sim.report.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.results.block import ResultsError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -191,7 +192,10 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
 def manoeuvre_times(results: Results, case: CaseFacts) -> list[float]:
     """Return when the campaign's manoeuvres begin, s, those of both craft."""
     burns = case_setting(results, case.index, "truth.manoeuvres", None) or {}
-    found = [float(burn["time_s"]) for burn in burns.values()]
+    try:
+        found = [float(burn["time_s"]) for burn in burns.values()]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise ResultsError("the result's truth.manoeuvres are damaged") from None
     return sorted(time for time in found if case.times_s[0] <= time <= case.times_s[-1])
 
 
