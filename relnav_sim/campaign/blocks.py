@@ -16,7 +16,9 @@ SIZES = (1, 2, 5, 10, 20, 25, 50, 100, 200)
 Larger blocks are no faster per run: the arrays leave the cache.
 """
 BLOCK_SECONDS = 20.0
-"""What a kill may cost, CPU seconds."""
+"""What a block should take, CPU seconds: this is what a kill may cost."""
+LONGEST_BLOCK_SECONDS = 40.0
+"""What it may take where the campaign gives the runs of a block, or a run takes long; beyond, its filters are split."""
 SIMULATION_US = 5.0
 """Truth and sensors for one run and step, us."""
 STATISTICS_US = 2.0
@@ -52,6 +54,26 @@ def block_size(runs: int, cases: Sequence[CaseConfig]) -> int:
     if len(cases) == 1:
         most = min(most, ceil(runs / 2))
     return max(size for size in SIZES if size <= max(most, 1))
+
+
+def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[tuple[str, ...]]:
+    """Return filters, in order, in groups that are computed one after another for so many runs.
+
+    All together where that takes at most 40 s, else as many at a time as do; one at least. Truth and sensors are then
+    simulated once for each group, which costs little beside filters that take so long.
+    """
+    steps = runs * (config.clock.epochs - 1)
+    groups: list[tuple[str, ...]] = []
+    spent = 0.0
+    for name in names:
+        seconds = 1e-6 * steps * (STATISTICS_US + _filter_cost_us(config.filters[name]))
+        if groups and spent + seconds <= LONGEST_BLOCK_SECONDS:
+            groups[-1] += (name,)
+            spent += seconds
+        else:
+            groups.append((name,))
+            spent = 1e-6 * steps * SIMULATION_US + seconds
+    return groups
 
 
 def _filter_cost_us(entry: FilterEntry) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
 
-from relnav_sim.campaign.blocks import run_seconds, sample_count
+from relnav_sim.campaign.blocks import filter_groups, run_seconds, sample_count
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig
 
@@ -32,7 +31,7 @@ class Plan:
     """What a campaign will take; times and sizes are estimates, good to a factor of two.
 
     Attributes:
-        blocks: Pieces of work, each some runs of one case.
+        blocks: Pieces of work, each some runs of one case with some of its filters.
         filter_steps: Filter steps in all: cases x runs x epochs x filters.
         cpu_s: CPU time, s.
         disk_bytes: Size of the result file.
@@ -51,12 +50,19 @@ def plan_campaign(campaign: Campaign) -> Plan:
     configs = [case.config for case in campaign.cases]
     block_runs = min(campaign.block_runs, campaign.runs)
     return Plan(
-        blocks=len(configs) * ceil(campaign.runs / campaign.block_runs),
+        blocks=sum(_blocks(config, campaign.runs, campaign.block_runs) for config in configs),
         filter_steps=campaign.runs * sum((config.clock.epochs - 1) * len(config.filters) for config in configs),
         cpu_s=campaign.runs * sum(run_seconds(config) for config in configs),
         disk_bytes=campaign.runs * sum(_stored_bytes(config) for config in configs),
         memory_bytes=_PROGRAM_BYTES + block_runs * max(_held_bytes(config) for config in configs),
     )
+
+
+def _blocks(config: CaseConfig, runs: int, block_runs: int) -> int:
+    whole, rest = divmod(runs, block_runs)
+    names = tuple(config.filters)
+    last = len(filter_groups(config, names, rest)) if rest else 0
+    return whole * len(filter_groups(config, names, block_runs)) + last
 
 
 def _stored_bytes(config: CaseConfig) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign, Case
+from relnav_sim.campaign.blocks import filter_groups
 from relnav_sim.campaign.identity import filter_id
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.shards import read_shard, shard_name
@@ -112,9 +113,9 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
 def blocks_left(
     campaign: Campaign, finished: Mapping[Key, set[int]], folder: Path, part: tuple[int, int] = (1, 1)
 ) -> Iterator[Block]:
-    """Yield the blocks that are not finished: cases in order, then runs.
+    """Yield the blocks that are not finished: cases in order, then runs, then filters where these take long.
 
-    The cuts lie at multiples of the campaign's `block_runs`, whatever is finished.
+    The cuts between runs lie at multiples of the campaign's `block_runs`, whatever is finished.
 
     Args:
         campaign: The campaign.
@@ -132,10 +133,10 @@ def blocks_left(
                 continue
             by_filters: dict[tuple[str, ...], list[int]] = {}
             for run in range(first, min(first + campaign.block_runs, campaign.runs)):
-                absent = (name for name in ids if run not in finished.get((case.id, name, ids[name]), ()))
-                by_filters.setdefault(tuple(absent), []).append(run)
-            for names, runs in by_filters.items():
-                if names:
+                missing = (name for name in ids if run not in finished.get((case.id, name, ids[name]), ()))
+                by_filters.setdefault(tuple(missing), []).append(run)
+            for absent, runs in by_filters.items():
+                for names in filter_groups(case.config, absent, len(runs)):
                     yield Block(campaign.seed, index, with_filters(case, names), tuple(runs), folder)
 
 

@@ -1,7 +1,7 @@
 import pytest
 
 from relnav_sim.campaign import parse_campaign, plan_campaign
-from relnav_sim.campaign.blocks import SIZES
+from relnav_sim.campaign.blocks import SIZES, filter_groups, run_seconds
 
 
 def blocks_of(text, *overrides):
@@ -28,7 +28,20 @@ def test_a_block_takes_about_twenty_seconds(demo):
 
 
 def test_a_run_that_takes_longer_is_a_block_of_its_own(demo):
-    assert blocks_of(demo, "clock.duration_s=6000000", "runs=3") == (1, 6)
+    """And where its filters take longer than 40 s together, they are computed one after another."""
+    assert blocks_of(demo, "clock.duration_s=1200000", "runs=3") == (1, 6)
+    assert blocks_of(demo, "clock.duration_s=6000000", "runs=3") == (1, 6 * 4)
+
+
+def test_blocks_that_the_campaign_makes_long_are_split_by_filters(demo):
+    config = parse_campaign(demo, ["clock.duration_s=60000"]).cases[0].config
+    names = tuple(config.filters)
+    assert filter_groups(config, names, 5) == [names]
+    groups = filter_groups(config, names, 40)
+    assert 1 < len(groups) < len(names) and sum(groups, ()) == names
+    for group in groups:
+        alone = config.model_copy(update={"filters": {name: config.filters[name] for name in group}})
+        assert 40 * run_seconds(alone) <= 40
 
 
 def test_many_samples_make_blocks_short(demo):
