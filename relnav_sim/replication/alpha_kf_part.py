@@ -75,9 +75,7 @@ def _scenarios() -> tuple[_Scenario, ...]:
             {"sensors.radar.azimuth_bias_deg": 0.05},
             {
                 "kf": "KF with J2 dynamics",
-                "kf_biases": "KF with J2 dynamics and the biases as states",
                 "imm_biases": "IMM with J2 dynamics and the biases as states",
-                "kf_considering": "KF with J2 dynamics that considers the biases",
             },
         ),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,7 @@ class Planned:
         always: What every size changes.
         trial: What the trial changes besides its three runs.
         full_runs: Runs in the full size; default: those of the file.
+        filters: The filters of the file that the usual size has; default: all of them.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Planned:
     trial: tuple[str, ...] = ("clock.duration_s=120", "statistics.settle_s=60")
     full_runs: int | None = None
     always: tuple[str, ...] = ()
+    filters: tuple[str, ...] = ()
 
 
 PLAN = (
@@ -47,7 +50,7 @@ PLAN = (
     Planned("alpha_kf_gaussian", 100),
     Planned("alpha_kf_mixture", 100),
     # Its own settled span is the last 2000 s; the paper's tables are over all of the time.
-    Planned("limit", 12, always=("statistics.settle_s=500",)),
+    Planned("limit", 12, always=("statistics.settle_s=500",), filters=("kf", "imm", "imm_biases")),
     Planned("alpha_kf_sweep", 100),
     Planned("alpha_kf_process_noise", 20),
     Planned("alpha_kf_bias", 20),
@@ -75,7 +78,12 @@ def planned_campaign(planned: Planned, size: Size, folder: Path) -> Campaign:
     runs = {"usual": planned.runs, "full": planned.full_runs, "trial": TRIAL_RUNS}[size]
     # The trial's changes come last: its span is shorter.
     changes = planned.always + {"usual": planned.changes, "full": (), "trial": planned.trial}[size]
-    return load_campaign(path, (*(() if runs is None else (f"runs={runs}",)), *changes))
+    changes = (*(() if runs is None else (f"runs={runs}",)), *changes)
+    campaign = load_campaign(path, changes)
+    if size != "usual" or not planned.filters:
+        return campaign
+    chosen = {name: campaign.content["filters"][name] for name in planned.filters}
+    return load_campaign(path, (*changes, f"filters={json.dumps(chosen)}"))
 
 
 def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: bool, say: Say) -> dict[str, Path]:
