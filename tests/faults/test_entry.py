@@ -11,6 +11,7 @@ import pytest
 CODE = """
 import signal, sys
 from relnav_sim.__main__ import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # where the tests run in the background it is ignored
 plain = signal.signal
 def told(*arguments):
     plain(*arguments)
@@ -29,7 +30,7 @@ def test_an_early_interrupt_shows_no_traceback(after_s, tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
     )
-    while not ready.exists():
+    while not ready.exists() and process.poll() is None:
         time.sleep(0.001)
     time.sleep(after_s)
     process.send_signal(signal.SIGINT)
