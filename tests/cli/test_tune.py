@@ -127,7 +127,14 @@ def test_ctrl_c_ends_it_within_two_seconds(demo):
     scratch = demo.absolute().parent / "scratch"
     scratch.mkdir()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(scratch)}
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True)
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored where tests run in the background
+    )
     try:
         limit = time.monotonic() + 60
         while not list(scratch.glob("relnav_tune_*")) and time.monotonic() < limit:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -12,6 +13,11 @@ from small_campaign import TEXT
 
 RELNAV = [sys.executable, "-c", "import sys; sys.argv[0] = 'relnav'; from relnav_sim.__main__ import main; main()"]
 LONGEST_S = 120.0
+
+
+def heed_interrupts() -> None:
+    """Let a new process be interrupted also where the tests run in the background, which has that ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 class Relnav:
@@ -43,6 +49,7 @@ class Relnav:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            preexec_fn=heed_interrupts,
         )
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
