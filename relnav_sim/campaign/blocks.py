@@ -66,7 +66,9 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
     groups: list[tuple[str, ...]] = []
     spent = 0.0
     for name in names:
-        seconds = 1e-6 * steps * (STATISTICS_US + _filter_cost_us(config.filters[name]))
+        entry = config.filters[name]
+        overhead_us = float(getattr(entry.dynamics, "step_overhead_us", 0.0))
+        seconds = 1e-6 * (steps * (STATISTICS_US + _filter_cost_us(entry)) + (config.clock.epochs - 1) * overhead_us)
         if groups and spent + seconds <= LONGEST_BLOCK_SECONDS:
             groups[-1] += (name,)
             spent += seconds

@@ -32,6 +32,8 @@ class NonlinearJ2Options(Options):
 
     step_cost_us: ClassVar[float] = 12.0
     """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
+    step_overhead_us: ClassVar[float] = 1000.0
+    """Rough CPU time of a step however few the runs, us; it keeps such filters of small blocks apart."""
 
     kind: Literal["nonlinear_j2"] = Field(
         default="nonlinear_j2", description="Exact relative motion with J2 about the chief's estimated orbit"

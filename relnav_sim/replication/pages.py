@@ -21,7 +21,7 @@ TITLE = "Three papers, claim by claim"
 _SHOWN_CONDITIONS = 2
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
-    "usual": "Made by `make reproduce`: some 25 minutes on two cores, about 2500 seconds of CPU time.",
+    "usual": "Made by `make reproduce`.",
     "full": "Made by `make reproduce-full`: every campaign at the papers' sizes, 100 runs of each case.",
 }
 PRINCIPLES = (
