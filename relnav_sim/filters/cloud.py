@@ -21,7 +21,6 @@ from relnav_sim.linalg import (
     matrices_last,
     mixture_log_density,
     runs_first,
-    symmetric,
     transpose,
 )
 from relnav_sim.models.measurement import Measurement, MeasurementDefaults
@@ -133,7 +132,7 @@ def square_root(covariance: Array) -> Array:
     deviation = np.sqrt(np.einsum("...ii->...i", covariance))
     scale = np.where(deviation > 0, deviation, 1.0)
     correlation = covariance / (scale[..., :, None] * scale[..., None, :])
-    L = cholesky(correlation)
+    L = _lapack_cholesky(correlation) if correlation.ndim < 4 else cholesky(correlation)
     # A pivot below 1e-6 is rounding, not variance.
     regular = np.einsum("...ii->...i", L).min(axis=-1) > 1e-6
     if not regular.all():
@@ -146,6 +145,14 @@ def square_root(covariance: Array) -> Array:
         else:
             L[deficient] = root
     return np.asarray(L * scale[..., None])
+
+
+def _lapack_cholesky(A: Array) -> Array:
+    """Return the factors of (n, n) or (runs, n, n), NaN where there is none: for a few matrices one call is fastest."""
+    try:
+        return np.asarray(np.linalg.cholesky(A), dtype=float)
+    except np.linalg.LinAlgError:
+        return np.full_like(A, np.nan) if A.ndim == 2 else np.stack([_lapack_cholesky(one) for one in A])
 
 
 def spread(root: Array, noise: Array) -> Array:
@@ -165,7 +172,8 @@ def moments(components: Array, weights: Array) -> tuple[Array, Array]:
     """Return mean (runs, n) and covariance (runs, n, n) of particles (runs, n, N) with weights (runs, N)."""
     mean = (components @ weights[:, :, None])[:, :, 0]
     deviations = components - mean[:, :, None]
-    return mean, symmetric((deviations * weights[:, None]) @ transpose(deviations))
+    deviations *= np.sqrt(weights)[:, None]
+    return mean, deviations @ transpose(deviations)  # symmetric: BLAS computes one half of such a product
 
 
 def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Array, epoch: int) -> Array:
@@ -191,11 +199,11 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     return result
 
 
-def average(matrices: Array, weights: Array) -> Array:
+def average(matrices: Array, cloud: Cloud) -> Array:
     """Return the weighted mean over particles of matrices (runs, N, n, n); fewer axes are returned as they are."""
     if matrices.ndim < 4:
         return matrices
-    return np.einsum("bp,bpij->bij", weights, matrices)
+    return np.einsum("bp,bpij->bij", cloud.weights, matrices)
 
 
 def smoothing(parents: Array, bandwidth: float, observed: int) -> tuple[Array, Array]:
@@ -239,7 +247,9 @@ def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:
 
 
 def put(array: Array, rows: Rows, entries: Array) -> Array:
-    """Return a copy of `array` with the chosen runs' entries replaced."""
+    """Return `array` with the chosen runs' entries replaced; it is left as it is, the rows are ascending."""
+    if len(rows) == len(array):
+        return entries
     changed = array.copy()
     changed[rows] = entries
     return changed

@@ -96,25 +96,28 @@ class CloudFilter:
 
     def predict(self, belief: Cloud, step: Step) -> Cloud:
         """Return the cloud carried over one step, every particle with its own draw of the process noise."""
-        components, share, kernel = belief.components, np.ones((1, 1, 1)), None
+        share, width = np.ones((1, 1, 1)), np.zeros((1, 1, 1))
         if self._bandwidth > 0:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
             # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
             share, width = smoothing(belief.parents, self._bandwidth, self.measurement.dimension)
-            components = contracted(belief.components, belief.mean, share)
-            kernel = width * self._carried(belief, step)
-        states = transpose(components)
-        Q = self.dynamics.process_noise(states, step)
+        F = self.dynamics.transition(belief.mean, step)
+        carried = F @ belief.covariance @ transpose(F)
         if self.dynamics.linear:
-            F = self.dynamics.transition(belief.mean, step)
-            centres = F @ components
+            # F (m + a (x - m)) = (a F) x + (1 - a) F m spares a pass over the particles.
+            Q = self.dynamics.process_noise(transpose(belief.components), step)
             mean = (F @ belief.mean[:, :, None])[:, :, 0]
-            covariance = share**2 * self._carried(belief, step)
+            centres = (share * F) @ belief.components
+            centres += (1 - share) * mean[:, :, None]
+            covariance = share**2 * carried
         else:
+            states = transpose(contracted(belief.components, belief.mean, share))
+            Q = self.dynamics.process_noise(states, step)
             centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
             mean, covariance = moments(centres, belief.weights)
-        covariance = covariance + average(Q, belief.weights)
-        if kernel is not None:
+        covariance = covariance + average(Q, belief)
+        if self._bandwidth > 0:
+            kernel = width * carried
             covariance += kernel
             Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
         root = self._root(Q)
@@ -124,11 +127,6 @@ class CloudFilter:
         parents = np.full(len(mean), np.inf)
         cloud = Cloud(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
         return replace(cloud, centres=centres, noise=noise, root=root)
-
-    def _carried(self, belief: Cloud, step: Step) -> Array:
-        """Return F P F^T."""
-        F = self.dynamics.transition(belief.mean, step)
-        return F @ belief.covariance @ transpose(F)
 
     def _root(self, Q: Array) -> Array:
         """Return G with G G^T = Q; one that all runs share is kept until it changes."""

@@ -142,30 +142,29 @@ class UnscentedParticleFilter(CloudFilter):
         runs, _, N = centres.shape
         r, m = root.shape[-1], self.measurement.dimension
         centre_image = self.measurement.predict(transpose(centres), epoch)
-        C = np.empty((m, runs, r, N))
-        middle = np.zeros((m, runs, N))
-        M = np.zeros((m, m, runs, N))
+        ahead, behind = np.empty((2, m, runs, r, N))
         for j in range(r):
-            ahead, behind = (self._image(centres, side * _column(root, j), centre_image, epoch) for side in (1, -1))
-            C[:, :, j] = (ahead - behind) / (2 * np.sqrt(r))
-            mid = (ahead + behind) / 2
-            middle += mid / r
-            for a in range(m):
-                for b in range(a + 1):
-                    M[a, b] += mid[a] * mid[b] / r
+            offset = _column(root, j)
+            ahead[:, :, j] = self._image(centres + offset, centre_image, epoch)
+            behind[:, :, j] = self._image(centres - offset, centre_image, epoch)
+        C = (ahead - behind) / (2 * np.sqrt(r))
+        mid = (ahead + behind) / 2
+        middle = mid.mean(axis=2)
         noise = self.measurement.noise(predicted.mean, epoch)
+        M = np.zeros((m, m, runs, N))
         S = np.empty_like(M)
         for a in range(m):
             for b in range(a + 1):
-                M[a, b] += np.expand_dims(noise[..., a, b], -1) - middle[a] * middle[b]
+                M[a, b] = np.einsum("brp,brp->bp", mid[a], mid[b]) / r - middle[a] * middle[b]
+                M[a, b] += np.expand_dims(noise[..., a, b], -1)
                 S[a, b] = M[a, b] + np.einsum("brp,brp->bp", C[a], C[b])
         residual = self.measurement.residual(z[:, None], centre_image)
         nu = np.moveaxis(residual, -1, 0) - middle
         return _sequential_update(centres, root, C, nu, factor(S), factor(M))
 
-    def _image(self, centres: Array, offset: Array, centre_image: Array, epoch: int) -> Array:
-        """Return h(centre + offset) - h(centre), (m, runs, N)."""
-        image = self.measurement.predict(transpose(centres + offset), epoch)
+    def _image(self, components: Array, centre_image: Array, epoch: int) -> Array:
+        """Return h(x) - h(centre), (m, runs, N)."""
+        image = self.measurement.predict(transpose(components), epoch)
         return np.moveaxis(self.measurement.residual(image, centre_image), -1, 0)
 
     def _move(

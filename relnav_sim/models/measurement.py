@@ -122,7 +122,7 @@ class MeasurementDefaults:
         for component in self.angles:
             angle = difference[..., component]
             # Most differences need no turn, and looking is cheaper than wrapping. NaN compares false, so it wraps.
-            if not (angle.max(initial=0.0) <= np.pi and angle.min(initial=0.0) >= -np.pi):
+            if not np.abs(angle).max(initial=0.0) <= np.pi:
                 difference[..., component] = wrap_angle(angle)
         return difference
 
