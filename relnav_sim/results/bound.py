@@ -31,6 +31,7 @@ class BoundResult:
         perfect: Bound of a perfect model, (times, 8), in the order of `layout.QUANTITIES`; None where it failed.
         filters: Bounds of the filters' own models, (times, 8), by name; those that failed are left out.
         reason: Why one failed, in words; empty: none did.
+        retry: Whether one failed for want of time or memory, so that another attempt may succeed.
     """
 
     seed: int
@@ -39,6 +40,7 @@ class BoundResult:
     perfect: Array | None
     filters: Mapping[str, Array]
     reason: str = ""
+    retry: bool = False
 
 
 def bound_name(seed: int, case_id: str, filter_ids: Mapping[str, str]) -> str:
@@ -61,6 +63,7 @@ def write_bound(path: Path, bound: BoundResult) -> None:
         "filters": dict(bound.filter_ids),
         "stored": sorted(arrays),
         "reason": bound.reason,
+        "retry": bound.retry,
     }
     with written_whole(path) as temporary, store.create_file(temporary) as file:
         file.attrs["format"] = layout.BOUND_FORMAT
@@ -92,6 +95,7 @@ def read_bound(path: Path) -> BoundResult:
                 perfect=arrays.get("perfect"),
                 filters={name.removeprefix("filters/"): a for name, a in arrays.items() if name != "perfect"},
                 reason=str(header["reason"]),
+                retry=bool(header.get("retry", False)),  # files of earlier versions do not say
             )
         except (AttributeError, KeyError, TypeError, ValueError):
             raise ResultsError(f"{path}: the header is damaged") from None

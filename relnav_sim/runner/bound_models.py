@@ -21,6 +21,11 @@ from relnav_sim.truth import nominal_chief
 Array = NDArray[np.float64]
 
 
+def in_words(error: BaseException) -> str:
+    """Return an exception as the reason that a result gives."""
+    return f"{type(error).__name__}: {error}"
+
+
 class Model:
     """A model of the motion, along the truth.
 
@@ -30,11 +35,11 @@ class Model:
         extra: The states behind them; None: there are none.
 
     Attributes:
-        broken: The exception that it raised, in words; empty: none.
+        broken: The exception that it raised; None: none.
     """
 
     def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
-        self.broken = ""
+        self.broken: Exception | SystemExit | None = None
         self.extra = extra
         self.dimension = 6 if extra is None else 6 + len(extra.names)
         self._config = config
@@ -42,7 +47,7 @@ class Model:
         try:
             self._dynamics = make()
         except (Exception, SystemExit) as error:  # of a user's own filter or dynamics; the other bounds go on
-            self.broken = f"{type(error).__name__}: {error}"
+            self.broken = error.with_traceback(None)
 
     def has_states_of(self, other: Model) -> bool:
         """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
@@ -64,7 +69,7 @@ class Model:
                 steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
                 return self._extended(*_finite(*steps, states))
             except (Exception, SystemExit) as error:  # as above
-                self.broken = f"{type(error).__name__}: {error}"
+                self.broken = error.with_traceback(None)
         shape = (len(epochs), self.dimension, self.dimension)
         return np.full(shape, np.nan), np.zeros(shape)
 

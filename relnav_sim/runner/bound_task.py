@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -55,10 +55,27 @@ def bound_tasks(campaign: Campaign, folder: Path, part: tuple[int, int] = (1, 1)
     return [BoundTask(campaign.seed, case, folder) for case in cases]
 
 
-def is_finished(task: BoundTask, say: Callable[[str], None]) -> bool:
-    """Return whether a bound's file is there and verifies; one that does not is told of and removed."""
+def bounds_left(tasks: Iterable[BoundTask], say: Callable[[str], None]) -> list[BoundTask]:
+    """Return the bounds to compute: those that are not there, and those that time or memory did not suffice for.
+
+    Args:
+        tasks: The bounds that the campaign asks for.
+        say: Told of the files that do not verify and of the bounds that are tried again.
+    """
+    left = []
+    for task in tasks:
+        bound = finished_bound(task, say)
+        if bound is not None and bound.retry:
+            say(f"case {task.case.label} lacks a Cramér-Rao bound ({bound.reason}); trying again")
+        if bound is None or bound.retry:
+            left.append(task)
+    return left
+
+
+def finished_bound(task: BoundTask, say: Callable[[str], None]) -> BoundResult | None:
+    """Return a bound from its file; None where there is none. A file that does not verify is told of and removed."""
     if not task.path.exists():
-        return False
+        return None
     try:
         bound = read_bound(task.path)
         if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, filter_ids(task.case)):
@@ -66,8 +83,8 @@ def is_finished(task: BoundTask, say: Callable[[str], None]) -> bool:
     except ResultsError as error:
         say(f"{error}; computing it again")
         task.path.unlink()
-        return False
-    return True
+        return None
+    return bound
 
 
 def sound_bounds(folder: Path) -> list[BoundResult]:

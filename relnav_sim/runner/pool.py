@@ -154,7 +154,7 @@ def _one_by_one(
 
 def _blamed(block: Task) -> Done:
     if isinstance(block, BoundTask):
-        write_bound(block.path, failed_bound(block.case, block.seed, KILLED))
+        write_bound(block.path, failed_bound(block.case, block.seed, KILLED, retry=True))
         return Done(block, 0, {})
     result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index, _only_filter(block))
     write_shard(block.path, result, block.seed, block.filter_ids)

@@ -10,12 +10,11 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
-from relnav_sim.results.bound import read_bound
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.runner.bound_task import BoundTask, bound_tasks, is_finished
+from relnav_sim.runner.bound_task import BoundTask, bound_tasks, bounds_left, finished_bound
 from relnav_sim.runner.folder import check_same_campaign, move_aside, shard_folder, working_folder, write_folder_header
 from relnav_sim.runner.pool import Backend, computed
 from relnav_sim.runner.progress import progress_of
@@ -72,17 +71,17 @@ def run_campaign(
         check_same_campaign(out, header)
         write_folder_header(folder, header)
         finished = finished_work(folder, campaign, say)
-        bounds_left = [task for task in bound_tasks(campaign, folder, part) if not is_finished(task, say)]
+        bound_work = bounds_left(bound_tasks(campaign, folder, part), say)
         new_blocks = 0
         for runs in looks(campaign, part):
             left = list(blocks_left(replace(campaign, runs=runs), finished.runs, folder, part))
-            if (left or bounds_left) and not new_blocks:
+            if (left or bound_work) and not new_blocks:
                 begin_session(folder)
                 if finished.shards and left:
                     say(f"{len(finished.shards)} finished blocks found; {len(left)} left to compute")
             with (
                 progress_of(Tally(left, _figures_so_far(finished, campaign)), progress) as bar,
-                closing(computed([*left, *bounds_left], workers, backend, timeout_s)) as done_blocks,
+                closing(computed([*left, *bound_work], workers, backend, timeout_s)) as done_blocks,
             ):
                 for done in done_blocks:
                     new_blocks += 1
@@ -97,7 +96,7 @@ def run_campaign(
             if max_failures is not None and failures > max_failures:
                 say(f"stopped: {failures} failures are more than the {max_failures} allowed; the result is incomplete")
                 break
-            bounds_left = []
+            bound_work = []
             header, met = look_at(header, campaign, finished, runs)
             if met:
                 say(f"stopped at {runs} runs: the rule of the campaign is met")
@@ -108,13 +107,15 @@ def run_campaign(
             say("every run was finished already")
         _say_what_is_left_out(out, header, say)
         provenance = _provenance(out, header, folder, new_blocks)
-        bounds = [read_bound(task.path) for task in bound_tasks(campaign, folder) if is_finished(task, say)]
+        found = (finished_bound(task, say) for task in bound_tasks(campaign, folder))
+        bounds = [bound for bound in found if bound is not None]
         pieces = [shard_piece(path) for path in finished.shards]
         merge_pieces(pieces, header, provenance, out, complete=False, bounds=bounds)
     labels = {case.id: case.label for case in campaign.cases}
     for bound in bounds:
         if bound.reason:
-            say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}")
+            again = "; the same command tries again" if bound.retry else ""
+            say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}{again}")
     say(f"the shards stay in {shard_folder(out)}, so that runs, filters and cases can be added")
     return out
 

@@ -1,5 +1,7 @@
 """The bound of whole campaigns: the Kalman covariance where it must be, what counts as measured, what the runs show."""
 
+import traceback
+
 import numpy as np
 
 from relnav_sim import open_results, run_campaign
@@ -8,7 +10,9 @@ from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.models.cw import cw_system, cw_transition
 from relnav_sim.models.process_noise import process_noise_matrix
-from relnav_sim.runner.bound import case_bound
+from relnav_sim.results.bound import write_bound
+from relnav_sim.runner.bound import bound_surviving, case_bound
+from relnav_sim.runner.bound_task import bound_tasks
 from relnav_sim.sensors import SensorSuite, filter_inputs, measurement_model, reading_probability
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory
@@ -130,6 +134,51 @@ def test_a_filter_without_a_model_costs_its_own_bound_only(campaign, tmp_path, m
         np.testing.assert_array_equal(results.bound(0, "same"), results.bound(0, "ekf"))
         assert np.isfinite(results.bound(0, "ekf")).all() and np.isfinite(results.bound(0)).all()
     assert any("bad: RuntimeError: no such model" in sentence for sentence in said)
+
+
+class _Hungry(ExtendedKalmanFilter):
+    starves = True
+
+    def __init__(self, *arguments):
+        if self.starves and any(frame.name == "case_bound" for frame in traceback.extract_stack()):
+            raise MemoryError("no more memory")
+        super().__init__(*arguments)
+
+
+def test_a_bound_that_failed_for_want_of_memory_is_tried_again(campaign, tmp_path, monkeypatch):
+    monkeypatch.setitem(
+        registry._KINDS, "hungry", registry.FilterKind("hungry", GaussianFilterOptions, _Hungry, "polar", 3.0)
+    )
+    made = campaign("runs=2", ONE, "filters.big={kind: hungry, dynamics: {kind: nonlinear}}")
+
+    def bounds():
+        said = []
+        out = run_campaign(made, tmp_path / "out.h5", backend="sequential", say=said.append)
+        with open_results(out) as results:
+            return results.bound(0, "ekf"), results.bound(0, "big"), " ".join(said)
+
+    before, without, said = bounds()
+    assert without is None and "big: MemoryError: no more memory; the same command tries again" in said
+    same, without, said = bounds()
+    assert without is None and "MemoryError: no more memory); trying again" in said
+    monkeypatch.setattr(_Hungry, "starves", False)
+    after, big, said = bounds()
+    np.testing.assert_array_equal([same, after], [before, before])
+    np.testing.assert_allclose(big, before, rtol=1e-4)
+    assert "; trying again" in said and "lacks" not in said.split("trying again")[1]
+    assert "every run was finished already" in bounds()[2]
+
+
+def test_a_bound_that_took_too_long_is_tried_again(campaign, tmp_path):
+    made, out = campaign("runs=2", ONE), tmp_path / "out.h5"
+    run_campaign(made, out, backend="sequential")
+    (task,) = bound_tasks(made, tmp_path / "out.h5.shards")
+    whole = task.path.read_bytes()
+    write_bound(task.path, bound_surviving(task.case, task.seed, timeout_s=1e-3))
+    said = []
+    run_campaign(made, out, backend="sequential", say=said.append)
+    assert any("took longer than 0.001 s); trying again" in sentence for sentence in said)
+    assert task.path.read_bytes() == whole
 
 
 def test_extra_states_are_in_the_bound_of_the_filter_that_has_them(campaign, tmp_path):
