@@ -44,36 +44,36 @@ def product(A: Array, B: Array) -> Array:
 def factor(A: Array) -> Array:
     """Return the Cholesky factor of A, runs last (n, n, runs); NaN where A is not positive definite.
 
-    Row by row, Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
+    Column by column, Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
     """
-    n = len(A)
     L = np.zeros_like(A)
+    left = A.copy()
+    n = len(A)
     with np.errstate(invalid="ignore", divide="ignore"):
-        for i in range(n):
-            for j in range(i + 1):
-                entry = A[i, j]
-                for k in range(j):
-                    entry = entry - L[i, k] * L[j, k]
-                L[i, j] = np.sqrt(entry) if i == j else entry / L[j, j]
+        for k in range(n):
+            L[k, k] = np.sqrt(left[k, k])
+            if k + 1 < n:
+                L[k + 1 :, k] = left[k + 1 :, k] / L[k, k]
+            for i in range(k + 1, n):
+                left[i, k + 1 : i + 1] -= L[i, k] * L[k + 1 : i + 1, k]
     return L
 
 
 def forward(L: Array, B: Array) -> Array:
     """Return L^-1 B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
-    X = B.copy()
-    for i in range(len(X)):
-        for j in range(i):
-            X[i] -= L[i, j] * X[j]
-        X[i] /= L[i, i]
+    X, L = B.copy(), L if B.ndim == 2 else L[:, :, None]
+    for j in range(len(X)):
+        X[j] /= L[j, j]
+        X[j + 1 :] -= L[j + 1 :, j] * X[j]
     return X
 
 
 def back(L: Array, B: Array) -> Array:
     """Return L^-T B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
-    X = B.copy()
+    X, L = B.copy(), L if B.ndim == 2 else L[:, :, None]
     for i in reversed(range(len(X))):
-        for j in range(i + 1, len(X)):
-            X[i] -= L[j, i] * X[j]
+        for term in L[i + 1 :, i] * X[i + 1 :]:
+            X[i] -= term
         X[i] /= L[i, i]
     return X
 

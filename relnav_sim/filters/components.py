@@ -38,7 +38,7 @@ def component_updates(
     z: Array,
     epoch: int,
     considered: tuple[int, ...] = (),
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Return the extended Kalman update of every state component with every noise component given for it.
 
     Args:
@@ -51,7 +51,7 @@ def component_updates(
         considered: Places of the states that are not estimated.
 
     Returns:
-        Means (runs, c, k, n), covariances (runs, c, k, n, n) and log-likelihoods (runs, c, k).
+        Means (runs, c, k, n), covariances (runs, c, k, n, n), log-likelihoods (runs, c, k) and NIS (runs, c, k).
     """
     runs, c, n = means.shape
     nu = measurement.residual(z[:, None], measurement.predict(means, epoch))
@@ -73,6 +73,7 @@ def component_updates(
         posterior.mean.reshape(runs, c, k, n),
         posterior.covariance.reshape(runs, c, k, n, n),
         innovation.log_likelihood.reshape(runs, c, k),
+        innovation.nis.reshape(runs, c, k),
     )
 
 

@@ -111,7 +111,7 @@ class GaussianSumFilter:
         epoch = step.epoch
         mean, covariance = moment_match(belief.weights, belief.means, belief.covariances)
         weights, noises = noise_components(self.measurement, mean, epoch)
-        means, covariances, log_likelihoods = component_updates(
+        means, covariances, log_likelihoods, _ = component_updates(
             self.measurement, belief.means, belief.covariances, noises[..., None, :, :, :], z, epoch, self._considered
         )
         nis = nominal_nis(self.measurement, mean, covariance, noises, z, epoch)

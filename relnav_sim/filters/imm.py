@@ -15,7 +15,6 @@ from relnav_sim.filters.components import (
     mixture_mean,
     moment_match,
     noise_components,
-    nominal_nis,
     normalised,
 )
 from relnav_sim.filters.registry import register_filter
@@ -118,12 +117,11 @@ class InteractingModelsFilter:
         _, noises = noise_components(self.measurement, belief.means[:, 0], step.epoch)
         # Each model is updated with its own noise only.
         own = noises[..., :, None, :, :]
-        means, covariances, log_likelihoods = component_updates(
+        means, covariances, log_likelihoods, nis = component_updates(
             self.measurement, belief.means, belief.covariances, own, z, step.epoch, self._considered
         )
         weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
-        nis = nominal_nis(self.measurement, belief.means[:, 0], belief.covariances[:, 0], noises, z, step.epoch)
         extras = {"outlier_probability": 1 - weights[:, 0]}
         with np.errstate(divide="ignore"):
             bank = ModelBank(np.log(weights), means[:, :, 0], covariances[:, :, 0])
-        return bank, Innovation(nis, log_likelihood, extras)
+        return bank, Innovation(nis[:, 0, 0], log_likelihood, extras)

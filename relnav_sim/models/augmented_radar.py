@@ -79,12 +79,19 @@ class RadarDistortion:
 
 
 def _stacked(vector: tuple[Array, Array, Array]) -> Array:
-    return np.stack(vector, axis=-1)
+    stacked = np.empty((*vector[0].shape, 3))
+    for i, component in enumerate(vector):
+        stacked[..., i] = component
+    return stacked
 
 
 def _rows(gradients: tuple[tuple[Array, Array, Array], ...]) -> Array:
     """Return (..., 3, 3) of the gradients' components, one row each."""
-    return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in gradients], axis=-2)
+    matrix = np.empty((*gradients[0][0].shape, 3, 3))
+    for i, row in enumerate(gradients):
+        for j, entry in enumerate(row):
+            matrix[..., i, j] = entry
+    return matrix
 
 
 def _cross_matrices(vectors: Array) -> Array:

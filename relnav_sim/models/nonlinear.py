@@ -14,7 +14,7 @@ from relnav_sim.models.dynamics import Step
 from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.kepler import arc
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.models.relative_flow import Leg, divide, flow, flow_jacobian, turning_frame
+from relnav_sim.models.relative_flow import Leg, divide, flow, linear_flow, turning_frame
 from relnav_sim.models.stretches import PerStretch
 from relnav_sim.options import Options
 
@@ -64,7 +64,7 @@ class NonlinearDynamics:
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return the Jacobian (runs, 6, 6) of `propagate` at `mean` (runs, 6), by the variational equations."""
-        return flow_jacobian(mean, self._leg(step.epoch), self._division, self._gravity)
+        return linear_flow(mean, self._leg(step.epoch), self._division, self._gravity)[1]
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (6, 6)."""
@@ -72,7 +72,7 @@ class NonlinearDynamics:
 
     def _leg(self, epoch: int) -> Leg:
         legs, place = self._legs.at(epoch)
-        return Leg(legs.enter[place], legs.leave[place], legs.nodes[place])
+        return legs[place]
 
     def _legs_of(self, epochs: Array) -> Leg:
         """Return the legs of the steps that end at `epochs`, stacked along a leading axis, shared by all runs.
@@ -96,7 +96,7 @@ class NonlinearDynamics:
         return Leg(
             np.ascontiguousarray(enter.transpose(2, 0, 1))[..., None],
             np.ascontiguousarray(leave.transpose(2, 0, 1))[..., None],
-            np.ascontiguousarray(nodes[..., :-1].reshape(shape).transpose(1, 2, 3, 0, 4)),
+            self._gravity.anchor(np.ascontiguousarray(nodes[..., :-1].reshape(shape).transpose(1, 2, 3, 0, 4))),
         )
 
     @property

@@ -50,7 +50,7 @@ class OrbitFilter:
     ) -> None:
         self._step_s = step_s
         self._division = divide(orbit, step_s)
-        self._gravity = Gravity(orbit.mu_m3_s2, orbit.equatorial_radius_m, orbit.j2)
+        self._gravity = Gravity.of(orbit)
         self._R = np.diag(np.square(fix_sigmas))[..., None]
         growth = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
         self._Q = options.acceleration_psd_m2_s3 * np.kron(growth, np.eye(3))[..., None]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from relnav_sim.linalg import product, runs_first, runs_last
 from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.collocation import Rule, integrate, rule_for
-from relnav_sim.models.gravity import Gravity
+from relnav_sim.models.collocation import Path, Rule, integrate, rule_for
+from relnav_sim.models.gravity import Anchor, Gravity
 
 Array = NDArray[np.float64]
 LONGEST_TURN = 0.5
@@ -62,12 +62,18 @@ class Leg:
     Attributes:
         enter: From RTN at the start to relative states in the axes that do not turn, (6, 6, b).
         leave: From there to RTN at the end, (6, 6, b).
-        nodes: The chief's positions at the nodes, (parts, s, 3, b), m, in the same axes.
+        nodes: The chief at the nodes, (parts, s, 3, b), in the same axes.
+
+    Several legs are stacked along a leading axis of every array.
     """
 
     enter: Array
     leave: Array
-    nodes: Array
+    nodes: Anchor
+
+    def __getitem__(self, place: int) -> Leg:
+        """Return one of several legs."""
+        return Leg(self.enter[place], self.leave[place], self.nodes[place])
 
 
 def turning_frame(axes: Array, rates: Array) -> tuple[Array, Array]:
@@ -93,32 +99,32 @@ def flow(states: Array, leg: Leg, division: Division, gravity: Gravity) -> Array
     """Return RTN states (runs, ..., 6) after one step."""
     X = product(leg.enter, runs_last(states.reshape(len(states), -1, 6).swapaxes(1, 2)))
     position, velocity = X[:3], X[3:]
-    for part in leg.nodes:
-        chief = part[:, :, None]
-
-        def slope(offset: Array, chief: Array = chief) -> Array:
-            return gravity.difference(chief, offset)
-
-        path = integrate(division.rule, slope, position, velocity, division.part_s)
+    for part in range(division.parts):
+        path = _offset_path(leg.nodes[part].for_columns(), position, velocity, division, gravity)
         position, velocity = path.position, path.velocity
     end = product(leg.leave, np.concatenate([position, velocity]))
     return runs_first(end).swapaxes(1, 2).reshape(states.shape)
 
 
-def flow_jacobian(mean: Array, leg: Leg, division: Division, gravity: Gravity) -> Array:
-    """Return the Jacobian of `flow` at `mean` (runs, 6): (runs, 6, 6), by the variational equations."""
+def linear_flow(mean: Array, leg: Leg, division: Division, gravity: Gravity) -> tuple[Array, Array]:
+    """Return `flow` at `mean` (runs, 6), bit by bit, and its Jacobian (runs, 6, 6) by the variational equations."""
     X = product(leg.enter, runs_last(mean)[:, None])
     position, velocity = X[:3, 0], X[3:, 0]
     Y = np.broadcast_to(leg.enter, (6, 6, len(mean)))
-    for chief in leg.nodes:
-
-        def slope(offset: Array, chief: Array = chief) -> Array:
-            return gravity.difference(chief, offset)
-
-        path = integrate(division.rule, slope, position, velocity, division.part_s)
-        Y = tangent(Y, gravity.gradient(chief + path.nodes), division)
+    for part in range(division.parts):
+        chief = leg.nodes[part]
+        path = _offset_path(chief, position, velocity, division, gravity)
+        Y = tangent(Y, gravity.gradient(chief.position + path.nodes), division)
         position, velocity = path.position, path.velocity
-    return runs_first(product(leg.leave, Y))
+    end = product(leg.leave, np.concatenate([position, velocity])[:, None])
+    return runs_first(end[:, 0]), runs_first(product(leg.leave, Y))
+
+
+def _offset_path(chief: Anchor, position: Array, velocity: Array, division: Division, gravity: Gravity) -> Path:
+    """Return how the deputy moves relative to the chief in one part of a step, in axes that do not turn."""
+    return integrate(
+        division.rule, lambda offset: gravity.difference(chief, offset), position, velocity, division.part_s
+    )
 
 
 def tangent(Y: Array, gradient: Array, division: Division) -> Array:

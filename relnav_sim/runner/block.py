@@ -20,16 +20,15 @@ from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.gp import GpOptions
-from relnav_sim.models.nonlinear_j2 import ChiefFollower, NonlinearJ2Dynamics, NonlinearJ2Options
 from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.runner.chief import ChiefFollowers
 from relnav_sim.runner.extra import ExtraTrack, extended_prior, extension_of, mounting_of
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.thrust import ThrustInputs, known_thrust
 from relnav_sim.runner.training import training_track
 from relnav_sim.sensors import measurement_model
-from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
@@ -72,8 +71,8 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     for stretch in stretches(config, source):
         if not tracks:
             prior = starting_belief(config, radar_model(config), stretch, source)
-            inputs = ThrustInputs(config)
-            tracks = [FilterTrack(name, entry, config, prior, source, inputs) for name, entry in config.filters.items()]
+            shared = Shared(ThrustInputs(config), ChiefFollowers(config, len(runs)))
+            tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
         for track in tracks:
             track.add(stretch)
         stored = _stored(config, stretch)
@@ -151,19 +150,17 @@ def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: i
     return _LEARNED[key]
 
 
-def _chief_follower(dynamics: Dynamics, entry: FilterEntry, config: CaseConfig, runs: int) -> ChiefFollower | None:
-    """Return what supplies the dynamics with the chief's orbit from its GNSS fixes, where they go by it.
+@dataclass(frozen=True)
+class Shared:
+    """What the filters of a block share.
 
-    With the receiver on the deputy, or none, they go by the nominal orbit.
+    Attributes:
+        thrust: What they are told of thrust.
+        followers: The chief's orbit as they estimate it.
     """
-    gnss, radar = config.sensors.gnss, config.sensors.radar
-    options = entry.dynamics
-    if not isinstance(options, NonlinearJ2Options) or not isinstance(dynamics, NonlinearJ2Dynamics):
-        return None
-    if gnss is None or (radar is not None and radar.carrier == "deputy"):
-        return None
-    sigmas = gnss.sigmas * np.sqrt(white_variance(noise_parts(gnss.noise)) or 1.0)
-    return options.follower(dynamics, nominal_chief(config.truth), sigmas, config.clock.step_s, runs)
+
+    thrust: ThrustInputs
+    followers: ChiefFollowers
 
 
 class FilterTrack:
@@ -181,10 +178,10 @@ class FilterTrack:
         config: CaseConfig,
         prior: Gaussian,
         source: RandomSource,
-        thrust_inputs: ThrustInputs,
+        shared: Shared,
     ) -> None:
         self.name = name
-        self._thrust_inputs = thrust_inputs
+        self._thrust_inputs = shared.thrust
         self._known = known_thrust(entry, config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: str | None = None
@@ -198,7 +195,7 @@ class FilterTrack:
         with self._breaking_alone():
             made = create_campaign_filter(entry, config, source.seed)
             self._filter = made.filter
-            self._follower = _chief_follower(made.dynamics, entry, config, len(source.runs))
+            self._follower = shared.followers.of(made.dynamics, entry)
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)

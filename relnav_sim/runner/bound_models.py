@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,10 +142,8 @@ def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int) -> Dy
 
 
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
-    """Return the motion as it is: point mass and J2, no process noise."""
-    orbit = nominal_chief(config.truth)
-    if config.truth.forces.zonals < 2:
-        orbit = replace(orbit, j2=0.0)
+    """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
+    orbit = nominal_chief(config.truth).up_to(config.truth.forces.zonals)
     return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
 
 

@@ -171,6 +171,8 @@ def nominal_chief(options: TruthOptions) -> ChiefOrbit:
         mu_m3_s2=options.constants.mu_m3_s2,
         equatorial_radius_m=options.constants.radius_m,
         j2=options.constants.j2,
+        j3=options.constants.j3,
+        j4=options.constants.j4,
     )
 
 

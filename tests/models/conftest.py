@@ -9,7 +9,7 @@ from relnav_sim import ForceModel, eci_from_rtn, propagate, rtn_from_eci
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.kepler import initial_state
 from relnav_sim.models.process_noise import ProcessNoiseOptions
-from relnav_sim.truth.constants import J2, MU_M3_S2, RADIUS_M
+from relnav_sim.truth.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
 
 NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
 
@@ -52,8 +52,8 @@ class Scene:
 
 @pytest.fixture
 def scene():
-    def make(e=0.0, i_deg=51.6, j2=J2):
+    def make(e=0.0, i_deg=51.6, j2=J2, zonals=2):
         angles = np.radians([i_deg, 20.0, 40.0, 30.0])
-        return Scene(ChiefOrbit(7e6 / (1 - e), e, *angles, MU_M3_S2, RADIUS_M, j2))
+        return Scene(ChiefOrbit(7e6 / (1 - e), e, *angles, MU_M3_S2, RADIUS_M, j2, J3, J4).up_to(zonals))
 
     return make

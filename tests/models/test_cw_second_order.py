@@ -16,7 +16,8 @@ RATE = np.sqrt(MU_M3_S2 / RADIUS**3)
 def remainder(position):
     """Return the acceleration beyond Clohessy and Wiltshire's."""
     chief = np.array([RADIUS, 0, 0])[None, :, None]
-    full = Gravity(MU_M3_S2).difference(chief, np.array(position, dtype=float)[None, :, None])[0, :, 0]
+    gravity = Gravity(MU_M3_S2)
+    full = gravity.difference(gravity.anchor(chief), np.array(position, dtype=float)[None, :, None])[0, :, 0]
     return full - RATE**2 * np.array([2.0, -1.0, -1.0]) * position
 
 

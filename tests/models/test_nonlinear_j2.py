@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
+from relnav_sim.models.chief_legs import ChiefLegs, NominalChief
 from relnav_sim.models.dynamics import Step
+from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.nonlinear import NonlinearOptions
-from relnav_sim.models.nonlinear_j2 import NominalChief, NonlinearJ2Options
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
+from relnav_sim.models.relative_flow import divide
 from relnav_sim.truth.constants import J2, J3, J4
 
 
@@ -18,13 +21,14 @@ def predicted(dynamics, x, steps):
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.7])
 @pytest.mark.parametrize("i_deg", [0.5, 51.6, 97.6])
 @pytest.mark.parametrize("separation", [100.0, 100e3])
-def test_one_period_against_the_truth(scene, e, i_deg, separation):
-    s = scene(e, i_deg)
+@pytest.mark.parametrize("zonals", [2, 4])
+def test_one_period_against_the_truth(scene, e, i_deg, separation, zonals):
+    s = scene(e, i_deg, zonals=4)
     steps = 200
     step = s.period_s / steps
     x0 = s.deputies(separation)
-    _, truth = s.truth(x0, np.arange(steps + 1) * step, zonals=(J2,))
-    x = predicted(NonlinearJ2Options().build(s.orbit, s.noise, step), x0, steps)
+    _, truth = s.truth(x0, np.arange(steps + 1) * step, zonals=(J2, J3, J4)[: zonals - 1])
+    x = predicted(NonlinearJ2Options(zonals=zonals).build(s.orbit, s.noise, step), x0, steps)
     # The truth is the difference of two orbits, each good to 1e-6 m, and the nominal chief is no better.
     assert np.abs(x - truth)[..., :3].max() < 2e-5
 
@@ -49,6 +53,19 @@ def test_with_the_chief_estimated_from_fixes(scene):
     assert np.linalg.norm((without - truth[:, : steps + 1])[..., :3], axis=-1).max() > 50
 
 
+@pytest.mark.parametrize("zonals", [2, 4])
+def test_propagate_after_transition_keeps_its_bits(scene, zonals):
+    """The Jacobian's own path serves the mean at the same states, and no others."""
+    s = scene(0.1, zonals=4)
+    x = s.deputies(12e3, 3)
+    warm, cold = (NonlinearJ2Options(zonals=zonals).build(s.orbit, s.noise, 10.0) for _ in range(2))
+    for states in (x, x[:1], x + 1.0):
+        warm.transition(x, Step(3))
+        assert np.array_equal(warm.propagate(states, Step(3)), cold.propagate(states, Step(3)))
+    warm.transition(x, Step(3))
+    assert np.array_equal(warm.propagate(x, Step(4)), cold.propagate(x, Step(4)))
+
+
 def test_runs_have_their_own_chief(scene):
     s = scene(0.0)
     x = s.deputies(12e3, 3)
@@ -71,7 +88,7 @@ def test_following_the_chief_stretch_by_stretch(scene):
     dynamics = NonlinearJ2Options().build(s.orbit, s.noise, 10.0)
     whole = dynamics.with_chief(chief, 0)
     for first, last in ((0, 5), (4, 9)):
-        dynamics.follow_chief(chief[:, first:last], first)
+        dynamics.follow_chief(ChiefLegs(chief[:, first:last], first, divide(s.orbit, 10.0), Gravity.of(s.orbit)))
         for epoch in range(first + 1, last + 1):
             assert np.array_equal(dynamics.propagate(x, Step(epoch)), whole.propagate(x, Step(epoch)))
 
@@ -86,7 +103,8 @@ def test_follower_supplies_the_estimates(scene):
     estimates = OrbitFilter(options.chief_orbit, s.orbit, sigmas, 10.0, 2).advance(fixes)
     whole = options.build(s.orbit, s.noise, 10.0).with_chief(estimates, 0)
     dynamics = options.build(s.orbit, s.noise, 10.0)
-    follower = options.follower(dynamics, s.orbit, sigmas, 10.0, 2)
+    follower = options.follower(s.orbit, sigmas, 10.0, 2)
+    follower.supply(dynamics)
     for first, last in ((0, 5), (5, 9)):
         follower.take(fixes[:, first:last], first)
         for epoch in range(max(first, 1), last):
