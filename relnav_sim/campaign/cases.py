@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from relnav_sim.campaign.checks import Parts, check_together
+from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.expand import Point, Variable, points
 from relnav_sim.campaign.file_model import DEFAULTS, SECTIONS, PartValidator, check_name
+from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.problems import SHOWN, Problem
+from relnav_sim.sensors import SensorsOptions
 
 _CASES_WITH_PROBLEMS = 8
 """Enough to tell a problem of one value from a problem of the whole file."""
@@ -40,11 +44,35 @@ def validated_points(
         seen += 1
         case, problems = _validated(point, validator)
         for problem in problems:
-            found.setdefault(Problem(point.source(problem.path), problem.sentence), []).append(point)
+            found.setdefault(point.written(problem), []).append(point)
         cases.append(case)
         if problems and seen >= _CASES_WITH_PROBLEMS:
             break
     return cases, [_of_cases(problem, having, seen) for problem, having in found.items()]
+
+
+def in_one_spelling(cases: Sequence[ValidatedPoint]) -> list[ValidatedPoint]:
+    """Return valid cases with `known_thrust` left out of the filters that say what its default means in every case.
+
+    The default depends on the sensors, so that unlike others it can't be filled in before they are known.
+    """
+    spelt_out = {
+        name
+        for name in cases[0].parts.filters
+        if all(_says_the_default(case.parts.filters[name], case.parts.sensors) for case in cases)
+    }
+    return [replace(case, parts=replace(case.parts, filters=_without_thrust(case, spelt_out))) for case in cases]
+
+
+def _says_the_default(entry: FilterEntry, sensors: SensorsOptions | None) -> bool:
+    return sensors is not None and entry.known_thrust == default_thrust(sensors)
+
+
+def _without_thrust(case: ValidatedPoint, names: Collection[str]) -> dict[str, FilterEntry]:
+    return {
+        name: entry.model_copy(update={"known_thrust": None}) if name in names else entry
+        for name, entry in case.parts.filters.items()
+    }
 
 
 def _of_cases(problem: Problem, found: list[Point], seen: int) -> Problem:

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from relnav_sim.campaign.paths import PathError, parse_path, replaced
-from relnav_sim.campaign.problems import Path, Problem, did_you_mean, listed, quoted
+from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
+from relnav_sim.campaign.problems import Path, Problem, did_you_mean, dotted, listed, quoted
 
 MOST_CASES = 1000
 BASE_LABEL = "base"
@@ -28,6 +28,7 @@ class Variable:
         section: ``grid`` or ``zip``.
         values: The values as written.
         labels: A short word for each value, distinct.
+        made: The first keys of the path up to one that the file does not have; the whole path where it has all.
     """
 
     text: str
@@ -35,6 +36,7 @@ class Variable:
     section: str
     values: tuple[Any, ...]
     labels: tuple[str, ...]
+    made: Path
 
 
 @dataclass(frozen=True)
@@ -55,12 +57,16 @@ class Point:
         words = (f"{variable.labels[index]}" for variable, index in self.choices)
         return ", ".join(words) or BASE_LABEL
 
-    def source(self, path: Path) -> Path:
-        """Return where in the file the value at a path of the case's data was written."""
+    def written(self, problem: Problem) -> Problem:
+        """Return a problem of the case's data at the place in the file where the value was written."""
+        path = problem.path
         for variable, index in self.choices:
             if path[: len(variable.path)] == variable.path:
-                return (variable.section, variable.text, index, *path[len(variable.path) :])
-        return path
+                return Problem((variable.section, variable.text, index, *path[len(variable.path) :]), problem.sentence)
+            if path[: len(variable.made)] == variable.made:
+                sentence = f"nothing but this list gives {dotted(variable.made)}; {dotted(path)}: {problem.sentence}"
+                return Problem((variable.section, variable.text), sentence)
+        return problem
 
 
 def read_variables(data: dict[str, Any], sections: tuple[str, ...]) -> tuple[tuple[Variable, ...], tuple[Problem, ...]]:
@@ -129,7 +135,8 @@ def _variable(text: str, values: Any, section: str, data: Any, sections: tuple[s
     for position, value in enumerate(words):
         if section == "grid" and value in words[:position]:
             raise PathError(f"values {words.index(value) + 1} and {position + 1} of the list are the same; keep one")
-    return Variable(text, path, section, tuple(values), _labels(text, flat))
+    made = next((path[:end] for end in range(1, len(path)) if value_at(data, path[:end]) is None), path)
+    return Variable(text, path, section, tuple(values), _labels(text, flat), made)
 
 
 def _overlaps(variables: list[Variable]) -> list[Problem]:

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from relnav_sim.campaign.blocks import block_size
-from relnav_sim.campaign.cases import ValidatedPoint, validated_points
+from relnav_sim.campaign.cases import ValidatedPoint, in_one_spelling, validated_points
 from relnav_sim.campaign.expand import read_variables
 from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Settings
 from relnav_sim.campaign.identity import campaign_hash, case_id
@@ -125,6 +125,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     kept = [p for p in problems if p in document.problems or not any(p.path[: len(r)] == r for r in refused)]
     if kept or settings is None:
         raise _error(kept, source)
+    valid = in_one_spelling(valid)
     cases = [_case(settings.name, case) for case in valid]
     if repeated := _same_cases(cases):
         raise _error(repeated, source)

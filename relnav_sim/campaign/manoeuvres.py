@@ -1,10 +1,12 @@
-"""When the manoeuvres of a case are planned: for reports that mark them."""
+"""Manoeuvres: when a case plans them, for reports that mark them; and what its filters are told unless they say."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from relnav_sim.campaign.entries import KnownThrust
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.sensors import SensorsOptions
 
 
 class ManoeuvreTime(NamedTuple):
@@ -14,6 +16,11 @@ class ManoeuvreTime(NamedTuple):
     craft: str
     start_s: float
     end_s: float
+
+
+def default_thrust(sensors: SensorsOptions) -> KnownThrust:
+    """Return what a filter is told of thrust that does not say: what is measured where anything is, else the plan."""
+    return "planned" if sensors.accelerometer is None else "measured"
 
 
 def manoeuvre_times(config: CaseConfig) -> tuple[ManoeuvreTime, ...]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.entries import FilterEntry, KnownThrust
+from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.models.thrust import kicks_of
 from relnav_sim.runner.simulation import Stretch
@@ -17,15 +17,14 @@ from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
 
 Array = NDArray[np.float64]
-Known = Literal["none", "planned", "measured"]
 
 CERTAIN_THRUST = 5.0
 """In sigmas of a reading's noise and bias: a longer reading is thrust, and its scale-factor error adds up."""
 
 
-def known_thrust(entry: FilterEntry, config: CaseConfig) -> Known:
+def known_thrust(entry: FilterEntry, config: CaseConfig) -> KnownThrust:
     """Return what a filter is told: what it asks for, else what is measured where anything is, else the plan."""
-    known: Known = entry.known_thrust or ("measured" if config.sensors.accelerometer is not None else "planned")
+    known = entry.known_thrust or default_thrust(config.sensors)
     return "none" if known == "planned" and not config.truth.manoeuvres else known
 
 
@@ -43,9 +42,9 @@ class ThrustInputs:
         self._plan = [(planned(each), each.errors or common) for each in config.truth.manoeuvres.values()]
         self._gained: dict[str, Array] = {}
         self._latest: Stretch | None = None
-        self._inputs: dict[tuple[Known, bool], tuple[Array, Array | None]] = {}
+        self._inputs: dict[tuple[KnownThrust, bool], tuple[Array, Array | None]] = {}
 
-    def of(self, stretch: Stretch, known: Known, carries_bias: bool = False) -> tuple[Array, Array | None]:
+    def of(self, stretch: Stretch, known: KnownThrust, carries_bias: bool = False) -> tuple[Array, Array | None]:
         """Return forces and the covariance to add to Q, as `KnownThrust.take` wants them, shared by all filters.
 
         Args:

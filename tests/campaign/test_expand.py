@@ -91,6 +91,21 @@ def test_a_path_may_lead_into_a_filter_whose_name_has_points(base):
     assert cases[0].id != cases[1].id
 
 
+@pytest.mark.parametrize(
+    ("varied", "sentence"),
+    [
+        ("truth.manoeuvres.hop.time_s", "truth.manoeuvres; truth.manoeuvres.hop: give exactly one of delta_v_m_s"),
+        ("filters.nosuch.alpha", "filters.nosuch; filters.nosuch.kind: this key is missing"),
+    ],
+)
+def test_what_only_the_grid_makes_is_blamed_on_the_grid(base, varied, sentence):
+    text = base + f"grid:\n  {varied}: [10, 20]\n"
+    (problem,) = problems(text)
+    assert problem.startswith(
+        f"campaign:{len(text.splitlines())}: grid.{varied}: nothing but this list gives {sentence}"
+    )
+
+
 def test_a_path_may_make_a_section(base):
     text = base.replace("start: {kind", "#") + "grid:\n  start.velocity_sigma_m_s: [0.5, 1]\n"
     cases = parse_campaign(text, ["start.kind=first_fix"]).cases

@@ -48,6 +48,26 @@ def test_a_cosmetic_edit_leaves_hash_and_cases(demo, name):
     assert identity(edited) == identity(demo)
 
 
+@pytest.mark.parametrize(
+    ("told", "sensors"), [("planned", ""), ("measured", "  accelerometer: {velocity_random_walk_m_s_sqrt_s: 1e-4}\n")]
+)
+def test_a_default_that_depends_on_the_sensors_written_out(demo, told, sensors):
+    text = demo.replace("sensors:\n", f"sensors:\n{sensors}")
+    one, other, third = (
+        parse_campaign(text.replace("filters:\n", f"filters:\n  told: {{kind: kf{known}}}\n"))
+        for known in ("", f", known_thrust: {told}", ", known_thrust: none")
+    )
+    assert (one.hash, one.cases, one.content) == (other.hash, other.cases, other.content)
+    assert third.hash != one.hash
+
+
+def test_what_is_the_default_in_some_cases_only_stays(demo):
+    swept = ("grid={sensors.accelerometer: [null, {velocity_random_walk_m_s_sqrt_s: 1e-4}]}",)
+    text = demo.replace("filters:\n", "filters:\n  told: {kind: kf, known_thrust: planned}\n")
+    assert identity(text, *swept)[0] != identity(text.replace(", known_thrust: planned", ""), *swept)[0]
+    assert [case.config.filters["told"].known_thrust for case in parse_campaign(text, swept).cases] == ["planned"] * 2
+
+
 REAL = {
     "another seed": ("seed: 20251030", "seed: 20251031"),
     "another seed beyond a double": ("seed: 20251030", "seed: 9007199254740993"),
