@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import zip_longest
+
+import numpy as np
+
+from relnav_sim.results import layout
+from relnav_sim.results.block import Array
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import Results
@@ -29,6 +36,48 @@ def comparable(a: Results, b: Results) -> list[str]:
         reasons.append("they have no run in common")
     reasons += different_code(a.provenance, b.provenance)
     return reasons
+
+
+def same_numbers(a: Results, b: Results) -> bool:
+    """Return whether two results hold the same cases, filters, runs and numbers, bit for bit but for measured times."""
+    if a.path.resolve() == b.path.resolve():
+        return True
+    if [(case.id, dict(case.filter_ids)) for case in a.headers] != [(c.id, dict(c.filter_ids)) for c in b.headers]:
+        return False
+    if a.failures() != b.failures():
+        return False
+    return all(
+        _same(_numbers(a, case, filter), _numbers(b, case, filter))
+        for case, header in enumerate(a.headers)
+        for filter in (None, *header.filters)
+    )
+
+
+def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[str, Array | None]]:
+    """Yield everything that a result says of a case, or of one of its filters, by name."""
+    yield "bound", results.bound(case, filter)
+    if filter is None:
+        yield "truth", results.truth(case)
+        return
+    yield "runs", results.case_runs(case, filter).astype(float)
+    for spec in layout.SUMMARY:
+        if not spec.timing:
+            yield spec.name, results.statistic(case, filter, spec.name)
+    yield from results.diagnostics(case, filter).items()
+    extra = results.extra(case, filter)
+    for part in ("estimate", "error", "sigma", "mean", "rms") if extra is not None else ():
+        yield part, getattr(extra, part)
+    for series in (results.error, results.sigma, results.nis, results.nees):
+        yield series.__name__, series(case, filter)
+
+
+def _same(one: Iterator[tuple[str, Array | None]], other: Iterator[tuple[str, Array | None]]) -> bool:
+    for first, second in zip_longest(one, other, fillvalue=("", None)):
+        if first[0] != second[0] or (first[1] is None) != (second[1] is None):
+            return False
+        if first[1] is not None and second[1] is not None and not np.array_equal(first[1], second[1], equal_nan=True):
+            return False
+    return True
 
 
 def different_code(a: Provenance, b: Provenance) -> list[str]:

@@ -1,8 +1,10 @@
 """`relnav compare`: paired by case and run, and told why where not."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy import stats
@@ -106,3 +108,17 @@ def test_equal_figures_have_no_difference(two: tuple[Path, Path]) -> None:
     assert found.table is not None
     values = [row.cells[4].value for row in found.table.rows if isinstance(row.cells[4], Number)]
     np.testing.assert_array_equal(values, 0)
+
+
+def test_the_same_numbers_are_called_identical(two: tuple[Path, Path], tmp_path: Path) -> None:
+    sentence = "both sides are identical: the same runs and numbers, bit for bit"
+    copy = tmp_path / "copy.h5"
+    shutil.copy(two[0], copy)
+    assert sentence in compared(two[0], two[0]).notes and sentence in compared(two[0], copy, "kf", "kf").notes
+    assert sentence not in compared(two[0], two[0], "ekf", "kf").notes and sentence not in compared(*two).notes
+    assert "identical: the same" in CliRunner().invoke(app, ["inspect", str(two[0]), str(copy)]).output
+    with h5py.File(copy, "r+") as file:
+        rms = file["case_000/kf/rms"]
+        rms[3, 0, 0] = np.nextafter(rms[3, 0, 0], 1)
+    assert sentence not in compared(two[0], copy).notes
+    assert "identical" not in CliRunner().invoke(app, ["inspect", str(two[0]), str(copy)]).output
