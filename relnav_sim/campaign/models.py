@@ -165,6 +165,10 @@ TuneSpan = Literal["settled", "whole"]
 class TuneOptions(Options):
     """How `relnav tune` searches the free numbers of the filters; a campaign's own run does not look at it."""
 
+    filters: tuple[str, ...] = Field(
+        default=(),
+        description="Names of the filters to tune; default: all that have a free number. `--filter` takes its place",
+    )
     objective: TuneObjective = Field(
         default="both",
         description="What is made small: position or velocity (RMS error over the span, mean over runs, geometric mean "

@@ -66,8 +66,8 @@ def check_tuning(campaign: Campaign) -> None:
             problems.append(Problem(("tune", "free", text), str(error)))
     if not problems:
         try:
-            free_scalars(campaign, (), tune.free, tune.objective)
+            free_scalars(campaign, tune.filters, tune.free, tune.objective)
         except TuningError as error:
-            problems.append(Problem(("tune",), str(error)))
+            problems.append(Problem(("tune", "filters") if tune.filters else ("tune",), str(error)))
     if problems:
         raise CampaignError([located(campaign, problem) for problem in problems])

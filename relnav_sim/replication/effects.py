@@ -111,7 +111,8 @@ def effect(part: Part, reading: Reading, measured: Measured, level: float = LEVE
     Filters are compared on the runs that both have. A time to converge that a run never reached is infinite.
     """
     if part.kind == "operations":
-        ratio = operations.count(part.of[0], reading.samples) / operations.count(part.against[0], reading.samples)
+        counted, other = (reading.filters.get(role, role) for role in (part.of[0], part.against[0]))
+        ratio = operations.count(counted, reading.samples) / operations.count(other, reading.samples)
         return Interval(ratio, ratio, ratio, 1.0, 0)
     names = [reading.filters[role] for role in (*part.of, *part.against)]
     case = measured.case(reading.campaign, reading.case)

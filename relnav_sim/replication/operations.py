@@ -37,6 +37,29 @@ def ekf(n: int = 6, m: int = 3) -> int:
     return kalman(n, m) + _product(m, n, n) + _product(m, n, m) + m * FUNCTION + 30
 
 
+def adaptive_responsibilities(n: int = 6, m: int = 3, components: int = 2) -> int:
+    """Return the count for the adaptive alpha filter that is told the noise's mixture.
+
+    As `ekf`; for each component S, factored, whitened innovation, log and exp, R_j^-1 and its share of the precision;
+    the precision's inverse once. R_j^-1 depends on the range and is made anew.
+    """
+    inverse = _cholesky(m) + 2 * m**3
+    each = m * m + _cholesky(m) + m * m + 2 * m + 2 * FUNCTION + inverse + 2 * m * m
+    return ekf(n, m) + components * each + inverse
+
+
+def adaptive_student_t(n: int = 6, m: int = 3, steps: int = 3) -> int:
+    """Return the count for the adaptive alpha filter with Student-t noise.
+
+    As `ekf`; R factored, L^-1 H and L^-1 nu once; for each step the residual and its variance (H P H^T's diagonal), a
+    weight for each channel, R / w and the update with it.
+    """
+    once = _cholesky(m) + m * m * (n + 1)
+    update = m * m + _cholesky(m) + 2 * n * m * m + _product(n, m, 1) + m + _product(n, m, n) + n * n
+    each = _product(m, n, 1) + _product(m, n, n) + _product(m, n, 1) + 5 * m + _product(m, m, m) + update
+    return ekf(n, m) + once + steps * each
+
+
 def ukf(n: int = 6, m: int = 3) -> int:
     """Return the count for the unscented Kalman filter with 2 n + 1 points, additive noise, points drawn once.
 
@@ -65,7 +88,11 @@ def alpha_kf(samples: int, n: int = 6, m: int = 3) -> int:
 
 
 def count(name: str, samples: int) -> int:
-    """Return the count of ``kf``, ``ekf``, ``ukf`` or ``alpha_kf`` for the relative navigation problem, n = 6, m = 3.
+    """Return the count of a filter's step for the relative navigation problem, n = 6, m = 3.
+
+    Args:
+        name: ``kf``, ``ekf``, ``ukf``, ``alpha_kf``, ``adaptive_responsibilities`` or ``adaptive_student_t``.
+        samples: Samples of ``alpha_kf``; nothing to the others.
 
     Raises:
         ValueError: Another name.
@@ -79,6 +106,10 @@ def count(name: str, samples: int) -> int:
             return ukf()
         case "alpha_kf":
             return alpha_kf(samples)
+        case "adaptive_responsibilities":
+            return adaptive_responsibilities()
+        case "adaptive_student_t":
+            return adaptive_student_t()
     raise ValueError(f"no count for {name!r}")
 
 

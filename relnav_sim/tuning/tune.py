@@ -48,7 +48,7 @@ def tune_campaign(
     Args:
         campaign: From `load_campaign`.
         options: How to search; default: the campaign's `tune:` section, or its defaults.
-        filters: Names of the filters to tune; none given: all that have a free number.
+        filters: Names of the filters to tune; none given: those of the options, or all that have a free number.
         cases: Numbers of the cases to tune on; none given: all of them.
         workers: Processes; the result does not depend on it.
         progress: Show a progress bar, or plain lines where there is no terminal.
@@ -59,6 +59,7 @@ def tune_campaign(
     """
     options = options or campaign.tune or TuneOptions()
     chosen = [campaign.cases[number] for number in cases] or list(campaign.cases)
+    filters = filters or options.filters
     free = free_scalars(campaign, tuple(filters), options.free, options.objective)
     for name in campaign.cases[0].config.filters:
         if name not in free and not filters:
