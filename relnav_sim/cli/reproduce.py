@@ -18,7 +18,12 @@ if TYPE_CHECKING:
 
 def reproduce(
     full: Annotated[
-        bool, typer.Option("--full", help="At the papers' own sizes with 100 runs of each case: hours.")
+        bool,
+        typer.Option(
+            "--full",
+            help="At the papers' own sizes with 100 runs of each case: hours, the longest campaigns last. Interrupt it "
+            "when you have to: what is complete serves --docs, and the same command goes on.",
+        ),
     ] = False,
     trial: Annotated[
         bool, typer.Option("--trial", help="Three shortened runs of each case, to see that all works: minutes.")
@@ -32,6 +37,13 @@ def reproduce(
         Path | None,
         typer.Option(help="Also write replication.md, its data and its figures into this folder.", show_default="no"),
     ] = None,
+    in_full: Annotated[
+        Path,
+        typer.Option(
+            help="With --docs: every campaign that is complete at full size in this folder takes the place of the "
+            "usual one on that page, which says so."
+        ),
+    ] = Path("results/reproduce-full"),
     workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
 ) -> None:
     """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
@@ -48,19 +60,27 @@ def reproduce(
         from relnav_sim.replication.pages import verdict_lines
         from relnav_sim.replication.reproduce import SUMMARY_FILE, reproduce
 
-        summary = reproduce(size, campaigns, folder, workers, docs, progress=True, say=_say)
+        summary = reproduce(
+            size, campaigns, folder, workers, docs, in_full if size == "usual" else None, progress=True, say=_say
+        )
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
         typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
 
 
 def _beside_the_committed(summary: Summary) -> str:
     """Return how the summary compares with the one that docs/replication.md was made of, where that is at hand."""
-    from relnav_sim.replication.summary import read_summary, written
+    from relnav_sim.replication.summary import fingerprint, read_summary, written
 
     path = Path("docs/replication.json")
-    if not path.exists() or read_summary(path).size != summary.size:
+    if not path.exists():
         return ""
-    same = path.read_text(encoding="utf-8") == written(summary)
+    committed = read_summary(path)
+    if committed.size == "mixed" and summary.size == "usual":
+        same = committed.usual_sha256 == fingerprint(summary)
+        return f"; the summary is {'' if same else 'not '}the one that {path} was made with"
+    if committed.size != summary.size:
+        return ""
+    same = path.read_bytes() == written(summary).encode("utf-8")
     return f"; the summary {'is' if same else 'differs from'} {path}{', byte for byte' if same else ''}"
 
 

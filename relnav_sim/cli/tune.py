@@ -38,7 +38,12 @@ def tune(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign, a YAML file.")],
     filters: Annotated[
         list[str] | None,
-        typer.Option("--filter", metavar="NAME", help="Tune this filter; may be repeated.", show_default="all"),
+        typer.Option(
+            "--filter",
+            metavar="NAME",
+            help="Tune this filter; may be repeated.",
+            show_default="those of the section, or all",
+        ),
     ] = None,
     objective: Annotated[Objective | None, typer.Option(help="What is made small.", show_default="both")] = None,
     budget: Annotated[
@@ -120,6 +125,7 @@ def tune(
                 "span": None if span is None else span.value,
             },
             free or [],
+            filters or [],
         )
 
         from relnav_sim.report.style import pdf, png
@@ -159,11 +165,17 @@ def tune(
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 
 
-def _options(campaign: Campaign, given: dict[str, Any], free: list[str]) -> TuneOptions:
-    """Return the campaign's `tune:` section with what the command line says in its place."""
+def _options(campaign: Campaign, given: dict[str, Any], free: list[str], filters: list[str]) -> TuneOptions:
+    """Return the campaign's `tune:` section with what the command line says in its place.
+
+    The section's free numbers of filters that are not to be tuned this time are left out.
+    """
     from relnav_sim.campaign.models import TuneOptions
 
     base = campaign.tune or TuneOptions()
+    if filters:
+        of_these = tuple(f"filters.{name}." for name in filters)
+        base = base.model_copy(update={"free": {p: b for p, b in base.free.items() if p.startswith(of_these)}})
     update = {key: value for key, value in given.items() if value is not None}
     if free:
         update["free"] = {**base.free, **dict(map(_free, free))}

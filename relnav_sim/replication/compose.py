@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 from relnav_sim.replication import (
@@ -16,7 +17,6 @@ from relnav_sim.replication.effects import Judgement, judge
 from relnav_sim.replication.evidence import evidence_table, found_in_words, runs_of
 from relnav_sim.replication.measured import Measured
 from relnav_sim.replication.papers import paper_of
-from relnav_sim.replication.plan import Size
 from relnav_sim.replication.reasons import why
 from relnav_sim.replication.summary import Claim, Experiment, PaperPart, Summary
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
@@ -24,13 +24,14 @@ from relnav_sim.report.tables import Column, Number, Row, Table, Words
 RULES = (*alpha_kf_rules.RULES, *mf_upf_rules.RULES, *two_step_rules.RULES)
 
 
-def summarised(measured: Measured, size: Size, figures: Path) -> Summary:
+def summarised(measured: Measured, size: str, figures: Path, in_full: Container[str] = ()) -> Summary:
     """Return everything a replication found; its figures are written to a folder.
 
     Args:
         measured: Results of the plan's campaigns.
-        size: Size of the plan.
+        size: Size of the plan, or ``mixed``.
         figures: Folder for the figures.
+        in_full: With ``mixed``: names of the campaigns that are of the full size.
     """
     parts: tuple[PaperPart, ...] = (
         alpha_kf_part.part(measured, figures),
@@ -39,7 +40,7 @@ def summarised(measured: Measured, size: Size, figures: Path) -> Summary:
     )
     experiments = tuple(item for part in parts for item in part.experiments)
     claims = tuple(_claim(judge(rule, measured), experiments) for rule in RULES)
-    return Summary(size, claims, parts, _campaigns(measured))
+    return Summary(size, claims, parts, _campaigns(measured, size, in_full))
 
 
 def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
@@ -59,7 +60,7 @@ def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
     )
 
 
-def _campaigns(measured: Measured) -> Table:
+def _campaigns(measured: Measured, size: str, in_full: Container[str]) -> Table:
     rows = []
     for name in measured.campaigns:
         results = measured.results(name)
@@ -71,6 +72,7 @@ def _campaigns(measured: Measured) -> Table:
             Row(
                 name,
                 (
+                    Words(("full" if name in in_full else "usual") if size == "mixed" else size),
                     Number(float(len(results.cases)), decimals=0),
                     Number(float(len(results.runs)), decimals=0),
                     Number(float(len(results.filters)), decimals=0),
@@ -86,6 +88,6 @@ def _campaigns(measured: Measured) -> Table:
         "Campaigns behind these pages",
         "In campaigns/; the hash is of the content as it was run.",
         "campaign",
-        (*(Column(label) for label in columns), Column("hash", numeric=False)),
+        (Column("size", numeric=False), *(Column(label) for label in columns), Column("hash", numeric=False)),
         tuple(rows),
     )

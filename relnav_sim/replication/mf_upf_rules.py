@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from relnav_sim.replication.rules import Part, Reading, Rule, within_factor
 
-LEARNED, UNSCENTED = "mf_upf_particles", "mf_upf"
+LEARNED, UNSCENTED, SIZES = "mf_upf_particles", "mf_upf", "mf_upf_size"
 _TARGETS = (
     ("difference", "if it learns the difference of successive states"),
     ("residual", "if it learns what the Clohessy-Wiltshire equations leave over"),
@@ -34,6 +34,22 @@ _VARIANTS = (
         for source in ("truth", "radar")
         if (kind, target, source) != ("gp_particle", "absolute", "truth")
     ),
+)
+SECOND, TEN_SECONDS = {"clock.step_s": 1}, {"clock.step_s": 10}
+_SIZES = tuple(
+    Reading(f"{name}, {what}", f"{words} and {more}", SIZES, {"filter": f"{filter}_{particles}"}, case)
+    for name, words, filter in (
+        ("as printed", "with the algorithm as printed", "gp_particle_absolute_truth"),
+        (
+            "mf_upf, absolute, truth",
+            "with an unscented filter for each particle, if it learns the next state, trained on the truth,",
+            "mf_upf_absolute_truth",
+        ),
+    )
+    for what, more, particles, case in (
+        ("50 particles", "50 particles", 50, SECOND),
+        ("10 s", "100 particles, a measurement every 10 s", 100, TEN_SECONDS),
+    )
 )
 DEPLETION = "mf_upf_depletion"
 USUAL = {"clock.step_s": 1, "start.position_sigma_m": 10}
@@ -66,7 +82,7 @@ RULES = (
             ),
         ),
         (_AS_PRINTED,),
-        _VARIANTS,
+        (*_VARIANTS, *_SIZES),
     ),
     Rule(
         "B2",
@@ -83,7 +99,7 @@ RULES = (
             ),
         ),
         (_AS_PRINTED,),
-        _VARIANTS,
+        (*_VARIANTS, *_SIZES),
     ),
     Rule(
         "B3",

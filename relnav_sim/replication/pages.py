@@ -23,6 +23,8 @@ SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
     "usual": "Made by `make reproduce`.",
     "full": "Made by `make reproduce-full`: every campaign at the papers' sizes, 100 runs of each case.",
+    "mixed": "Made of what `make reproduce-full` has completed, campaigns at the papers' sizes with 100 runs of each "
+    "case, and of `make reproduce` for the rest; the table of campaigns at the end says which is which.",
 }
 PRINCIPLES = (
     "Thresholds and main readings were written, and committed, before any result; alternative readings that came "

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from relnav_sim.campaign import Campaign, load_campaign
+from relnav_sim.results.read import open_results
 from relnav_sim.runner import run_campaign
 
 Size = Literal["trial", "usual", "full"]
@@ -27,6 +28,7 @@ class Planned:
         trial: What the trial changes besides its three runs.
         full_runs: Runs in the full size; default: those of the file.
         filters: The filters of the file that the usual size has; default: all of them.
+        full_hours: CPU hours of the full size where it takes longer than an hour: the longest come last.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Planned:
     full_runs: int | None = None
     always: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
+    full_hours: float = 0.0
 
 
 PLAN = (
@@ -44,7 +47,20 @@ PLAN = (
     Planned("mf_upf_depletion", 8, ("block_runs=8",), ("clock.duration_s=1200",)),
     # Minutes a run: the paper has one, an interval needs a few.
     Planned(
-        "mf_upf_particles", 4, ("clock.duration_s=1500", "block_runs=2"), ("clock.duration_s=1200",), full_runs=100
+        "mf_upf_particles",
+        4,
+        ("clock.duration_s=1500", "block_runs=2"),
+        ("clock.duration_s=1200",),
+        full_runs=100,
+        full_hours=7.0,
+    ),
+    Planned(
+        "mf_upf_size",
+        4,
+        ("clock.duration_s=1500",),
+        ("clock.duration_s=1200",),
+        full_runs=100,
+        full_hours=1.5,
     ),
     Planned("alpha_kf_start", 100, trial=()),
     Planned("alpha_kf_gaussian", 100),
@@ -63,6 +79,7 @@ PLAN = (
         4,
         ("clock.duration_s=1200",),
         ("clock.duration_s=60", "statistics.settle_s=30"),
+        full_hours=4.0,
     ),
 )
 TRIAL_RUNS = 3
@@ -86,6 +103,38 @@ def planned_campaign(planned: Planned, size: Size, folder: Path) -> Campaign:
     return load_campaign(path, (*changes, f"filters={json.dumps(chosen)}"))
 
 
+def in_order(size: Size) -> list[Planned]:
+    """Return the plan in the order in which it is run: in full, what takes hours comes last.
+
+    A full replication that is ended early has then left as many complete results as it could.
+    """
+    return sorted(PLAN, key=lambda planned: planned.full_hours) if size == "full" else list(PLAN)
+
+
+def complete_in_full(campaigns: Path, results: Path) -> dict[str, Path]:
+    """Return the results of the full size that are complete, by name of the campaign.
+
+    Args:
+        campaigns: Folder of the campaign files.
+        results: Folder of the results files of the full size; it need not exist.
+
+    Raises:
+        CampaignError: A campaign file is missing or wrong.
+        ResultsError: A results file is damaged.
+    """
+    found = {}
+    for planned in PLAN:
+        path = results / f"{planned.name}.h5"
+        if not path.exists():
+            continue
+        campaign = planned_campaign(planned, "full", campaigns)
+        with open_results(path) as held:
+            same = held.campaign_hash == campaign.hash and len(held.runs) >= campaign.runs
+            if same and not held.missing():
+                found[planned.name] = path
+    return found
+
+
 def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: bool, say: Say) -> dict[str, Path]:
     """Run every campaign of the plan; what is finished is taken as it is. Return the results files by name.
 
@@ -101,7 +150,7 @@ def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: boo
         CampaignError: A campaign file is missing or wrong.
     """
     # All files are read first: a mistake in the last one should not show after an hour.
-    loaded = [(planned.name, planned_campaign(planned, size, campaigns)) for planned in PLAN]
+    loaded = [(planned.name, planned_campaign(planned, size, campaigns)) for planned in in_order(size)]
     paths = {}
     for number, (name, campaign) in enumerate(loaded, start=1):
         cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"

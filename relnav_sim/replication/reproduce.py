@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from relnav_sim.replication.compose import summarised
 from relnav_sim.replication.measured import Measured
 from relnav_sim.replication.pages import html_page, markdown_page
-from relnav_sim.replication.plan import Size, run_plan
-from relnav_sim.replication.summary import Summary, as_stored, written
+from relnav_sim.replication.plan import Size, complete_in_full, run_plan
+from relnav_sim.replication.summary import Summary, as_stored, fingerprint, written
 from relnav_sim.results.atomic import written_whole
 
 DOCS_FIGURES = "images/replication"
@@ -22,6 +23,7 @@ def reproduce(
     out: Path,
     workers: int = 2,
     docs: Path | None = None,
+    in_full: Path | None = None,
     progress: bool = False,
     say: Callable[[str], None] = lambda sentence: None,
 ) -> Summary:
@@ -36,6 +38,8 @@ def reproduce(
         out: Folder of the results.
         workers: Processes.
         docs: Also write ``replication.md``, ``replication.json`` and their figures into this folder.
+        in_full: With docs: the folder of a replication of the full size; each of its campaigns that is complete
+            takes the place of the usual one in the docs, and in nothing else.
         progress: Show progress.
         say: Told what a user should know, a sentence at a time.
 
@@ -52,17 +56,32 @@ def reproduce(
     _write(out / SUMMARY_FILE, written(summary))
     _write(out / "index.html", html_page(summary, out / "figures"))
     if docs is not None:
-        write_docs(summary, out / "figures", docs)
+        larger = {} if in_full is None else complete_in_full(campaigns, in_full / "campaigns")
+        if larger:
+            say(f"in the docs at full size: {', '.join(larger)}")
+        write_docs(summary, paths, larger, docs)
     return summary
 
 
-def write_docs(summary: Summary, figures: Path, docs: Path) -> None:
-    """Write the page of the documentation, its data and its figures."""
+def write_docs(summary: Summary, paths: Mapping[str, Path], larger: Mapping[str, Path], docs: Path) -> None:
+    """Write the page of the documentation, its data and its figures.
+
+    Args:
+        summary: What was found in one size.
+        paths: Results files of that size, by name of the campaign.
+        larger: Results files of the full size that take their place.
+        docs: The folder.
+    """
     target = docs / DOCS_FIGURES
     target.mkdir(parents=True, exist_ok=True)
-    for part in summary.papers:
-        for plot in part.plots:
-            (target / f"{plot.name}.png").write_bytes((figures / f"{plot.name}.png").read_bytes())
+    with Measured({**paths, **larger}) as measured:
+        shown = as_stored(summarised(measured, "mixed" if larger else summary.size, target, larger))
+    if larger:
+        shown = replace(shown, usual_sha256=fingerprint(summary))
+    _write_page(shown, docs)
+
+
+def _write_page(summary: Summary, docs: Path) -> None:
     _write(docs / "replication.json", written(summary))
     _write(docs / "replication.md", markdown_page(summary, DOCS_FIGURES))
 

@@ -7,6 +7,7 @@ rounded to six digits and there are no times, versions or dates: two replication
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -89,17 +90,31 @@ class PaperPart:
 
 @dataclass(frozen=True)
 class Summary:
-    """A whole replication; ``size`` is that of the plan."""
+    """A whole replication.
+
+    Attributes:
+        size: Size of the plan; ``mixed``: the usual one, with the full size of some campaigns.
+        claims: Every claim with its verdict.
+        papers: What belongs to each paper.
+        campaigns: The campaigns with their sizes.
+        usual_sha256: Of the file of the summary of the usual size, where this is another one of the same results.
+    """
 
     size: str
     claims: tuple[Claim, ...]
     papers: tuple[PaperPart, ...]
     campaigns: Table
+    usual_sha256: str = ""
 
 
 def written(summary: Summary) -> str:
     """Return the summary as JSON text."""
     return json.dumps(_plain(summary), ensure_ascii=False, indent=1) + "\n"
+
+
+def fingerprint(summary: Summary) -> str:
+    """Return the SHA-256 of the summary's file."""
+    return hashlib.sha256(written(summary).encode("utf-8")).hexdigest()
 
 
 def read_summary(path: Path) -> Summary:
@@ -197,4 +212,5 @@ def _summary(content: Mapping[str, Any]) -> Summary:
         tuple(map(_claim, content["claims"])),
         tuple(map(_part, content["papers"])),
         _table(content["campaigns"]),
+        content.get("usual_sha256", ""),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from relnav_sim.campaign import Case
-from relnav_sim.campaign.blocks import block_size
+from relnav_sim.campaign.blocks import block_size, filter_groups
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import TuneSpan
 from relnav_sim.results import layout
 from relnav_sim.results.shards import read_shard
 from relnav_sim.runner.pool import Backend, computed
-from relnav_sim.runner.work import Block
+from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.tuning.objective import Figures
 
 _R, _V = layout.QUANTITIES.index("r"), layout.QUANTITIES.index("v")
@@ -61,12 +61,7 @@ class Bench:
             candidates: For each candidate its filter entry in every case.
         """
         cases = [self._with(case, [entries[place] for entries in candidates]) for place, case in enumerate(self._cases)]
-        size = block_size(self._runs, [case.config for case in cases])
-        blocks = [
-            Block(self._seed, place, case, tuple(range(first, min(first + size, self._runs))), self._folder)
-            for place, case in enumerate(cases)
-            for first in range(0, self._runs, size)
-        ]
+        blocks = [block for place, case in enumerate(cases) for block in self._blocks(place, case)]
         shape = (len(candidates), len(cases), self._runs)
         position, velocity, anees = (np.full(shape, np.nan) for _ in range(3))
         failed = np.ones(shape, dtype=bool)
@@ -84,6 +79,20 @@ class Bench:
                     failed[at] = result.summary["failed"] != 0
                 self._tell(len(info.runs) * len(block.filters))
         return [Figures(*rows) for rows in zip(position, velocity, anees, failed, strict=True)]
+
+    def _blocks(self, place: int, case: Case) -> Iterator[Block]:
+        """Yield the work on a case: many runs and few candidates at a time.
+
+        A step costs little more for twenty runs than for two, so the candidates are divided first.
+        """
+        names = list(case.config.filters)
+        alone = [with_filters(case, [name]).config for name in names]
+        size = block_size(2 * self._runs, alone)  # which leaves two blocks: here one may have all runs
+        for first in range(0, self._runs, size):
+            runs = tuple(range(first, min(first + size, self._runs)))
+            for worker in range(min(self._workers, len(names))):
+                for group in filter_groups(case.config, names[worker :: self._workers], len(runs)):
+                    yield Block(self._seed, place, with_filters(case, group), runs, self._folder)
 
     def _with(self, case: Case, entries: Sequence[FilterEntry]) -> Case:
         """Return the case with the candidates as its filters, by their numbers; next to nothing of it is stored."""

@@ -70,6 +70,16 @@ def test_the_section_of_the_campaign_is_taken_and_the_command_line_wins(demo):
     assert all(0.5 <= float(row["r_scale"]) <= 2 for row in rows)
 
 
+def test_the_section_names_the_filters_and_the_command_line_wins(demo):
+    free = "{filters.ekf.process_noise.acceleration_psd_m2_s3: [1.0e-9, 1.0e-5]}"
+    section = f"tune: {{filters: [ekf], budget: 5, runs: 2, check_runs: 0, free: {free}}}\n"
+    demo.write_text(demo.read_text(encoding="utf-8") + section, encoding="utf-8")
+    assert invoke(demo, *TINY[:6], "--workers", "1").exit_code == 0
+    assert {row["filter"] for row in curve()} == {"ekf"}
+    assert invoke(demo, "--filter", "kf", *TINY[:6], "--workers", "1", "--overwrite").exit_code == 0
+    assert {row["filter"] for row in curve()} == {"kf"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -110,6 +120,13 @@ def test_validate_checks_the_section(demo):
     result = CliRunner().invoke(app, ["validate", "demo.yaml"])
     assert result.exit_code == 2
     assert result.stderr.startswith("demo.yaml:1: tune.free.filters.ekf.alpha: filters.ekf.alpha is no number")
+
+
+def test_validate_checks_the_filters_of_the_section(demo):
+    demo.write_text("tune: {filters: [efk]}\n" + demo.read_text(encoding="utf-8"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["validate", "demo.yaml"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("demo.yaml:1: tune.filters: no filter is named 'efk'; did you mean 'ekf'?")
 
 
 def test_nothing_is_overwritten_unasked(demo):

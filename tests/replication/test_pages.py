@@ -2,10 +2,12 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from relnav_sim.replication import reproduce as reproduce_module
 from relnav_sim.replication.pages import claims_of, html_page, markdown_page, verdict_in_words, verdict_lines
 from relnav_sim.replication.papers import papers
 from relnav_sim.replication.reproduce import DOCS_FIGURES, write_docs
@@ -16,6 +18,7 @@ from relnav_sim.replication.summary import (
     Plot,
     Summary,
     as_stored,
+    fingerprint,
     read_summary,
     written,
 )
@@ -111,15 +114,25 @@ def test_verdicts_in_words():
     assert verdict_lines(small_summary()) == [("A1", "reproduced only with dice", "found 3 %")]
 
 
-def test_the_documentation_is_written_from_the_summary(tmp_path):
-    figures, docs = tmp_path / "figures", tmp_path / "docs"
-    figures.mkdir()
-    (figures / "fig.png").write_bytes(b"\x89PNG")
-    write_docs(as_stored(small_summary()), figures, docs)
-    assert markdown_page(read_summary(docs / "replication.json"), DOCS_FIGURES) == (docs / "replication.md").read_text(
-        encoding="utf-8"
-    )
-    assert (docs / DOCS_FIGURES / "fig.png").exists()
+@pytest.mark.parametrize("larger", [{}, {"two_step": Path("full") / "two_step.h5"}])
+def test_the_documentation_takes_the_full_size_where_it_is(tmp_path, monkeypatch, larger):
+    asked = {}
+
+    def summarised(measured, size, figures, in_full):
+        asked.update(paths=measured._paths, size=size, in_full=set(in_full))
+        (figures / "fig.png").write_bytes(b"\x89PNG")
+        return replace(small_summary(), size=size)
+
+    monkeypatch.setattr(reproduce_module, "summarised", summarised)
+    usual = {name: Path("usual") / f"{name}.h5" for name in ("two_step", "limit")}
+    write_docs(as_stored(small_summary()), usual, larger, tmp_path)
+    assert asked == {"paths": usual | larger, "size": "mixed" if larger else "usual", "in_full": set(larger)}
+    page = (tmp_path / "replication.md").read_text(encoding="utf-8")
+    stored = read_summary(tmp_path / "replication.json")
+    assert markdown_page(stored, DOCS_FIGURES) == page
+    assert ("make reproduce-full" in page) == bool(larger)
+    assert stored.usual_sha256 == (fingerprint(as_stored(small_summary())) if larger else "")
+    assert (tmp_path / DOCS_FIGURES / "fig.png").exists()
 
 
 def test_the_committed_page_is_made_of_the_committed_data():

@@ -5,10 +5,12 @@ from pathlib import Path
 import pytest
 
 from relnav_sim.campaign import load_campaign
+from relnav_sim.replication import plan as plan_module
 from relnav_sim.replication.alpha_kf_rules import future_rules
 from relnav_sim.replication.compose import RULES
 from relnav_sim.replication.measured import Measured
-from relnav_sim.replication.plan import PLAN, TRIAL_RUNS, planned_campaign
+from relnav_sim.replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, in_order, planned_campaign
+from relnav_sim.runner import run_campaign
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 NAMES = {planned.name for planned in PLAN}
@@ -52,3 +54,26 @@ def test_a_sensitivity_case_is_the_one_that_is_meant():
     measured = Measured({})
     measured._results["alpha_kf_attitude"] = _Variables(campaign)
     assert measured.case("alpha_kf_attitude", {"sensors.star_tracker.noise": {"kind": "gauss_markov"}}) == 1
+
+
+def test_in_full_the_longest_campaigns_come_last():
+    assert [planned.name for planned in in_order("full")][-3:] == ["mf_upf_size", "alpha_kf_draws", "mf_upf_particles"]
+    assert in_order("usual") == list(PLAN)
+
+
+def test_only_complete_results_of_the_same_campaign_are_taken(tmp_path, monkeypatch):
+    short = ("clock.duration_s=10", "statistics.settle_s=5")
+    monkeypatch.setattr(plan_module, "PLAN", (Planned("two_step", 1, full_runs=2, always=short),))
+    (planned,) = plan_module.PLAN
+    path = tmp_path / "two_step.h5"
+    assert complete_in_full(CAMPAIGNS, tmp_path) == {}
+    run_campaign(planned_campaign(planned, "usual", CAMPAIGNS), path, backend="sequential")
+    assert complete_in_full(CAMPAIGNS, tmp_path) == {}  # a run is missing
+    run_campaign(planned_campaign(planned, "full", CAMPAIGNS), path, backend="sequential")
+    assert complete_in_full(CAMPAIGNS, tmp_path) == {"two_step": path}
+    monkeypatch.setattr(
+        plan_module,
+        "PLAN",
+        (Planned("two_step", 1, full_runs=2, always=("clock.duration_s=20", "statistics.settle_s=5")),),
+    )
+    assert complete_in_full(CAMPAIGNS, tmp_path) == {}  # another campaign now

@@ -140,6 +140,32 @@ def test_failed_runs_do_not_count_as_good():
 
 def test_future_work_is_judged_by_the_same_parts():
     originals = {rule.claim: rule for rule in ALPHA_RULES}
-    for rule in future_rules():
-        assert rule.parts == originals[rule.claim].parts
-        assert all(reading.filters["alpha_kf"].startswith("adaptive_alpha") for reading in rule.main)
+    future = future_rules()
+    assert [rule.claim for rule in future] == list(originals)
+    for rule in future:
+        if rule.claim != "A6":
+            assert rule.parts == originals[rule.claim].parts
+        assert all(reading.filters["alpha_kf"].startswith("adaptive_") for reading in rule.main)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "error", "outcomes"),
+    [(0.07, 0.9, ["holds"] * 3), (0.6, 0.9, ["fails", "holds", "holds"]), (0.07, 1.1, ["holds", "fails", "fails"])],
+)
+def test_an_alpha_that_is_found_must_lie_in_the_range_and_beat_every_fixed_one(alpha, error, outcomes):
+    def figures(campaign, case, filter, column):
+        adaptive = filter.startswith("adaptive")
+        return alpha if column == "diagnostic_alpha" and adaptive else error if adaptive else 1.0
+
+    rule = next(rule for rule in future_rules() if rule.claim == "A6")
+    judgement = judge(rule, Synthetic(figures))
+    assert [effect.outcome for effect in judgement.evidence[0].effects] == outcomes
+    assert judgement.verdict == ("reproduced" if set(outcomes) == {"holds"} else "not reproduced")
+
+
+def test_an_adaptive_alpha_costs_more_than_the_extended_filter_it_contains():
+    rule = next(rule for rule in future_rules() if rule.claim == "A7")
+    ratios = [[e.interval.estimate for e in item.effects] for item in judge(rule, Synthetic(alike)).evidence]
+    (known_ekf, known_ukf), (student_ekf, student_ukf) = ratios
+    assert 1 < known_ekf < student_ekf < 5
+    assert known_ekf / known_ukf == pytest.approx(student_ekf / student_ukf)
