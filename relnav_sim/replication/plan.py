@@ -10,7 +10,7 @@ from typing import Literal
 
 from relnav_sim.campaign import Campaign, load_campaign
 from relnav_sim.results.read import open_results
-from relnav_sim.runner import run_campaign
+from relnav_sim.runner.several import run_campaigns
 
 Size = Literal["trial", "usual", "full"]
 Say = Callable[[str], None]
@@ -151,9 +151,9 @@ def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: boo
     """
     # All files are read first: a mistake in the last one should not show after an hour.
     loaded = [(planned.name, planned_campaign(planned, size, campaigns)) for planned in in_order(size)]
-    paths = {}
+    paths = {planned.name: out / f"{planned.name}.h5" for planned in PLAN}
     for number, (name, campaign) in enumerate(loaded, start=1):
         cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"
         say(f"campaign {number} of {len(loaded)}: {name}, {cases} of {campaign.runs} runs")
-        paths[name] = run_campaign(campaign, out / f"{name}.h5", workers=workers, progress=progress)
+    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, progress, say)
     return paths

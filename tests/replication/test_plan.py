@@ -50,10 +50,10 @@ def test_every_reading_finds_its_case_and_its_filters():
 
 
 def test_a_sensitivity_case_is_the_one_that_is_meant():
-    campaign = load_campaign(CAMPAIGNS / "alpha_kf_attitude.yaml")
+    campaign = load_campaign(CAMPAIGNS / "alpha_kf_epsilon.yaml")
     measured = Measured({})
-    measured._results["alpha_kf_attitude"] = _Variables(campaign)
-    assert measured.case("alpha_kf_attitude", {"sensors.star_tracker.noise": {"kind": "gauss_markov"}}) == 1
+    measured._results["alpha_kf_epsilon"] = _Variables(campaign)
+    assert measured.case("alpha_kf_epsilon", {"sensors.radar.noise": {"kind": "mixture", "shared": False}}) == 2
 
 
 def test_in_full_the_longest_campaigns_come_last():

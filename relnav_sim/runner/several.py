@@ -1,0 +1,106 @@
+"""Several campaigns over the same workers: none waits for the last block of another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from relnav_sim.campaign import Campaign
+from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, is_finished
+from relnav_sim.runner.folder import check_same_campaign, working_folder, write_folder_header
+from relnav_sim.runner.pool import computed
+from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.run import result_header, run_campaign
+from relnav_sim.runner.sessions import begin_session, end_session
+from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.work import Block, blocks_left, finished_work
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class _Job:
+    """A campaign under way: its results file, its folder, held until all is computed, and what is left."""
+
+    campaign: Campaign
+    out: Path
+    folder: Path
+    hold: ExitStack
+    left: list[Task]
+
+    def __post_init__(self) -> None:
+        self.waiting = {task.path for task in self.left}
+        self.merged = False
+
+
+def run_campaigns(
+    jobs: Sequence[tuple[Campaign, Path]],
+    workers: int = 2,
+    progress: bool = False,
+    say: Say = lambda sentence: None,
+) -> None:
+    """Simulate, filter and store campaigns, in this order; as `run_campaign` does one after the other, but sooner.
+
+    A results file is written as soon as its campaign is complete. What an earlier call has finished is taken as it
+    is. Stopping rules are not for several campaigns: each runs all its runs.
+
+    Args:
+        jobs: Campaigns with their results files.
+        workers: Processes; the results do not depend on it.
+        progress: Show a progress bar, or plain lines where there is no terminal.
+        say: Told what a user should know, a sentence at a time.
+
+    Raises:
+        RefusedError: A results file belongs to another campaign, or to other settings of this one.
+        ResultsError: What stands there is damaged.
+        OSError: The output can't be written.
+    """
+    with ExitStack() as held:
+        # All folders first: a refusal should not come after an hour.
+        waiting = [_begun(campaign, out, held.enter_context(ExitStack()), say) for campaign, out in jobs]
+        named = {job.folder: job for job in waiting}
+        tasks = [task for job in waiting for task in job.left]
+        tally = Tally([_named(task, job) for job in waiting for task in job.left if isinstance(task, Block)], {})
+        with progress_of(tally, progress) as bar, closing(computed(tasks, workers, "loky", None)) as done_tasks:
+            for done in done_tasks:
+                job = named[done.block.folder]
+                job.waiting.discard(done.block.path)
+                if not isinstance(done.block, BoundTask):
+                    bar.advance(_named(done.block, job), done.figures)
+                if not job.waiting:
+                    _merge(job, workers, say)
+        for job in waiting:
+            if not job.merged:
+                _merge(job, workers, say)
+
+
+def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
+    folder = hold.enter_context(working_folder(out))
+    header = result_header(campaign)
+    check_same_campaign(out, header)
+    write_folder_header(folder, header)
+    finished = finished_work(folder, campaign, say)
+    bounds = [task for task in bound_tasks(campaign, folder) if not is_finished(task, say)]
+    job = _Job(campaign, out, folder, hold, [*blocks_left(campaign, finished.runs, folder), *bounds])
+    if job.left:
+        begin_session(folder)
+    return job
+
+
+def _merge(job: _Job, workers: int, say: Say) -> None:
+    """Write the results file, and compute before what a killed worker may have left of the campaign's blocks."""
+    if job.left:
+        end_session(job.folder)
+    job.hold.close()
+    run_campaign(job.campaign, job.out, workers)
+    job.merged = True
+    say(f"{job.campaign.name} is complete")
+
+
+def _named(block: Block, job: _Job) -> Block:
+    """Return a block whose case says its campaign, for the eyes of the progress alone."""
+    several = len(job.campaign.cases) > 1
+    label = f"{job.campaign.name}, {block.case.label}" if several else job.campaign.name
+    return replace(block, case=replace(block.case, label=label))

@@ -1,0 +1,60 @@
+"""Several campaigns at once give what each gives alone, each as soon as it is complete."""
+
+from dataclasses import replace
+
+import pytest
+from small_campaign import assert_same_bits
+
+from relnav_sim import open_results, run_campaign
+from relnav_sim.results.block import RefusedError
+from relnav_sim.runner import several
+from relnav_sim.runner.several import run_campaigns
+
+
+def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):
+    first, second = campaign("runs=3"), replace(campaign("runs=5", "clock.duration_s=60"), name="longer")
+    jobs = [(first, tmp_path / "first.h5"), (second, tmp_path / "second.h5")]
+    # A part of the second is there already.
+    run_campaign(campaign("runs=4", "clock.duration_s=60"), tmp_path / "second.h5", backend="sequential")
+    said = []
+    run_campaigns(jobs, progress=True, say=said.append)
+    assert sorted(said) == ["longer is complete", "small is complete"]
+    for one, out in jobs:
+        alone = run_campaign(one, tmp_path / f"alone_{out.name}", backend="sequential")
+        assert_same_bits(alone, out)
+        with open_results(out) as results:
+            assert results.missing() == {}
+    assert "longer, sensors.radar.noise.kind=gaussian: position error" in capsys.readouterr().err
+    again = [path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5") if "shards" in str(path)]
+    run_campaigns(jobs)
+    assert again == [path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5") if "shards" in str(path)]
+
+
+def test_an_interruption_keeps_the_campaigns_that_are_complete(campaign, tmp_path, monkeypatch):
+    jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2)]
+    alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
+    compute = several.computed
+
+    def interrupted(tasks, workers, backend, timeout_s):
+        for task in compute(tasks, workers, "sequential", timeout_s):
+            if task.block.seed == 2:
+                raise KeyboardInterrupt
+            yield task
+
+    monkeypatch.setattr(several, "computed", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaigns(jobs)
+    assert_same_bits(alone, tmp_path / "1.h5")
+    assert not (tmp_path / "2.h5").exists()
+    run_campaign(jobs[1][0], tmp_path / "2.h5", backend="sequential")  # the folder is free again
+
+
+def test_other_settings_are_refused_before_anything_runs(campaign, tmp_path):
+    run_campaign(campaign("runs=1"), tmp_path / "second.h5", backend="sequential")
+    jobs = [
+        (campaign("runs=1"), tmp_path / "first.h5"),
+        (campaign("runs=1", "clock.duration_s=60"), tmp_path / "second.h5"),
+    ]
+    with pytest.raises(RefusedError, match="other settings"):
+        run_campaigns(jobs)
+    assert not (tmp_path / "first.h5").exists()
