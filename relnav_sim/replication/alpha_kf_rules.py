@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from relnav_sim.replication.rules import HALF, Part, Reading, Rule, reduction, within_factor
 
@@ -158,14 +157,15 @@ _A3_OTHERS = (
 )
 
 
-def _role(alpha: float) -> str:
+def role_of(alpha: float) -> str:
+    """Return the role of a fixed alpha in the rule A6."""
     return f"alpha_{alpha:g}"
 
 
-_BEST = tuple(_role(alpha) for alpha in BEST_ALPHAS)
-_REST = tuple(_role(alpha) for alpha in ALPHAS if alpha not in BEST_ALPHAS)
-_SWEEP = {_role(alpha): f"alpha_{alpha:g}" for alpha in ALPHAS}
-_CLOSED_SWEEP = {_role(alpha): f"kf_{alpha:g}" for alpha in ALPHAS}
+_BEST = tuple(role_of(alpha) for alpha in BEST_ALPHAS)
+_REST = tuple(role_of(alpha) for alpha in ALPHAS if alpha not in BEST_ALPHAS)
+_SWEEP = {role_of(alpha): f"alpha_{alpha:g}" for alpha in ALPHAS}
+_CLOSED_SWEEP = {role_of(alpha): f"kf_{alpha:g}" for alpha in ALPHAS}
 
 
 def _bias(name: str, words: str, azimuth: float, elevation: float) -> Reading:
@@ -270,7 +270,7 @@ RULES = (
                 "draws",
                 "with 10000 random draws an epoch",
                 "alpha_kf_draws",
-                {_role(alpha): f"random_{alpha:g}" for alpha in ALPHAS},
+                {role_of(alpha): f"random_{alpha:g}" for alpha in ALPHAS},
                 {"sensors.radar.azimuth_bias_deg": 0.05},
             ),
         ),
@@ -298,63 +298,3 @@ RULES = (
         ),
     ),
 )
-
-
-def _with_alpha(reading: Reading, name: str) -> Reading:
-    return replace(reading, filters={**reading.filters, "alpha_kf": name})
-
-
-_ADAPTIVE = {"common": "adaptive_alpha", "tuned": "adaptive_alpha_tuned"}
-_FOUND_ALPHA = (
-    Part(
-        "alpha that the filter finds, mean over updates",
-        "value",
-        ("alpha_kf",),
-        "diagnostic_alpha",
-        "1",
-        at_least=BEST_ALPHAS[0],
-        at_most=BEST_ALPHAS[1],
-    ),
-    *(
-        Part(
-            f"how much lower its mean {what} error is than at the best fixed alpha",
-            "margin",
-            ("alpha_kf",),
-            column,
-            "%",
-            tuple(map(_role, ALPHAS)),
-            at_least=0.0,
-        )
-        for what, column in (("position", R_MEAN), ("velocity", V_MEAN))
-    ),
-)
-
-
-def future_rules() -> tuple[Rule, ...]:
-    """Return the rules with the adaptive alpha filter in the alpha filter's place.
-
-    The paper leaves an alpha found online to future work. For the mixture it is told the mixture (scheme
-    responsibilities); for Gaussian noise it has nothing to find (scheme student_t). A6 asks which fixed alpha is best:
-    here the alpha that the filter finds must lie in that range, and serve better than every fixed one.
-    """
-    rules = []
-    for rule in RULES:
-        main = tuple(_with_alpha(reading, _ADAPTIVE[reading.name]) for reading in rule.main if reading.campaign)
-        if rule.claim == "A6":
-            text = (
-                "As A6: the alpha that the filter finds, mean over the updates of a run, lies in 0.05 to 0.1, and its "
-                "mean position error and mean velocity error are lower than at every fixed alpha of Table 4, on the "
-                "same runs, all with their whole 95 % intervals."
-            )
-            rule = replace(rule, text=text, parts=_FOUND_ALPHA)
-        elif rule.claim == "A7":
-            # Counted for each scheme; nothing is sampled.
-            main = tuple(
-                Reading(scheme, words, filters={"alpha_kf": f"adaptive_{scheme}"})
-                for scheme, words in (
-                    ("responsibilities", "told the mixture of two components"),
-                    ("student_t", "with Student-t noise and three steps"),
-                )
-            )
-        rules.append(replace(rule, main=main, others=()))
-    return tuple(rules)

@@ -216,9 +216,9 @@ def _fair_baseline(measured: Measured) -> Experiment:
     )
     r = measured.values(DEPLETION, usual, "ekf_tuned", "settled_r_p95_m").mean()
     text = (
-        "The paper sets Q for one step to 1e-6 (m/s)² because perturbations are 1e-6 m/s²: 1 mm/s a step, a hundred "
-        f"to a thousand times too much. With that Q a Kalman filter's velocity error is {paper_q:.4f} m/s, with a "
-        f"tuned one {tuned:.5f} m/s.",
+        "The paper sets Q for one step to 1e-6 (m/s)² because perturbations are 1e-6 m/s²: that is 1 mm/s a step, a "
+        "thousand times what such an acceleration does in a second. With that Q a Kalman filter's velocity error is "
+        f"{paper_q:.4f} m/s, with a tuned one {tuned:.5f} m/s.",
         "So the published gain of the model-free filter (0.5 m, 0.001 m/s) is within reach of Clohessy-Wiltshire: "
         f"{r:.3f} m and {tuned:.5f} m/s, with nothing learned.",
     )

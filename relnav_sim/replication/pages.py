@@ -36,10 +36,12 @@ PRINCIPLES = (
     "its main readings: one process noise for all filters, and each filter tuned on separate seeds. It is “reproduced "
     "only if …” when it holds in one of them, or in another reading of what the paper leaves open; those share 5 % of "
     "error between them.",
-    "Tuned means: the process noise that gives the least mean position error on other seeds. With Gaussian noise KF, "
-    "KF(R/α), EKF and UKF had the same thirteen values to choose from; with the mixture and the bias the KF alone, and "
-    "EKF and UKF, which err alike here, have its value. The alpha filter has the KF's divided by α, which gives "
-    "it the same gain; the adaptive one has the KF's own.",
+    "Tuned, for Shi et al., means: the process noise with the least RMS position error on seeds of its own, which "
+    "`relnav tune` found for every filter by itself with the same budget: twelve values between 1e-11 and 1e-3 m²/s³, "
+    "the common 1e-6 among them, each on the same ten runs of half a revolution (the `tune:` sections of the "
+    "campaigns, which say the command). A value that ten runs can't tell from a better one, and that is nearer to the "
+    "common one, is taken. In the sweep over α it is KF(R/α) that was tuned. For Wei et al. the campaign files say how "
+    "each process noise was found.",
 )
 
 

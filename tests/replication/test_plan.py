@@ -6,7 +6,7 @@ import pytest
 
 from relnav_sim.campaign import load_campaign
 from relnav_sim.replication import plan as plan_module
-from relnav_sim.replication.alpha_kf_rules import future_rules
+from relnav_sim.replication.adaptive_rules import future_rules
 from relnav_sim.replication.compose import RULES
 from relnav_sim.replication.measured import Measured
 from relnav_sim.replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, in_order, planned_campaign

@@ -5,8 +5,8 @@ import math
 import pytest
 from synthetic import Synthetic
 
+from relnav_sim.replication.adaptive_rules import future_rules
 from relnav_sim.replication.alpha_kf_rules import RULES as ALPHA_RULES
-from relnav_sim.replication.alpha_kf_rules import future_rules
 from relnav_sim.replication.compose import RULES
 from relnav_sim.replication.effects import judge
 from relnav_sim.replication.papers import paper_of, papers
