@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, is_finished
+from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left
 from relnav_sim.runner.folder import check_same_campaign, working_folder, write_folder_header
 from relnav_sim.runner.pool import computed
 from relnav_sim.runner.progress import progress_of
@@ -82,7 +82,7 @@ def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
     check_same_campaign(out, header)
     write_folder_header(folder, header)
     finished = finished_work(folder, campaign, say)
-    bounds = [task for task in bound_tasks(campaign, folder) if not is_finished(task, say)]
+    bounds = bounds_left(bound_tasks(campaign, folder), say)
     job = _Job(campaign, out, folder, hold, [*blocks_left(campaign, finished.runs, folder), *bounds])
     if job.left:
         begin_session(folder)
