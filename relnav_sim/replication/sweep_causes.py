@@ -129,5 +129,5 @@ def _velocity_by_alpha(measured: Measured) -> str:
     return (
         f"With one process noise for all, the velocity error of KF(R/α) goes from {low:.4f} m/s, at α = {best:g}, to "
         f"{high:.4f} m/s: α finds the gain that the process noise has missed. With the process noise tuned for each "
-        f"α, all lie between {low_tuned:.4f} and {high_tuned:.4f} m/s."
+        f"α, for the position error as everywhere, all lie between {low_tuned:.4f} and {high_tuned:.4f} m/s."
     )
