@@ -77,3 +77,20 @@ def test_only_complete_results_of_the_same_campaign_are_taken(tmp_path, monkeypa
         (Planned("two_step", 1, full_runs=2, always=("clock.duration_s=20", "statistics.settle_s=5")),),
     )
     assert complete_in_full(CAMPAIGNS, tmp_path) == {}  # another campaign now
+
+
+def test_every_filter_is_tuned_with_the_same_budget():
+    tunes = {}
+    for name in ("alpha_kf_gaussian", "alpha_kf_mixture", "alpha_kf_sweep"):
+        campaign = load_campaign(CAMPAIGNS / f"{name}.yaml")
+        filters = campaign.content["filters"]
+        tuned = {filter.removesuffix("_tuned") for filter in filters if filter.endswith("_tuned")}
+        assert tuned <= set(campaign.tune.filters)
+        for filter in tuned:
+            other = {**filters[f"{filter}_tuned"], "process_noise": filters[filter]["process_noise"]}
+            assert other == filters[filter]
+            assert filters[filter]["process_noise"]["acceleration_psd_m2_s3"] == 1e-6  # where each search begins
+        assert set(campaign.tune.free.values()) == {(1e-11, 1e-3)}
+        assert len(campaign.tune.free) == len(campaign.tune.filters)
+        tunes[name] = campaign.tune.model_copy(update={"filters": (), "free": {}})
+    assert len(set(map(repr, tunes.values()))) == 1
