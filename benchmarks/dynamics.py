@@ -3,9 +3,9 @@
 Deputies start at a given separation in random directions with the chief's period; every dynamics predicts one period
 from the true start, with steps of 10 s and no measurement of the deputy. The truth has J2 to J4 and no drag, or
 is a point mass (first panel, without the models that have J2). The perigee is at 7000 km. Errors are the root mean
-square over the period and twelve deputies. "nonlinear_j2, GNSS" takes the chief's orbit from its own GNSS fixes (30 m,
-0.15 m/s, every 10 s) that began one period earlier; "nonlinear_j2" alone takes the nominal orbit, which is right at the
-start of the period.
+square over the period and twelve deputies. "GNSS": the chief's orbit comes from its own GNSS fixes (30 m, 0.15 m/s,
+every 10 s) that began one period earlier; "nonlinear_j2" alone takes the nominal orbit, which is right at the start of
+the period. "J2 to J4" is nonlinear_j2 with zonals: 4.
 
     python benchmarks/dynamics.py
 """
@@ -35,7 +35,9 @@ from relnav_sim.truth.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "dynamics_error.png"
 KINDS = ("cw", "cw_second_order", "yamanaka_ankersen", "schweighart_sedwick", "nonlinear", "nonlinear_j2")
-GNSS = "nonlinear_j2, GNSS"
+HIGHER = "nonlinear_j2, J2 to J4"
+MODELS = {kind: dynamics_kinds()[kind]() for kind in KINDS} | {HIGHER: NonlinearJ2Options(zonals=4)}
+WITH_GNSS = {f"{name}, GNSS": MODELS[name] for name in ("nonlinear_j2", HIGHER)}
 SEPARATIONS_M = np.array([100.0, 300.0, 1e3, 3e3, 10e3, 30e3, 100e3])
 ECCENTRICITIES = (0.0, 0.001, 0.01, 0.1, 0.3, 0.7)
 INCLINATIONS_DEG = (0.5, 30.0, 51.6, 97.6)
@@ -46,7 +48,7 @@ FULL, POINT = (J2, J3, J4), ()
 
 
 def orbit_of(e, i_deg):
-    return ChiefOrbit(PERIGEE_M / (1 - e), e, *np.radians([i_deg, 20.0, 40.0, 30.0]), MU_M3_S2, RADIUS_M, J2)
+    return ChiefOrbit(PERIGEE_M / (1 - e), e, *np.radians([i_deg, 20.0, 40.0, 30.0]), MU_M3_S2, RADIUS_M, J2, J3, J4)
 
 
 def deputies(orbit, separation_m, rng):
@@ -71,12 +73,11 @@ def truth(orbit, states, zonals):
     return chief[0], relative, force
 
 
-def estimated_chief(orbit, chief, runs, force, rng):
-    """Return the chief's states (runs, T, 6) from GNSS fixes over this period and the one before."""
+def fixes_of(chief, runs, force, rng):
+    """Return GNSS fixes (runs, T', 6) of the chief over the period before and this one."""
     before = propagate((chief[0] * np.repeat([1.0, -1.0], 3))[None], np.arange(len(chief)) * STEP_S, force)[0, :0:-1]
     track = np.concatenate([before * np.repeat([1.0, -1.0], 3), chief])
-    fixes = track + rng.normal(size=(runs, len(track), 6)) * FIX_SIGMAS
-    return OrbitFilter(OrbitFilterOptions(), orbit, FIX_SIGMAS, STEP_S, runs).advance(fixes)[:, len(before) :]
+    return track + rng.normal(size=(runs, len(track), 6)) * FIX_SIGMAS
 
 
 def error_of(dynamics, relative):
@@ -95,10 +96,13 @@ def errors(e, i_deg, separations_m, zonals):
     # The same directions in all cases.
     states = np.concatenate([deputies(orbit, s, np.random.default_rng(1)) for s in separations_m])
     chief, relative, force = truth(orbit, states, zonals)
-    models = {kind: dynamics_kinds()[kind]().build(orbit, NOISE, STEP_S) for kind in KINDS}
+    models = {name: options.build(orbit, NOISE, STEP_S) for name, options in MODELS.items()}
     if zonals:
-        estimates = estimated_chief(orbit, chief, len(states), force, rng)
-        models[GNSS] = NonlinearJ2Options().build(orbit, NOISE, STEP_S).with_chief(estimates, 0)
+        fixes = fixes_of(chief, len(states), force, rng)
+        for name, options in WITH_GNSS.items():
+            filter = OrbitFilter(OrbitFilterOptions(), orbit.up_to(options.zonals), FIX_SIGMAS, STEP_S, len(states))
+            estimates = filter.advance(fixes)[:, -len(chief) :]
+            models[name] = options.build(orbit, NOISE, STEP_S).with_chief(estimates, 0)
     found = {}
     for name, model in models.items():
         with np.errstate(all="ignore"):  # a model far outside its range may run away
@@ -107,13 +111,13 @@ def errors(e, i_deg, separations_m, zonals):
     return found
 
 
-def cost_us(kind, runs=200, step_s=1.0, steps=100, rounds=10):
+def cost_us(name, runs=200, step_s=1.0, steps=100, rounds=10):
     """Return microseconds per run and step of one prediction, mean and Jacobian."""
     orbit = orbit_of(0.001, 51.6)
     rng = np.random.default_rng(0)
     x = rng.normal(size=(runs, 6)) * np.repeat([1e4, 10.0], 3)
-    model = dynamics_kinds()[kind]().build(orbit, NOISE, step_s)
-    if kind == "nonlinear_j2":
+    model = MODELS[name].build(orbit, NOISE, step_s)
+    if isinstance(MODELS[name], NonlinearJ2Options):
         chief = propagate(initial_state(orbit)[None], np.arange(steps + 1) * step_s, ForceModel(MU_M3_S2, RADIUS_M))
         model = model.with_chief(np.repeat(chief, runs, axis=0), 0)
     spent = []
@@ -126,8 +130,8 @@ def cost_us(kind, runs=200, step_s=1.0, steps=100, rounds=10):
     return 1e6 * min(spent) / steps / runs
 
 
-def orbit_filter_us(runs=200, step_s=1.0, steps=100, rounds=3):
-    orbit = orbit_of(0.001, 51.6)
+def orbit_filter_us(zonals, runs=200, step_s=1.0, steps=100, rounds=3):
+    orbit = orbit_of(0.001, 51.6).up_to(zonals)
     fixes = initial_state(orbit) + np.zeros((runs, steps, 6))
     spent = []
     for _ in range(rounds):
@@ -150,12 +154,12 @@ def table(header, rows):
 
 
 def figure(panels):
-    drawn, axes = plt.subplots(1, len(panels), figsize=(13, 4.6), sharey=True, layout="constrained")
-    markers = dict(zip((*KINDS, GNSS), "osv^Dx*", strict=True))
+    drawn, axes = plt.subplots(1, len(panels), figsize=(13, 5), sharey=True, layout="constrained")
+    markers = dict(zip((*MODELS, *WITH_GNSS), "osv^Dxp*P", strict=True))
     colours = {name: f"C{i}" for i, name in enumerate(markers)}
     for axis, (title, label, x, curves) in zip(axes, panels, strict=True):
         for name, values in curves.items():
-            style = "--" if name in ("yamanaka_ankersen", GNSS) else "-"
+            style = "--" if name in ("yamanaka_ankersen", *WITH_GNSS) else "-"
             axis.plot(x, values, style, marker=markers[name], ms=5, lw=1.2, color=colours[name], label=name)
         axis.set(title=title, xlabel=label, yscale="log", ylim=(1e-8, 3e6))
         axis.grid(alpha=0.3)
@@ -164,7 +168,7 @@ def figure(panels):
     axes[2].set_xscale("symlog", linthresh=1e-3)
     axes[2].set(xlim=(-3e-4, 1.0), xticks=[0, 1e-3, 1e-2, 0.1, 0.7], xticklabels=["0", "0.001", "0.01", "0.1", "0.7"])
     axes[0].set_ylabel("RMS position error over one period, m")
-    axes[1].legend(fontsize=8, loc="lower right")
+    drawn.legend(*axes[1].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=5)
     PICTURE.parent.mkdir(parents=True, exist_ok=True)
     drawn.savefig(PICTURE, dpi=130)
 
@@ -193,7 +197,9 @@ def main():
     table(["dynamics", *(f"i = {i:g} deg" for i in INCLINATIONS_DEG)], across(by_i))
     print("Truth with J2 to J4, 100 km, e = 0.7:\n")
     table(["dynamics", *(f"i = {i:g} deg" for i in INCLINATIONS_DEG)], across(far))
-    without_j2 = {name: values for name, values in point.items() if name not in ("schweighart_sedwick", "nonlinear_j2")}
+    without_j2 = {
+        name: values for name, values in point.items() if name != "schweighart_sedwick" and "J2" not in name.upper()
+    }
     figure(
         [
             ("point-mass truth, e = 0", "separation, km", SEPARATIONS_M / 1e3, without_j2),
@@ -202,8 +208,9 @@ def main():
         ]
     )
     print("Prediction (mean and Jacobian) of 200 runs, microseconds per run and step of 1 s / 60 s:\n")
-    table(["dynamics", "1 s", "60 s"], {kind: [cost_us(kind), cost_us(kind, step_s=60.0)] for kind in KINDS})
-    print(f"orbit filter, per fix: {orbit_filter_us():.1f} us at steps of 1 s")
+    table(["dynamics", "1 s", "60 s"], {name: [cost_us(name), cost_us(name, step_s=60.0)] for name in MODELS})
+    each = " / ".join(f"{orbit_filter_us(zonals):.1f}" for zonals in (2, 4))
+    print(f"orbit filter with J2 / J2 to J4, per fix: {each} us at steps of 1 s")
 
 
 if __name__ == "__main__":

@@ -62,19 +62,24 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
     All together where that takes at most 40 s, else as many at a time as do; one at least. Truth and sensors are then
     simulated once for each group, which costs little beside filters that take so long.
     """
-    steps = runs * (config.clock.epochs - 1)
+    epochs = config.clock.epochs - 1
     groups: list[tuple[str, ...]] = []
     spent = 0.0
+    shared: list[Options] = []
     for name in names:
         entry = config.filters[name]
-        overhead_us = float(getattr(entry.dynamics, "step_overhead_us", 0.0))
-        seconds = 1e-6 * (steps * (STATISTICS_US + _filter_cost_us(entry)) + (config.clock.epochs - 1) * overhead_us)
+        dynamics = entry.dynamics
+        own = runs * (STATISTICS_US + _filter_cost_us(entry)) + float(getattr(dynamics, "step_overhead_us", 0.0))
+        common = float(getattr(dynamics, "shared_overhead_us", 0.0))
+        seconds = 1e-6 * epochs * (own if dynamics in shared else own + common)
         if groups and spent + seconds <= LONGEST_BLOCK_SECONDS:
             groups[-1] += (name,)
             spent += seconds
+            shared.append(dynamics)
         else:
             groups.append((name,))
-            spent = 1e-6 * steps * SIMULATION_US + seconds
+            spent = 1e-6 * epochs * (runs * SIMULATION_US + own + common)
+            shared = [dynamics]
     return groups
 
 

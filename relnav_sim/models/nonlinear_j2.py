@@ -29,8 +29,10 @@ class NonlinearJ2Options(Options):
 
     step_cost_us: ClassVar[float] = 3.0
     """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
-    step_overhead_us: ClassVar[float] = 400.0
-    """Rough CPU time of a step however few the runs, us; it keeps such filters of small blocks apart."""
+    step_overhead_us: ClassVar[float] = 200.0
+    """Rough CPU time of a step however few the runs, us; it keeps many such filters of small blocks apart."""
+    shared_overhead_us: ClassVar[float] = 250.0
+    """The same of the chief's orbit, which filters of a block with the same options share."""
 
     kind: Literal["nonlinear_j2"] = Field(
         default="nonlinear_j2", description="Exact relative motion with J2 about the chief's estimated orbit"

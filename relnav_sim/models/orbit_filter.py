@@ -16,18 +16,20 @@ from relnav_sim.models.thrust import kicks_of
 from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
+_LEFT_OUT_PSD, _DRAG_PSD = 1e-7, 1e-8
 _PRIOR_SIGMAS = np.repeat([1e5, 1e2], 3)
 """Prior about the nominal orbit, m and m/s: so wide that the first fix decides."""
 
 
 class OrbitFilterOptions(Options):
-    """The filter that estimates the chief's orbit: an extended Kalman filter with a point mass and J2."""
+    """The filter that estimates the chief's orbit: an extended Kalman filter with the dynamics' own gravity."""
 
-    acceleration_psd_m2_s3: float = Field(
-        default=1e-7,
+    acceleration_psd_m2_s3: float | None = Field(
+        default=None,
         ge=0,
-        description="Power spectral density of the acceleration that the orbit model leaves out, m^2/s^3; default for "
-        "J3, J4 and drag in low orbit, about 1.5e-5 m/s^2 over some 200 s",
+        description="Power spectral density of the acceleration that the orbit model leaves out, m^2/s^3; default 1e-7 "
+        "for J3, J4 and drag in low orbit, about 1.5e-5 m/s^2 over some 200 s, and 1e-8 with `zonals: 4` for drag "
+        "alone (1e-9 is better from 400 km on, 1e-7 at 300 km)",
     )
 
 
@@ -53,7 +55,10 @@ class OrbitFilter:
         self._gravity = Gravity.of(orbit)
         self._R = np.diag(np.square(fix_sigmas))[..., None]
         growth = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
-        self._Q = options.acceleration_psd_m2_s3 * np.kron(growth, np.eye(3))[..., None]
+        psd = options.acceleration_psd_m2_s3
+        if psd is None:
+            psd = _DRAG_PSD if orbit.j4 else _LEFT_OUT_PSD
+        self._Q = psd * np.kron(growth, np.eye(3))[..., None]
         self._mean = np.repeat(initial_state(orbit)[:, None], runs, axis=1)
         self._P = np.repeat(np.diag(np.square(_PRIOR_SIGMAS))[..., None], runs, axis=2)
         self._started = False

@@ -11,21 +11,22 @@ RUNS, EPOCHS, STEP = 40, 120, 10.0
 
 @pytest.fixture
 def fixes(scene):
-    def make(zonals=(J2,)):
-        s = scene(0.001)
-        chief = s.truth(np.zeros((1, 6)), np.arange(EPOCHS) * STEP, zonals)[0]
+    def make(forces=(J2,), zonals=2):
+        s = scene(0.001, zonals=zonals)
+        chief = s.truth(np.zeros((1, 6)), np.arange(EPOCHS) * STEP, forces)[0]
         noise = np.random.default_rng(5).normal(size=(RUNS, EPOCHS, 6)) * SIGMAS
         return s.orbit, chief, chief + noise
 
     return make
 
 
-def orbit_filter(orbit, runs=RUNS, psd=1e-7):
+def orbit_filter(orbit, runs=RUNS, psd=None):
     return OrbitFilter(OrbitFilterOptions(acceleration_psd_m2_s3=psd), orbit, SIGMAS, STEP, runs)
 
 
-def test_consistent_where_its_model_is_right(fixes):
-    orbit, chief, z = fixes()
+@pytest.mark.parametrize("zonals", [2, 4])
+def test_consistent_where_its_model_is_right(fixes, zonals):
+    orbit, chief, z = fixes((J2, J3, J4)[: zonals - 1], zonals)
     filter = orbit_filter(orbit, psd=0.0)
     error = (filter.advance(z) - chief)[:, -1]
     nees = np.einsum("bi,bij,bj->b", error, np.linalg.inv(filter.covariance), error).sum()
@@ -38,6 +39,15 @@ def test_better_than_the_fixes_on_the_real_orbit(fixes):
     rms = np.sqrt(np.square(error).mean(axis=(0, 1)))
     assert (rms[:3] < 0.3 * 30).all()
     assert (rms[3:] < 0.2 * 0.15).all()
+
+
+def test_higher_harmonics_make_it_better(fixes):
+    """Without drag, both with their default process noise: a tenth to four tenths off each velocity in 20 minutes."""
+    orbit, chief, z = fixes((J2, J3, J4), zonals=4)
+    errors = [(orbit_filter(orbit.up_to(n)).advance(z) - chief)[:, 60:] for n in (2, 4)]
+    without, with_them = (np.sqrt(np.square(error).mean(axis=(0, 1))) for error in errors)
+    assert (with_them[3:] < 0.95 * without[3:]).all()
+    assert (with_them < without).all()
 
 
 def test_first_estimate_is_the_first_fix(fixes):
