@@ -1,6 +1,6 @@
-r"""A table as LaTeX that drops into an article: booktabs rules, no other package, captions and labels set.
+r"""A table as LaTeX that drops into an article: booktabs rules, captions and labels set, never wider than the text.
 
-``\input{tables/overview.tex}`` in a document that has ``\usepackage{booktabs}``.
+``\input{tables/overview.tex}`` in a document that has ``\usepackage{booktabs,graphicx}``.
 """
 
 from __future__ import annotations
@@ -36,16 +36,21 @@ _SIGNS = {
 }
 
 
+_FITTED = r"  \ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\usebox0}\else\usebox0\fi"
+_LONGEST_ON_A_LINE = 60
+"""Characters; a column with longer words gets a width and several lines."""
+
+
 def latex(table: Table) -> str:
     """Return the table as a floating ``table`` with a ``tabular`` in booktabs style."""
-    columns = "l" + "".join("r" if column.numeric else "l" for column in table.columns)
+    columns = "l" + "".join(_column(table, place) for place in range(len(table.columns)))
     lines = [
-        r"% needs \usepackage{booktabs}",
+        r"% needs \usepackage{booktabs,graphicx}",
         r"\begin{table}",
         r"  \centering\footnotesize",
         f"  \\caption{{{escaped(table.title)}. {escaped(table.caption)}}}",
         f"  \\label{{tab:{table.name.replace('_', '-')}}}",
-        f"  \\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
+        f"  \\sbox0{{\\begin{{tabular}}{{@{{}}{columns}@{{}}}}",
         r"    \toprule",
         *(f"    {line}" for line in _heading(table)),
         r"    \midrule",
@@ -54,7 +59,16 @@ def latex(table: Table) -> str:
         if row.opens_block and place:
             lines.append(r"    \midrule")
         lines.append(f"    {_row(row)}")
-    return "\n".join([*lines, r"    \bottomrule", r"  \end{tabular}", r"\end{table}"]) + "\n"
+    return "\n".join([*lines, r"    \bottomrule", r"  \end{tabular}}%", _FITTED, r"\end{table}"]) + "\n"
+
+
+def _column(table: Table, place: int) -> str:
+    if table.columns[place].numeric:
+        return "r"
+    # Cells that span columns are short.
+    cells = [row.cells[place] for row in table.rows if all(cell.span == 1 for cell in row.cells)]
+    longest = max((len(cell.text) for cell in cells if not isinstance(cell, Number)), default=0)
+    return r"p{0.6\linewidth}" if longest > _LONGEST_ON_A_LINE else "l"
 
 
 def escaped(text: str) -> str:

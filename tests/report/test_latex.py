@@ -15,7 +15,8 @@ ResultMaker = Callable[..., Path]
 
 def widths(text: str) -> set[int]:
     """Return how many columns each line of the tabular spans, with that of its declaration."""
-    found = {len(re.search(r"\{tabular\}\{@\{\}([lr]+)@\{\}\}", text).group(1))}  # type: ignore[union-attr]  # it is there
+    declared = re.search(r"\{tabular\}\{@\{\}(.+)@\{\}\}", text).group(1)  # type: ignore[union-attr]  # it is there
+    found = {len(re.sub(r"p\{[^}]*\}", "p", declared))}
     for line in text.splitlines():
         if line.endswith(r"\\"):
             cells = re.split(r"(?<!\\)&", line)
@@ -34,12 +35,12 @@ def test_by_hand() -> None:
         ),
     )  # fmt: skip
     assert latex(table).splitlines() == [
-        r"% needs \usepackage{booktabs}",
+        r"% needs \usepackage{booktabs,graphicx}",
         r"\begin{table}",
         r"  \centering\footnotesize",
         r"  \caption{Errors \& more. 100 \% of \$x\_1\$.}",
         r"  \label{tab:a-b}",
-        r"  \begin{tabular}{@{}lrrl@{}}",
+        r"  \sbox0{\begin{tabular}{@{}lrrl@{}}",
         r"    \toprule",
         r"     & \multicolumn{2}{c}{ekf} & \multicolumn{1}{c}{} \\",
         r"    \cmidrule(lr){2-3}",
@@ -49,9 +50,16 @@ def test_by_hand() -> None:
         r"    \midrule",
         r"    whole & \multicolumn{2}{c}{\textbf{best}} &  \\",
         r"    \bottomrule",
-        r"  \end{tabular}",
+        r"  \end{tabular}}%",
+        r"  \ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\usebox0}\else\usebox0\fi",
         r"\end{table}",
     ]
+
+
+def test_long_words_are_set_in_lines() -> None:
+    columns = (Column("settings", numeric=False), Column("n"))
+    table = Table("t", "T", "C", "filter", columns, (Row("a", (Words("x " * 40), Number(1.0))),))
+    assert r"{@{}lp{0.6\linewidth}r@{}}" in latex(table)
 
 
 @pytest.mark.parametrize("text", ["\\input{x}", "$a_b^c$", "~#%&{}", 'say "x"'])
