@@ -148,9 +148,13 @@ def _particles_and_step(measured: Measured) -> Experiment:
         "By the means of the settings tried, filters that learn the next state are below 0.5 m in "
         f"{met(0.5, 0, absolute)} and below 0.001 m/s in {met(0.001, 1, absolute)}; the filter that learns the "
         f"residual in {met(0.5, 0, residual)} and {met(0.001, 1, residual)}."
-        + (" What is learned decides, whatever number of particles and time step the paper had." if decides else ""),
+        + (
+            " For the velocity what is learned decides, whatever particles and time step the paper had."
+            if decides
+            else ""
+        ),
     )
-    return Experiment("Neither particles nor time step decide", ("B1", "B2"), text, table)
+    return Experiment("What the number of particles and the time step change", ("B1", "B2"), text, table)
 
 
 def _depletion(measured: Measured) -> Experiment:

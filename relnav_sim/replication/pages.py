@@ -161,7 +161,7 @@ def html_page(summary: Summary, figures: Path) -> str:
     return _template().render(
         title=TITLE,
         size=SIZES[summary.size].replace("`", ""),
-        principles=PRINCIPLES,
+        principles=[text.replace("`", "") for text in PRINCIPLES],
         summary=summary,
         claims=claims,
         pictures=pictures,

@@ -64,7 +64,7 @@ def sampling_floor(measured: Measured) -> Experiment:
         f"The published scatter rises from {published[ALPHAS[-1]][2]:.2f} m at α = {ALPHAS[-1]:g} to "
         f"{published[ALPHAS[0]][2]:.2f} m at {ALPHAS[0]:g}. The noise of 10000 samples alone would rise from "
         f"{floors[-1][1]:.2f} to {floors[0][1]:.2f} m, and KF(R/α), which has no samples, from {quiet:.2f} to "
-        f"{wide:.2f} m on our runs, because with less gain it keeps the errors of its start for longer. Neither is a "
+        f"{wide:.2f} m on our runs, because with less gain the errors of its start last longer. Neither is a "
         "property of the divergence.",
     )
     return Experiment("The scatter of Table 4 needs no divergence", ("A6",), text, table)
