@@ -94,3 +94,14 @@ def test_every_filter_is_tuned_with_the_same_budget():
         assert len(campaign.tune.free) == len(campaign.tune.filters)
         tunes[name] = campaign.tune.model_copy(update={"filters": (), "free": {}})
     assert len(set(map(repr, tunes.values()))) == 1
+
+
+def test_filters_of_other_sizes_differ_by_their_particles_alone():
+    many = load_campaign(CAMPAIGNS / "mf_upf_particles.yaml").content
+    few = load_campaign(CAMPAIGNS / "mf_upf_size.yaml").content
+    for name, entry in few["filters"].items():
+        base, _, particles = name.rpartition("_")
+        assert entry == {**many["filters"][base], "particles": int(particles)}
+    assert {key: few[key] for key in ("seed", "truth", "sensors", "start")} == {
+        key: many[key] for key in ("seed", "truth", "sensors", "start")
+    }
