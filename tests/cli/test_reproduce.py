@@ -26,5 +26,5 @@ def test_a_missing_campaign_file_is_told_before_any_run(tmp_path, monkeypatch):
     (tmp_path / "campaigns").mkdir()
     result = CliRunner().invoke(app, ["reproduce", "--trial"])
     assert result.exit_code == 3
-    assert "two_step.yaml" in result.stderr
+    assert "mf_upf.yaml" in result.stderr
     assert not list((tmp_path / "results").rglob("*.h5"))
