@@ -49,7 +49,9 @@ def alpha_is_a_gain(measured: Measured) -> Experiment:
     table = Table(
         "alpha_is_a_gain",
         "The alpha filter and the linear Kalman filter with R / α",
-        "Mean position error [m] and velocity error [m/s] over t ≥ 500 s, mean over runs, 95 % intervals; "
+        "Mean position error [m] and velocity error [m/s] over t ≥ 500 s, mean over "
+        f"{measured.runs_in_words('alpha_kf_gaussian', 'alpha_kf_mixture', 'alpha_kf_sweep', 'alpha_kf_draws')}, 95 % "
+        "intervals; "
         "differences are of the same runs.",
         "case",
         tuple(Column(head, group, opens_group=head == "αKF") for group in ("position", "velocity") for head in heads),
@@ -113,7 +115,7 @@ def process_noise_orders_the_filters(measured: Measured) -> Experiment:
         "process_noise",
         "One filter, seven process noises (Gaussian noise)",
         "Mean over t ≥ 500 s of the position error r, of the radial error z (nadir) and of the velocity error v; "
-        "mean over runs, 95 % intervals.",
+        f"mean over {measured.runs_in_words('alpha_kf_process_noise')}, 95 % intervals.",
         "filter",
         (Column("S_a [m²/s³]", numeric=False), Column("r [m]"), Column("z [m]"), Column("v [m/s]")),
         tuple(rows),
@@ -158,7 +160,8 @@ def unscented_is_extended(measured: Measured) -> Experiment:
     table = Table(
         "unscented_is_extended",
         "EKF and UKF with the same settings",
-        "Mean position error over t ≥ 500 s; median over runs of the time to converge.",
+        "Mean position error over t ≥ 500 s with 95 % interval; median of the time to converge; "
+        f"{measured.runs_in_words('alpha_kf_gaussian')}.",
         "filter",
         (Column("position error [m]"), Column("below 3 settled RMS [s]"), Column("below 5 m for 50 s [s]")),
         tuple(rows),

@@ -169,7 +169,8 @@ def _best_filters(measured: Measured) -> Table:
     return Table(
         "beyond_alpha_kf",
         "The same scenario with relnav's filters",
-        "t ≥ 500 s with 95 % interval: mean over time and runs, root of the mean square over time and runs; the "
+        "t ≥ 500 s with 95 % interval: mean over time and runs, root of the mean square over time and runs; "
+        f"{measured.runs_in_words('alpha_kf_gaussian', 'alpha_kf_mixture', 'alpha_kf_sweep', _LIMIT)}; the "
         "paper's RMS is made of its mean and standard deviation. "
         "The bound is the posterior Cramér-Rao bound of a filter whose dynamics are perfect.",
         "noise: filter",

@@ -18,7 +18,10 @@ from relnav_sim.replication.summary import Plot
 from relnav_sim.statistics.verdicts import mean_of_runs
 
 _THREE = {"alpha_kf": "αKF", "ekf": "EKF", "ukf": "UKF"}
-_SPREAD = "Blue: run 0; grey: where 95 % of the runs are at each epoch."
+
+
+def _spread(measured: Measured, campaign: str) -> str:
+    return f"Blue: run 0; grey: where 95 % of {measured.runs_in_words(campaign)} are at each epoch."
 
 
 def _places(measured: Measured, campaign: str, table: str, quantity: str) -> str:
@@ -64,29 +67,29 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "Fig. 3",
             "alpha_kf_fig_3",
             lambda: drawing.error_curves(measured, gaussian, _THREE, velocity=False),
-            f"Position errors with Gaussian noise and one process noise for all. {_SPREAD} The panels of a row are "
-            "alike because the filters are; the paper's differ because their settings do. "
+            f"Position errors with Gaussian noise and one process noise for all. {_spread(measured, gaussian)} "
+            "The panels of a row are alike because the filters are; the paper's differ because their settings do. "
             + _places(measured, gaussian, "table_2", "r"),
         ),
         (
             "Fig. 5",
             "alpha_kf_fig_5",
             lambda: drawing.error_curves(measured, gaussian, _THREE, velocity=True),
-            f"Velocity errors of the same runs. {_SPREAD} The slow wave of half a revolution, which the paper sees "
-            "as well, is "
-            "what Clohessy-Wiltshire leaves out of J2. " + _places(measured, gaussian, "table_2", "v"),
+            f"Velocity errors of the same runs. {_spread(measured, gaussian)} The slow wave of half a "
+            "revolution, which the paper sees as well, is what Clohessy-Wiltshire leaves out of J2. "
+            + _places(measured, gaussian, "table_2", "v"),
         ),
         (
             "Fig. 4",
             "alpha_kf_fig_4",
             lambda: drawing.error_curves(measured, start, _THREE, velocity=False, reach=(15.0, 15.0, 15.0)),
-            f"The first 100 s: position. {_SPREAD} {_times(measured)}",
+            f"The first 100 s: position. {_spread(measured, start)} {_times(measured)}",
         ),
         (
             "Fig. 6",
             "alpha_kf_fig_6",
             lambda: drawing.error_curves(measured, start, _THREE, velocity=True, reach=(1.0, 1.0, 1.0)),
-            f"The first 100 s: velocity. {_SPREAD} The paper prints no number for it.",
+            f"The first 100 s: velocity. {_spread(measured, start)} The paper prints no number for it.",
         ),
         (
             "Figs. 7, 8 and 9",
@@ -100,13 +103,15 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "Fig. 10",
             "alpha_kf_fig_10",
             lambda: drawing.error_curves(measured, mixture, _THREE, velocity=False),
-            f"Position errors with mixture noise. {_SPREAD} {_places(measured, mixture, 'table_3', 'r')}",
+            f"Position errors with mixture noise. {_spread(measured, mixture)} "
+            + _places(measured, mixture, "table_3", "r"),
         ),
         (
             "Fig. 11",
             "alpha_kf_fig_11",
             lambda: drawing.error_curves(measured, mixture, _THREE, velocity=True),
-            f"Velocity errors with mixture noise. {_SPREAD} {_places(measured, mixture, 'table_3', 'v')}",
+            f"Velocity errors with mixture noise. {_spread(measured, mixture)} "
+            + _places(measured, mixture, "table_3", "v"),
         ),
         (
             "Figs. 12 and 13",
@@ -120,8 +125,8 @@ def plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             "Figs. 14 and 15",
             "alpha_kf_fig_14_15",
             lambda: drawing.alpha_trend(_trend(measured)),
-            "Mean and standard deviation over time against alpha. Bands: 95 % intervals over runs. With 10000 random "
-            "draws the scatter is that of KF(R/α) and the noise of the samples on top. " + _sweep_places(measured, "v"),
+            "Mean and standard deviation over time against alpha. Bands: 95 % intervals over "
+            f"{measured.runs_in_words('alpha_kf_sweep', 'alpha_kf_draws')}. " + _sweep_places(measured, "v"),
         ),
     ]
     return tuple(

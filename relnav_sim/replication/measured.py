@@ -99,6 +99,18 @@ class Measured:
         """Return the numbers of a filter's runs, ascending."""
         return tuple(sorted(self.results(campaign).case_runs(case, filter).tolist()))
 
+    def runs_in_words(self, campaign: str, *others: str) -> str:
+        """Return how many runs of each case a campaign has: ``100 runs``, and of others where they have fewer or more.
+
+        Args:
+            campaign: Name of the campaign.
+            others: Names of further ones, which need not have been run.
+        """
+        number = len(self.results(campaign).runs)
+        held = {name: len(self.results(name).runs) for name in others if self.has(name)}
+        differing = ", ".join(f"{name}: {runs}" for name, runs in held.items() if runs != number)
+        return f"{number} runs ({differing})" if differing else f"{number} runs"
+
     def _summary(self, campaign: str) -> dict[str, NDArray[Any]]:
         if campaign not in self._columns:
             self._columns[campaign] = self.results(campaign).summary()

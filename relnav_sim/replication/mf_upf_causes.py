@@ -76,7 +76,8 @@ def _what_is_learned(measured: Measured) -> Experiment:
     table = Table(
         "mf_upf_targets",
         "What is learned decides, not the filter on top",
-        "Error that holds 95 % of the time after 1000 s, mean over runs with 95 % interval. The paper: 0.5 m and "
+        "Error that holds 95 % of the time after 1000 s, mean over "
+        f"{measured.runs_in_words(LEARNED, UNSCENTED)} with 95 % interval. The paper: 0.5 m and "
         "0.001 m/s.",
         "the Gaussian process learns",
         tuple(Column(head, label, opens_group=head == heads[0]) for label in labels for head in heads),
@@ -124,7 +125,8 @@ def _particles_and_step(measured: Measured) -> Experiment:
     table = Table(
         "mf_upf_sizes",
         "By the number of particles and the time between measurements",
-        "Error that holds 95 % of the time after 1000 s, mean over runs with 95 % interval; 300 particles from "
+        "Error that holds 95 % of the time after 1000 s, mean over "
+        f"{measured.runs_in_words(SIZES, LEARNED)} with 95 % interval; 300 particles from "
         "mf_upf_particles, the others from mf_upf_size. The paper, which gives neither: 0.5 m and 0.001 m/s.",
         "filter over learned dynamics",
         tuple(Column(head, step, opens_group=head == heads[0]) for step in cases for head in heads),
@@ -171,7 +173,8 @@ def _depletion(measured: Measured) -> Experiment:
     table = Table(
         "mf_upf_depletion",
         "Where 5 m and 0.01 m/s come from",
-        "After 1000 s, mean over runs with 95 % interval. The paper's PF: about 5 m and 0.01 m/s.",
+        f"After 1000 s, mean over {measured.runs_in_words(DEPLETION)} with 95 % interval. The paper's PF: about 5 m "
+        "and 0.01 m/s.",
         "filter",
         tuple(Column(head, label, opens_group=head == heads[0]) for label in _CASES for head in heads),
         tuple(rows),
@@ -210,7 +213,7 @@ def _fair_baseline(measured: Measured) -> Experiment:
     table = Table(
         "mf_upf_baseline",
         "The comparison with a process noise of the right size",
-        "After 1000 s, mean over runs with 95 % interval.",
+        f"After 1000 s, mean over {measured.runs_in_words(DEPLETION)} with 95 % interval.",
         "filter",
         tuple(Column(label) for label in COLUMNS),
         tuple(rows),

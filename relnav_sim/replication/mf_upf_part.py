@@ -174,8 +174,8 @@ def _plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
                 Plot(
                     f"{number}, learned dynamics",
                     save(folder, f"{name}_learned", figure),
-                    f"{what} error: median of the runs, and where 90 % of them are. Dashed: the published limit, "
-                    f"{level:g} {unit}. {_limit_places(measured, shown, velocity, level)}",
+                    f"{what} error: median of {measured.runs_in_words(campaign)}, and where 90 % of them are. "
+                    f"Dashed: the published limit, {level:g} {unit}. {_limit_places(measured, shown, velocity, level)}",
                     f"{number} of Wei, Song and Zhang (2012), filters over learned dynamics",
                 )
             )
@@ -188,9 +188,9 @@ def _plots(measured: Measured, folder: Path) -> tuple[Plot, ...]:
             Plot(
                 f"{number}, Clohessy-Wiltshire",
                 save(folder, f"{name}_cw", figure),
-                f"{what} error: median of the runs, and where 90 % of them are. Dashed: the published size for the "
-                f"PF, {pf_level:g} {unit}; dotted: the bound of a perfect model. The published size among our runs "
-                f"of the PF with 500 particles ({size}): {place(pf_level, runs)}.",
+                f"{what} error: median of {measured.runs_in_words(DEPLETION)}, and where 90 % of them are. "
+                f"Dashed: the published size for the PF, {pf_level:g} {unit}; dotted: the bound of a perfect model. "
+                f"The published size among our runs of the PF with 500 particles ({size}): {place(pf_level, runs)}.",
                 f"{number} of Wei, Song and Zhang (2012), filters over Clohessy-Wiltshire dynamics",
             )
         )

@@ -156,8 +156,8 @@ def table_four(measured: Measured) -> Table:
     return Table(
         "table_4",
         "Table 4 of Shi et al. (2025): the divergence coefficient, with mixture noise and 0.05 deg of bias",
-        "r in m, v in m/s. Ours: mean over runs with its 95 % interval (t ≥ 500 s); the rows with 10000 random "
-        "draws an epoch are of fewer and shorter runs.",
+        f"r in m, v in m/s. Ours: mean over {measured.runs_in_words('alpha_kf_sweep', 'alpha_kf_draws')} with its 95 % "
+        "interval (t ≥ 500 s); how long the runs are is in the table of campaigns.",
         "alpha",
         columns,
         tuple(rows),

@@ -39,7 +39,8 @@ def sampling_floor(measured: Measured) -> Experiment:
         "sampling_floor",
         "What 10000 random draws add to the position error",
         "Closed form sqrt(trace R / (α N)), and sqrt(RMS² of the sampled filter − RMS² of KF(R/α)) on the same "
-        "runs, mean over runs with 95 % interval; last the standard deviation in the paper's Table 4. All in m.",
+        f"runs, mean over {measured.runs_in_words('alpha_kf_draws')} with 95 % interval; "
+        "last the standard deviation in the paper's Table 4. All in m.",
         "alpha",
         (
             Column("closed form"),
@@ -91,9 +92,9 @@ def small_alpha_is_slow(measured: Measured) -> Experiment:
     table = Table(
         "bias_and_memory",
         "KF(R/α) by the angle that carries the bias",
-        "Mean over t ≥ 500 s of the position error [m] and of the velocity error [m/s], mean over runs, 95 % "
-        f"intervals: both angles {_runs(measured, 'alpha_kf_sweep')} runs, the others "
-        f"{_runs(measured, 'alpha_kf_bias')}. S_a = 1e-6 m²/s³ throughout.",
+        "Mean over t ≥ 500 s of the position error [m] and of the velocity error [m/s], mean over "
+        f"{measured.runs_in_words('alpha_kf_bias')}, 95 % intervals; both angles: "
+        f"{measured.runs_in_words('alpha_kf_sweep')} of alpha_kf_sweep. S_a = 1e-6 m²/s³ throughout.",
         "alpha",
         tuple(
             Column(label, group, opens_group=label == "paper")
@@ -112,10 +113,6 @@ def small_alpha_is_slow(measured: Measured) -> Experiment:
         "inside the noise of a single run.",
     )
     return Experiment("The bias decides the position, and α is a process noise again", ("A6",), text, table)
-
-
-def _runs(measured: Measured, campaign: str) -> int:
-    return len(measured.runs(campaign, 0, f"kf_{ALPHAS[0]:g}"))
 
 
 def _velocity_by_alpha(measured: Measured) -> str:

@@ -51,7 +51,8 @@ def share_table(measured: Measured) -> Table:
     return Table(
         "two_step_share",
         f"Share of runs whose position error is below 1 m for good from {QUICK_S:g} s at the latest",
-        "95 % intervals (Wilson), and the median time of the runs that get there. Start errors are 1 sigma of the "
+        f"95 % intervals (Wilson) of {measured.runs_in_words('two_step')}, and the median time of those that get "
+        "there. Start errors are 1 sigma of the "
         "position per axis, with 0.01, 0.1, 0.3 and 0.3 m/s; first fix: the first radar measurement, converted, and "
         "1 m/s.",
         "filter",
@@ -72,7 +73,7 @@ def error_table(measured: Measured) -> Table:
     return Table(
         "two_step_error",
         "RMS position error after 150 s",
-        "Mean over runs with 95 % interval.",
+        f"Mean over {measured.runs_in_words('two_step')} with 95 % interval.",
         "filter",
         tuple(Column(label) for label, _ in _cases(measured)),
         tuple(rows),
@@ -101,7 +102,7 @@ def start_is_all(measured: Measured) -> Experiment:
         "two_step_start",
         f"From {WIDE_M} m and 0.3 m/s: two-step filters and the filters that need no second step",
         "RMS position error [m]: over the whole run, median of the runs; after 150 s, median and the 95 % quantile "
-        "of the runs.",
+        f"of the runs; {measured.runs_in_words('two_step')}.",
         "filter",
         (Column("whole run"), Column("settled"), Column("settled, 95 % of runs")),
         tuple(rows),
@@ -132,7 +133,8 @@ def part(measured: Measured, folder: Path) -> PaperPart:
     plot = Plot(
         "Start-up",
         save(folder, "two_step_start", figure),
-        f"Position error from a start error of {WIDE_M} m: median of the runs and where 90 % of them are.",
+        f"Position error from a start error of {WIDE_M} m: median of {measured.runs_in_words('two_step')} and "
+        "where 90 % of them are.",
         "Position error of the two-step filters, EKF, UKF, iterated EKF and KF over time",
     )
     text = "The accessible part of the paper ends before its simulation: no table and no figure can be compared."

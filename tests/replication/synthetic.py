@@ -18,6 +18,9 @@ class Synthetic:
     def runs(self, campaign, case, filter):
         return tuple(range(self._runs))
 
+    def runs_in_words(self, campaign, *others):
+        return f"{self._runs} runs"
+
     def values(self, campaign, case, filter, column, runs=None):
         chosen = list(range(self._runs)) if runs is None else list(runs)
         level = self._figures(campaign, str(case), filter, column)
