@@ -23,10 +23,10 @@ demo: setup  ## Run the demo campaign and write its report
 reproduce: setup  ## Replicate three papers, claim by claim
 	$(BIN)/relnav reproduce
 
-reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case; goes on where it stopped
+reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case, the longest last; goes on where it stopped
 	$(BIN)/relnav reproduce --full
 
-reproduce-docs: setup  ## Write docs/replication.md, its data and its figures from what `make reproduce` found
+reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
 	$(BIN)/relnav reproduce --docs docs
 
 test: setup  ## Lint, check types and import rules, run the tests

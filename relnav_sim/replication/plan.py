@@ -112,12 +112,13 @@ def in_order(size: Size) -> list[Planned]:
     return sorted(PLAN, key=lambda planned: planned.full_hours) if size == "full" else list(PLAN)
 
 
-def complete_in_full(campaigns: Path, results: Path) -> dict[str, Path]:
+def complete_in_full(campaigns: Path, results: Path, say: Say = lambda sentence: None) -> dict[str, Path]:
     """Return the results of the full size that are complete, by name of the campaign.
 
     Args:
         campaigns: Folder of the campaign files.
         results: Folder of the results files of the full size; it need not exist.
+        say: Told of the files that can't be taken.
 
     Raises:
         CampaignError: A campaign file is missing or wrong.
@@ -133,6 +134,9 @@ def complete_in_full(campaigns: Path, results: Path) -> dict[str, Path]:
             same = held.campaign_hash == campaign.hash and len(held.runs) >= campaign.runs
             if same and not held.missing():
                 found[planned.name] = path
+            else:
+                what = "runs are missing" if same else "it is of other settings, or of fewer runs, than the plan"
+                say(f"{path} is not taken: {what}")
     return found
 
 

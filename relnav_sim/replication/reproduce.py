@@ -56,7 +56,7 @@ def reproduce(
     _write(out / SUMMARY_FILE, written(summary))
     _write(out / "index.html", html_page(summary, out / "figures"))
     if docs is not None:
-        larger = {} if in_full is None else complete_in_full(campaigns, in_full / "campaigns")
+        larger = {} if in_full is None else complete_in_full(campaigns, in_full / "campaigns", say)
         if larger:
             say(f"in the docs at full size: {', '.join(larger)}")
         write_docs(summary, paths, larger, docs)

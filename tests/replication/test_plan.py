@@ -76,7 +76,9 @@ def test_only_complete_results_of_the_same_campaign_are_taken(tmp_path, monkeypa
         "PLAN",
         (Planned("two_step", 1, full_runs=2, always=("clock.duration_s=20", "statistics.settle_s=5")),),
     )
-    assert complete_in_full(CAMPAIGNS, tmp_path) == {}  # another campaign now
+    said = []
+    assert complete_in_full(CAMPAIGNS, tmp_path, said.append) == {}  # another campaign now
+    assert said == [f"{path} is not taken: it is of other settings, or of fewer runs, than the plan"]
 
 
 def test_every_filter_is_tuned_with_the_same_budget():
