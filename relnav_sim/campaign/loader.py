@@ -61,6 +61,8 @@ def read_text(content: bytes) -> str:
     Raises:
         ValueError: Too large, another encoding or no text at all; the message is a sentence.
     """
+    if content.startswith(b"\x89HDF\r\n"):
+        raise ValueError("this is a results file, no campaign; `relnav inspect FILE --campaign` prints the one in it")
     if len(content) > MOST_BYTES:
         raise ValueError(f"the file is larger than the {MOST_BYTES // 1000} kB that a campaign file may have")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or (b"\0" in content[:4] and content[:4].count(0) in (2, 3)):

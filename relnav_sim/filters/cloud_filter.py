@@ -108,7 +108,8 @@ class CloudFilter:
             Q = self.dynamics.process_noise(transpose(belief.components), step)
             mean = (F @ belief.mean[:, :, None])[:, :, 0]
             centres = (share * F) @ belief.components
-            centres += (1 - share) * mean[:, :, None]
+            if self._bandwidth > 0:
+                centres += (1 - share) * mean[:, :, None]
             covariance = share**2 * carried
         else:
             states = transpose(contracted(belief.components, belief.mean, share))

@@ -47,8 +47,9 @@ def test_utf8_with_and_without_mark(content):
         ("a: 1".encode("utf-16-le"), "UTF-16"),
         ("a: 1".encode("utf-32"), "UTF-16 or UTF-32"),
         ("a: 1\nb: é".encode("latin-1"), "byte 0xe9 in line 2 is not UTF-8"),
-        (b"\x89HDF\r\n\x1a\n\0\0\0", "binary"),
+        (b"\x89HDF\r\n\x1a\n\0\0\0", "results file"),
         (b"a" * (MOST_BYTES + 1), "larger than the 250 kB"),
+        (b"\x89HDF\r\n\x1a\n" + b"\0" * MOST_BYTES, "this is a results file"),
     ],
 )
 def test_other_files_are_named(content, words):

@@ -40,7 +40,7 @@ BAD = {
     "a text": ("campaign", "must hold keys"),
     "a number": ("010", "leading zero"),
     "binary": (bytes(range(256)) * 4, "binary"),
-    "an hdf5 file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "binary"),
+    "an hdf5 file": (b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "results file"),
     "utf-16": (DEMO.encode("utf-16"), "UTF-16"),
     "utf-32": (DEMO.encode("utf-32"), "UTF-32"),
     "latin-1": (DEMO.encode() + "# Störung\n".encode("latin-1"), "not UTF-8"),
