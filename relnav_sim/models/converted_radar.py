@@ -7,7 +7,8 @@ taken at the predicted position; taken at the reading it would depend on the noi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from relnav_sim.models.radar import RadarNoise
 from relnav_sim.models.radar_geometry import NADIR_FROM_RTN, components, cross_matrix, rotate, rows, times
 
 Array = NDArray[np.float64]
+Coefficients = list[float] | Array
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """A symmetric 3 x 3 matrix is carried as six arrays in this order."""
 
@@ -62,7 +64,9 @@ class ConvertedRadar(MeasurementDefaults):
             self._one = _moments(noise.weights, noise.deviations, factors)
         self._weights = noise.weights
         self._components = (
-            [_moments(np.ones(1), row[None], factors) for row in noise.deviations] if noise.has_components else []
+            _side_by_side([_moments(np.ones(1), row[None], factors) for row in noise.deviations])
+            if noise.has_components
+            else None
         )
         attitude = radar_from_rtn.T @ noise.attitude @ radar_from_rtn
         self._attitude = rows(_attitude_map(attitude)) if noise.attitude.any() else None
@@ -81,13 +85,15 @@ class ConvertedRadar(MeasurementDefaults):
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (runs, k, 3, 3), where the filter is told of a mixture."""
-        if not self._components:
+        if self._components is None:
             return None
-        covariances = np.stack([self._covariance(mean, moments) for moments in self._components], axis=-3)
-        return Mixture(self._weights, covariances, shared=True)
+        covariances = np.moveaxis(self._covariance(mean, self._components(mean.ndim - 1)), 0, -3)
+        return Mixture(self._weights, np.ascontiguousarray(covariances), shared=True)
 
     def _covariance(self, states: Array, m: _Moments) -> Array:
         """Return the second moment of the converted position's error at the true position, RTN (..., 3, 3).
+
+        Coefficients of several components give (k, ..., 3, 3).
 
         In the radar frame it is [[w x^2 + d, w x y, u x z], [., w y^2 + d, u y z], [., ., v z^2 + e]]. With a the
         radar's z axis in RTN this equals w r r^T + f (r a^T + a r^T) + g a a^T + d I for the position r in RTN,
@@ -111,7 +117,7 @@ class ConvertedRadar(MeasurementDefaults):
         attitude = (
             None if self._attitude is None else times(self._attitude, [position[i] * position[j] for i, j in _PAIRS])
         )
-        R = np.empty((*states.shape[:-1], 3, 3))
+        R = np.empty((*w.shape, 3, 3))
         for n, (i, j) in enumerate(_PAIRS):
             entry = position[i] * by_position[j]
             if axis[i]:
@@ -130,11 +136,21 @@ class ConvertedRadar(MeasurementDefaults):
 class _Moments:
     """Coefficients of the covariance in powers of the range; see `ConvertedRadar._covariance`."""
 
-    w: list[float]
-    u: list[float]
-    v: list[float]
-    d: list[float]
-    e: list[float]
+    w: Coefficients
+    u: Coefficients
+    v: Coefficients
+    d: Coefficients
+    e: Coefficients
+
+
+def _side_by_side(components: Sequence[_Moments]) -> Callable[[int], _Moments]:
+    """Return what gives the coefficients of k components as arrays (k, 1, ..., 1), for so many axes of the states."""
+    each = [np.array([getattr(m, field.name) for m in components]).T for field in fields(_Moments)]
+
+    def spread(axes: int) -> _Moments:
+        return _Moments(*(column.reshape(*column.shape, *[1] * axes) for column in each))
+
+    return spread
 
 
 def _moments(weights: Array, deviations: Array, factors: Conversion) -> _Moments:
