@@ -62,7 +62,7 @@ def _scenarios() -> tuple[_Scenario, ...]:
             "alpha_kf_gaussian",
             own,
             {**white, "sensors.radar.noise": {"kind": "gaussian"}},
-            {"kf": "KF with J2 dynamics"},
+            {"kf": "KF with J2 to J4"},
         ),
         _Scenario(
             "mixture",
@@ -70,7 +70,7 @@ def _scenarios() -> tuple[_Scenario, ...]:
             "alpha_kf_mixture",
             own,
             {**white, "sensors.radar.noise": {"kind": "mixture"}},
-            {"kf": "KF with J2 dynamics", "imm": "IMM with J2 dynamics"},
+            {"kf": "KF with J2 to J4", "imm": "IMM with J2 to J4"},
         ),
         _Scenario(
             "mixture and bias",
@@ -79,8 +79,8 @@ def _scenarios() -> tuple[_Scenario, ...]:
             {f"alpha_{best[0]:g}": f"αKF, α = {best[0]:g}"},
             {"sensors.radar.azimuth_bias_deg": 0.05},
             {
-                "kf": "KF with J2 dynamics",
-                "imm_biases": "IMM with J2 dynamics and the biases as states",
+                "kf": "KF with J2 to J4",
+                "imm_biases": "IMM with J2 to J4 and the biases as states",
             },
         ),
     )
