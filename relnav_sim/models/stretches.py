@@ -20,7 +20,7 @@ class PerStretch(Generic[T]):
     """What a function gives for 512 epochs at a time, for callers that go from epoch to epoch.
 
     The stretches lie on a fixed grid of epochs, so the numbers of an epoch do not depend on the order of the calls.
-    Only the latest stretch is kept.
+    The two latest stretches are kept: callers that take turns of 512 epochs ask for the end of the one before.
 
     Args:
         compute: Maps epochs (512,), the first of them a multiple of 512, to what is wanted of them.
@@ -28,14 +28,15 @@ class PerStretch(Generic[T]):
 
     def __init__(self, compute: Callable[[Array], T]) -> None:
         self._compute = compute
-        self._latest: tuple[int, T] | None = None
+        self._held: dict[int, T] = {}
 
     def at(self, epoch: int) -> tuple[T, int]:
         """Return the stretch with this epoch, and the epoch's place in it."""
         stretch, place = divmod(epoch, EPOCHS)
-        if self._latest is None or self._latest[0] != stretch:
-            self._latest = stretch, self._compute(np.arange(stretch * EPOCHS, (stretch + 1) * EPOCHS, dtype=float))
-        return self._latest[1], place
+        if stretch not in self._held:
+            computed = self._compute(np.arange(stretch * EPOCHS, (stretch + 1) * EPOCHS, dtype=float))
+            self._held = dict([*self._held.items(), (stretch, computed)][-2:])
+        return self._held[stretch], place
 
 
 class LinearByEpoch:
