@@ -210,11 +210,11 @@ def _pair_cells(pair: Pair | None, unit: str, first: str = "") -> tuple[Cell, ..
     sign = -1.0 if first and pair.first != first else 1.0
     found, comparison = pair.comparison.difference, pair.comparison
     turned = {"better": "worse", "worse": "better"} if sign < 0 else {}
-    verdict = turned.get(comparison.verdict, comparison.verdict)
+    verdict = verdict_in_words(comparison)
     shown = numbers([_turned(found, sign)])[0]
     percent = numbers([_turned(pair.percent, sign)])[0]
     p_value = p_number(comparison.p_value)
-    return shown, percent, Words(verdict), p_value, Words(decided_at(comparison))
+    return shown, percent, Words(turned.get(verdict, verdict)), p_value, Words(decided_at(comparison))
 
 
 def _turned(found: Interval, sign: float) -> Interval:
@@ -228,16 +228,28 @@ def p_number(p_value: float) -> Number:
     return Number(p_value, decimals=3 if p_value >= 0.0005 else 6)
 
 
+def verdict_in_words(comparison: Comparison) -> str:
+    """Return the verdict; ``equal`` where the two have the same figure in every run."""
+    return "equal" if _equal_in_all(comparison) else comparison.verdict
+
+
 def decided_at(comparison: Comparison) -> str:
     """Return at how many runs a comparison is decided, or would be."""
     runs, needed = comparison.difference.runs, comparison.runs_to_decide
     if comparison.verdict != "undecided":
         return f"{runs} runs, decided"
+    if _equal_in_all(comparison):
+        return f"equal in all {runs} runs"
     if needed is None:
         return "no number of runs"
     if needed > _MANY_RUNS:
         return f"more than {_MANY_RUNS} runs"
     return f"about {float(f'{needed:.2g}'):.0f} runs" if needed > runs else f"a few more than {runs} runs"
+
+
+def _equal_in_all(comparison: Comparison) -> bool:
+    difference = comparison.difference
+    return difference.low == difference.estimate == difference.high == 0
 
 
 def _mean(values: Array) -> Interval:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.report.axes import Array
-from relnav_sim.report.case_tables import decided_at, p_number
+from relnav_sim.report.case_tables import decided_at, p_number, verdict_in_words
 from relnav_sim.report.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.layouts import numbers
 from relnav_sim.report.ranking import guarded, in_percent
@@ -185,7 +185,7 @@ def _cells(comparison: Comparison, reference: float) -> Sequence[Cell]:
     return (
         *numbers([difference]),
         *numbers([percent]),
-        Words(comparison.verdict),
+        Words(verdict_in_words(comparison)),
         p_number(comparison.p_value),
         Words(decided_at(comparison)),
     )

@@ -53,7 +53,7 @@ def test_without_names_the_filters_that_both_have(two: tuple[Path, Path]) -> Non
     found = compared(*two)
     assert found.table is not None
     assert {row.cells[0].text for row in found.table.rows} == {"kf"}
-    assert {row.cells[6].text for row in found.table.rows} == {"undecided"}
+    assert [row.cells[6].text for row in found.table.rows] == ["equal", "equal", "undecided"]
 
 
 def test_why_not(two: tuple[Path, Path], invent: ResultMaker, tmp_path: Path) -> None:
@@ -117,6 +117,9 @@ def test_the_same_numbers_are_called_identical(two: tuple[Path, Path], tmp_path:
     assert sentence in compared(two[0], two[0]).notes and sentence in compared(two[0], copy, "kf", "kf").notes
     assert sentence not in compared(two[0], two[0], "ekf", "kf").notes and sentence not in compared(*two).notes
     assert "identical: the same" in CliRunner().invoke(app, ["inspect", str(two[0]), str(copy)]).output
+    table = compared(two[0], copy).table
+    assert table is not None and {row.cells[6].text for row in table.rows} == {"equal"}
+    assert {row.cells[8].text for row in table.rows} == {"equal in all 20 runs", "equal in all 19 runs"}
     with h5py.File(copy, "r+") as file:
         rms = file["case_000/kf/rms"]
         rms[3, 0, 0] = np.nextafter(rms[3, 0, 0], 1)
