@@ -38,12 +38,13 @@ def reproduce(
         typer.Option(help="Also write replication.md, its data and its figures into this folder.", show_default="no"),
     ] = None,
     in_full: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             help="With --docs: every campaign that is complete at full size in this folder takes the place of the "
-            "usual one on that page, which says so."
+            "usual one on that page, which says so.",
+            show_default="results/reproduce-full",
         ),
-    ] = Path("results/reproduce-full"),
+    ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
 ) -> None:
     """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
@@ -52,6 +53,10 @@ def reproduce(
     """
     if full and trial:
         raise UserError("--full and --trial exclude each other")
+    if in_full is not None and (full or trial or docs is None):
+        raise UserError("--in-full goes with --docs, and with neither --full nor --trial")
+    if in_full is not None and not (in_full / "campaigns").is_dir():
+        raise UserError(f"{in_full} is no folder that relnav reproduce --full has written: it has no folder campaigns")
     if not campaigns.is_dir():
         raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
     size: Size = "full" if full else "trial" if trial else "usual"
@@ -60,9 +65,8 @@ def reproduce(
         from relnav_sim.replication.pages import verdict_lines
         from relnav_sim.replication.reproduce import SUMMARY_FILE, reproduce
 
-        summary = reproduce(
-            size, campaigns, folder, workers, docs, in_full if size == "usual" else None, progress=True, say=_say
-        )
+        larger = (in_full or Path("results/reproduce-full")) if size == "usual" else None
+        summary = reproduce(size, campaigns, folder, workers, docs, larger, progress=True, say=_say)
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
         typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
 

@@ -18,6 +18,8 @@ from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.read import open_results
 
 HEADER = "campaign.json"
+START_OVER = "give another --out, or --fresh to move it aside and start over"
+"""What `relnav run` offers where it refuses."""
 
 
 def shard_folder(out: Path) -> Path:
@@ -81,8 +83,13 @@ def move_aside(out: Path, say: Callable[[str], None]) -> None:
             say(f"moved {path} to {aside}")
 
 
-def check_same_campaign(out: Path, header: ResultHeader) -> None:
+def check_same_campaign(out: Path, header: ResultHeader, remedy: str = START_OVER) -> None:
     """Refuse to add to results of other settings.
+
+    Args:
+        out: The results file; it need not exist.
+        header: What its campaign would be.
+        remedy: What the refusal tells the user to do.
 
     Raises:
         RefusedError: With the keys that differ.
@@ -92,19 +99,13 @@ def check_same_campaign(out: Path, header: ResultHeader) -> None:
     if stored is None:
         return
     if changed := changed_keys(stored, header.content):
-        raise RefusedError(
-            f"{out} holds results of other settings ({in_words(changed)}); give another --out, "
-            "or --fresh to move it aside and start over"
-        )
+        raise RefusedError(f"{out} holds results of other settings ({in_words(changed)}); {remedy}")
     folder = shard_folder(out)
     if out.exists() and not any(folder.glob("*.h5")):
         # Computing everything again would replace a whole result by a part of it if that is interrupted.
         with open_results(out) as results:
             if results.runs:
-                raise RefusedError(
-                    f"{out} can't grow, its shards are gone from {folder}; give another --out, "
-                    "or --fresh to move it aside and start over"
-                )
+                raise RefusedError(f"{out} can't grow, its shards are gone from {folder}; {remedy}")
 
 
 def _stored_header(out: Path) -> dict[str, Any] | None:

@@ -79,7 +79,8 @@ def run_campaigns(
 def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
     folder = hold.enter_context(working_folder(out))
     header = result_header(campaign)
-    check_same_campaign(out, header)
+    aside = f"move {out.name} and {folder.name} aside to start over"
+    check_same_campaign(out, header, f"give another --out, or {aside}")
     write_folder_header(folder, header)
     finished = finished_work(folder, campaign, say)
     bounds = bounds_left(bound_tasks(campaign, folder), say)

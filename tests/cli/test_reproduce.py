@@ -11,6 +11,9 @@ from relnav_sim.cli.app import app
     [
         (["--full", "--trial"], "exclude each other"),
         (["--campaigns", "nowhere"], "there is no folder nowhere"),
+        (["--in-full", "nowhere"], "--in-full goes with --docs"),
+        (["--in-full", "nowhere", "--docs", "docs", "--full"], "neither --full nor --trial"),
+        (["--in-full", "nowhere", "--docs", "docs"], "nowhere is no folder that relnav reproduce --full has written"),
     ],
 )
 def test_mistakes_are_told(arguments, sentence, tmp_path, monkeypatch):

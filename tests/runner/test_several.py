@@ -55,6 +55,10 @@ def test_other_settings_are_refused_before_anything_runs(campaign, tmp_path):
         (campaign("runs=1"), tmp_path / "first.h5"),
         (campaign("runs=1", "clock.duration_s=60"), tmp_path / "second.h5"),
     ]
-    with pytest.raises(RefusedError, match="other settings"):
+    with pytest.raises(RefusedError, match=r"other settings .*or move second.h5 and second.h5.shards aside"):
         run_campaigns(jobs)
     assert not (tmp_path / "first.h5").exists()
+    for name in ("second.h5", "second.h5.shards"):
+        (tmp_path / name).rename(tmp_path / f"old_{name}")
+    run_campaigns(jobs, workers=1)
+    assert (tmp_path / "first.h5").exists() and (tmp_path / "second.h5").exists()
