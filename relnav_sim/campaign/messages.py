@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from pydantic import ValidationError
@@ -59,7 +60,10 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     value, known = value_at(data, place), shape.at(place, data)
     if kind == "extra_forbidden":
         section = shape.at(parent, data)
-        return unknown_key(str(place[-1]), section.chosen(value_at(data, parent)) if section else whole, whole)
+        if section is None:
+            return unknown_key(str(place[-1]), whole, whole)
+        others = [form.kind for form in section.alternatives if form.kind and place[-1] in form.keys]
+        return unknown_key(str(place[-1]), section.chosen(value_at(data, parent)), whole, others)
     if kind == "missing" and isinstance(detail["loc"][-1], str):
         return "this key is missing" + (f": {known.description}" if known and known.description else "")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
@@ -72,15 +76,18 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     return f"must be {expected}, not {_shown(value)}{_hint(value, details)}"
 
 
-def unknown_key(key: str, section: Shape, whole: Shape) -> str:
+def unknown_key(key: str, section: Shape, whole: Shape, kinds: Sequence[str] = ()) -> str:
     """Return the sentence for a key that a section does not know.
 
     Args:
         key: The key.
         section: What may stand in the section.
         whole: What the whole file may hold.
+        kinds: Other kinds of the section that know the key.
     """
     hint = did_you_mean(key, section.keys)
+    if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
+        hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
     homes = list(dict.fromkeys(places_of(key, whole))) if not hint else []
     if homes:
         words = [quoted(dotted(home)) if home else "the top level" for home in homes[:3]]

@@ -98,6 +98,10 @@ BAD = {
     "a long name": (edit("name: demo", "name: " + "x" * 65), "name: a name has"),
     "an unknown key": (DEMO + "sed: 1\n", "sed: unknown key; did you mean 'seed'?"),
     "a key in the wrong place": (DEMO + "step_s: 1\n", "step_s: unknown key; it belongs in 'clock'"),
+    "a key of another kind": (
+        edit("kind: ukf\n    dynamics: {kind: cw}", "kind: ukf\n    dynamics: {kind: cw, zonals: 4}"),
+        "filters.ukf.dynamics.zonals: unknown key; it belongs to the kind 'nonlinear_j2'",
+    ),
     "no name": (without("name"), "name: this key is missing"),
     "no seed": (without("seed"), "seed: this key is missing"),
     "no clock": (without("clock"), "clock: this section is missing"),
