@@ -166,16 +166,14 @@ def tune(
 
 
 def _options(campaign: Campaign, given: dict[str, Any], free: list[str], filters: list[str]) -> TuneOptions:
-    """Return the campaign's `tune:` section with what the command line says in its place.
-
-    The section's free numbers of filters that are not to be tuned this time are left out.
-    """
+    """Return the campaign's `tune:` section with what the command line says in its place."""
     from relnav_sim.campaign.models import TuneOptions
 
     base = campaign.tune or TuneOptions()
-    if filters:
-        of_these = tuple(f"filters.{name}." for name in filters)
-        base = base.model_copy(update={"free": {p: b for p, b in base.free.items() if p.startswith(of_these)}})
+    chosen = filters or base.filters
+    of_these = tuple(f"filters.{name}." for name in chosen)
+    if chosen and (others := [text for text in free if not text.startswith(of_these)]):
+        raise UserError(f"--free {others[0]} is no number of the filters to tune: {', '.join(chosen)}")
     update = {key: value for key, value in given.items() if value is not None}
     if free:
         update["free"] = {**base.free, **dict(map(_free, free))}

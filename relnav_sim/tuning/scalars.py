@@ -105,7 +105,8 @@ def free_scalars(
         campaign: The campaign.
         filters: Filters to tune; none given: all of them that have a free number.
         free: Paths such as ``filters.ekf.alpha`` with the range to search, None for the declared one. A filter with
-            such paths has these free and no others.
+            such paths has these free and no others; those of filters that are not
+            to be tuned are checked and left out.
         objective: What is made small.
 
     Raises:
@@ -120,8 +121,6 @@ def free_scalars(
     for text, bounds in (free or {}).items():
         filter, scalar = _named(text, bounds, campaign)
         named.setdefault(filter, []).append(scalar)
-    if filters and (left_out := [name for name in named if name not in filters]):
-        raise TuningError(f"a free path names the filter {quoted(left_out[0])}, which is not among those to tune")
     varied = _varied_paths(campaign)
     found = {}
     for name, entry in entries.items():

@@ -71,13 +71,14 @@ def test_the_section_of_the_campaign_is_taken_and_the_command_line_wins(demo):
 
 
 def test_the_section_names_the_filters_and_the_command_line_wins(demo):
-    free = "{filters.ekf.process_noise.acceleration_psd_m2_s3: [1.0e-9, 1.0e-5]}"
+    free = "{filters.ekf.process_noise.acceleration_psd_m2_s3: [1.0e-9, 1.0e-5], filters.kf.r_scale: [0.5, 2]}"
     section = f"tune: {{filters: [ekf], budget: 5, runs: 2, check_runs: 0, free: {free}}}\n"
     demo.write_text(demo.read_text(encoding="utf-8") + section, encoding="utf-8")
     assert invoke(demo, *TINY[:6], "--workers", "1").exit_code == 0
     assert {row["filter"] for row in curve()} == {"ekf"}
     assert invoke(demo, "--filter", "kf", *TINY[:6], "--workers", "1", "--overwrite").exit_code == 0
     assert {row["filter"] for row in curve()} == {"kf"}
+    assert all(0.5 <= float(row["r_scale"]) <= 2 for row in curve())
 
 
 @pytest.mark.parametrize(
@@ -89,6 +90,7 @@ def test_the_section_names_the_filters_and_the_command_line_wins(demo):
             "tune.free.filters.ekf.nope: filters.ekf.nope is no number",
         ),
         (["--free", "filters.ekf.alpha=0:1"], "filters.ekf.alpha is no number of this campaign"),
+        (["--filter", "ekf", "--free", "filters.kf.r_scale=1:2"], "is no number of the filters to tune: ekf"),
         (["--free", "filters.kf.r_scale=a:b"], "--free takes PATH=LOW:HIGH"),
         (["--free", "filters.kf.r_scale=0:1"], "does not take 0: input should be greater than 0"),
         (["--case", "7"], "there is no case 7; the campaign has 2, counted from 0"),

@@ -44,6 +44,8 @@ def test_named_numbers(make_campaign):
     assert names(found)["ekf"] == [PSD]
     found = free_scalars(campaign, ("kf",), {"filters.kf.r_scale": None}, "position")
     assert names(found) == {"kf": ["r_scale"]}
+    found = free_scalars(campaign, ("ekf",), {"filters.kf.r_scale": (0.5, 8.0)})
+    assert names(found) == {"ekf": [PSD]}
 
 
 def test_what_the_grid_varies_is_not_free(make_campaign):
@@ -63,7 +65,7 @@ def test_what_the_grid_varies_is_not_free(make_campaign):
         ((), {"filters..": None}, "is not a path"),
         ((), {"filters.kf.r_scale": (2, 1)}, "the range 2 to 1"),
         ((), {"filters.kf.r_scale": (-1, 1)}, "does not take -1: input should be greater than 0"),
-        (("ekf",), {"filters.kf.r_scale": None}, "'kf', which is not among those to tune"),
+        (("ekf",), {"filters.kf.nope": None}, "no number of this campaign"),
     ],
 )
 def test_what_cannot_be_tuned(make_campaign, filters, free, words):
