@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from relnav_sim.campaign.blocks import filter_groups, run_seconds, sample_count
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.options import Options
 
 STRETCH = 512
 """Epochs that a block holds at once."""
@@ -76,4 +77,8 @@ def _held_bytes(config: CaseConfig) -> float:
     """Return what one run of a case holds in memory while its block is computed, bytes."""
     stretch = min(STRETCH, config.clock.epochs)
     samples = max(map(sample_count, config.filters.values()))
-    return stretch * (_EPOCH_BYTES + _FILTER_EPOCH_BYTES) + samples * _SAMPLE_BYTES + 2 * _stored_bytes(config)
+    distinct: list[Options] = []
+    for entry in config.filters.values():
+        distinct += [entry.dynamics] if entry.dynamics not in distinct else []
+    shared = sum(float(getattr(dynamics, "shared_epoch_bytes", 0.0)) for dynamics in distinct)
+    return stretch * (_EPOCH_BYTES + _FILTER_EPOCH_BYTES + shared) + samples * _SAMPLE_BYTES + 2 * _stored_bytes(config)

@@ -33,6 +33,8 @@ class NonlinearJ2Options(Options):
     """Rough CPU time of a step however few the runs, us; it keeps many such filters of small blocks apart."""
     shared_overhead_us: ClassVar[float] = 250.0
     """The same of the chief's orbit, which filters of a block with the same options share."""
+    shared_epoch_bytes: ClassVar[float] = 830.0
+    """Memory that the chief's legs take for one run and epoch of a stretch, bytes; held once for these filters."""
 
     kind: Literal["nonlinear_j2"] = Field(
         default="nonlinear_j2", description="Exact relative motion with J2 about the chief's estimated orbit"

@@ -61,3 +61,14 @@ def test_the_plan_counts_steps(demo):
     assert plan.filter_steps == 2 * 40 * 600 * 4
     assert plan.disk_bytes == pytest.approx(2 * 40 * (121 * (4 * 56 + 48) + 4 * 1600))
     assert 150e6 < plan.memory_bytes < 1e9
+
+
+def test_the_chiefs_legs_are_held_once_for_filters_that_share_them(demo):
+    def memory(*dynamics):
+        changes = [f"filters.{name}.dynamics={{{it}}}" for name, it in zip(("ekf", "ukf"), dynamics, strict=True)]
+        return plan_campaign(parse_campaign(demo, ["block_runs=40", *changes])).memory_bytes
+
+    none, one = memory("kind: cw", "kind: cw"), memory("kind: cw", "kind: nonlinear_j2")
+    higher = "kind: nonlinear_j2, zonals: 4"
+    assert memory("kind: nonlinear_j2", "kind: nonlinear_j2") == one > none
+    assert memory("kind: nonlinear_j2", higher) - none == pytest.approx(2 * (one - none))
