@@ -114,7 +114,8 @@ class Gravity:
     def gradient(self, position: Array) -> Array:
         """Return the derivatives of the acceleration, (3, 3, s, ...), 1/s^2, at `position` (s, 3, ...).
 
-        It is d I + o r r^T + c (r p^T + p r^T) - a p p^T with the polar axis p.
+        It is d I + o r r^T + c (r p^T + p r^T) - a p p^T with the polar axis p and scalars d, o, c and a of the
+        position: `diagonal`, `outer`, `polar` and `axial` below.
         """
         components = position.swapaxes(0, 1)
         r2 = squared(position)

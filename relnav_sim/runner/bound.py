@@ -62,11 +62,11 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     and the white errors of attitude and orbit beside it, times the probability that there is a reading, on average
     over the ensemble of truths. Biases and correlated errors are not in it.
 
-    The perfect model has no process noise; its transitions are those of relative motion under a point mass and J2,
-    about the true chief's orbit and along the true relative motion. A filter's model has the transitions of its own
-    dynamics along the same states (about the true orbit of the chief where it estimates that) and its own process
-    noise. Transitions are those at the ensemble's mean state: their spread is of the size of separation over orbit
-    radius, as is its effect.
+    The perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
+    and zonal harmonics, about the true chief's orbit and along the true relative motion. A filter's model has the
+    transitions of its own dynamics along the same states (about the true orbit of the chief where it estimates that)
+    and its own process noise. Transitions are those at the ensemble's mean state: their spread is of the size of
+    separation over orbit radius, as is its effect.
 
     Args:
         case: The case with all its filters.
