@@ -99,10 +99,11 @@ def _runs_in_words(results: Results) -> str:
 def _compare(first: Results, second: Results) -> None:
     from relnav_sim.results.comparable import comparable, same_numbers
 
-    reasons = comparable(first, second)
     typer.echo()
     if same_numbers(first, second):
         typer.echo("identical: the same cases, filters, runs and numbers, bit for bit")
+        return
+    reasons = comparable(first, second)
     if not reasons:
         typer.echo("comparable: same problem, same random numbers, same code")
         return
