@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,8 +31,7 @@ class _Job:
     left: list[Task]
 
     def __post_init__(self) -> None:
-        self.waiting = {task.path for task in self.left}
-        self.merged = False
+        self.waiting = {unit for task in self.left for unit in _units(task)}
 
 
 def run_campaigns(
@@ -63,17 +62,17 @@ def run_campaigns(
         named = {job.folder: job for job in waiting}
         tasks = [task for job in waiting for task in job.left]
         tally = Tally([_named(task, job) for job in waiting for task in job.left if isinstance(task, Block)], {})
+        for job in waiting:
+            if not job.left:
+                _merge(job, workers, say)
         with progress_of(tally, progress) as bar, closing(computed(tasks, workers, "loky", None)) as done_tasks:
             for done in done_tasks:
                 job = named[done.block.folder]
-                job.waiting.discard(done.block.path)
+                job.waiting -= _units(done.block)
                 if not isinstance(done.block, BoundTask):
                     bar.advance(_named(done.block, job), done.figures)
                 if not job.waiting:
                     _merge(job, workers, say)
-        for job in waiting:
-            if not job.merged:
-                _merge(job, workers, say)
 
 
 def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
@@ -91,13 +90,19 @@ def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
 
 
 def _merge(job: _Job, workers: int, say: Say) -> None:
-    """Write the results file, and compute before what a killed worker may have left of the campaign's blocks."""
+    """Write the results file of a campaign that is complete."""
     if job.left:
         end_session(job.folder)
     job.hold.close()
     run_campaign(job.campaign, job.out, workers)
-    job.merged = True
     say(f"{job.campaign.name} is complete")
+
+
+def _units(task: Task) -> set[Hashable]:
+    """Return the runs of filters that a task computes: a block whose worker was killed comes back in pieces."""
+    if isinstance(task, BoundTask):
+        return {task.path}
+    return {(task.case.id, name, run) for name in task.case.config.filters for run in task.runs}
 
 
 def _named(block: Block, job: _Job) -> Block:

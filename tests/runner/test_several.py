@@ -49,6 +49,26 @@ def test_an_interruption_keeps_the_campaigns_that_are_complete(campaign, tmp_pat
     run_campaign(jobs[1][0], tmp_path / "2.h5", backend="sequential")  # the folder is free again
 
 
+def test_a_campaign_is_complete_with_the_pieces_of_its_blocks(campaign, tmp_path, monkeypatch):
+    """As a killed worker leaves them; and a campaign that lacks nothing but its file waits for no other."""
+    jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2, 3)]
+    alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
+    run_campaign(*jobs[1], backend="sequential").unlink()
+    compute = several.computed
+
+    def cut(tasks, workers, backend, timeout_s):
+        for task in tasks:
+            if task.seed == 3:
+                raise KeyboardInterrupt
+            yield from compute(task.pieces() or [task], workers, "sequential", timeout_s)
+
+    monkeypatch.setattr(several, "computed", cut)
+    with pytest.raises(KeyboardInterrupt):
+        run_campaigns(jobs)
+    assert_same_bits(alone, tmp_path / "1.h5")
+    assert (tmp_path / "2.h5").exists() and not (tmp_path / "3.h5").exists()
+
+
 def test_other_settings_are_refused_before_anything_runs(campaign, tmp_path):
     run_campaign(campaign("runs=1"), tmp_path / "second.h5", backend="sequential")
     jobs = [
