@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -33,9 +34,13 @@ class ChiefLegs:
         first_epoch: Epoch of the first of them.
         division: How a step is integrated.
         gravity: What acts on the chief.
+
+    Attributes:
+        cpu_s: CPU time spent on them so far, s.
     """
 
     def __init__(self, chief: Array, first_epoch: int, division: Division, gravity: Gravity) -> None:
+        self.cpu_s = 0.0
         self._chief, self._first_epoch = chief, first_epoch
         self._division, self._gravity = division, gravity
         self._together = max(TOGETHER // max(len(chief), 1), 1)
@@ -52,9 +57,11 @@ class ChiefLegs:
             )
         stack, within = divmod(place, self._together)
         if stack not in self._stacks:
+            begin = time.process_time()
             first = stack * self._together
             states = self._chief[:, first : first + self._together]
             self._stacks[stack] = chief_legs(states, self._division, self._gravity)
+            self.cpu_s += time.process_time() - begin
         return self._stacks[stack][within]
 
 
@@ -88,7 +95,14 @@ class ChiefFollower:
         self._division, self._gravity = division, gravity
         self._supplied: list[NonlinearJ2Dynamics] = []
         self._before: Array | None = None
+        self._legs: ChiefLegs | None = None
+        self._past_cpu_s = 0.0
         self._next_epoch = 0
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time spent on the orbit so far, s, whichever of the dynamics asked first: what one alone would need."""
+        return self._past_cpu_s + (0.0 if self._legs is None else self._legs.cpu_s)
 
     def supply(self, dynamics: NonlinearJ2Dynamics) -> None:
         """Supply these dynamics from now on."""
@@ -106,14 +120,16 @@ class ChiefFollower:
         """
         if first_epoch < self._next_epoch:
             return
+        begin = time.process_time()
         self._next_epoch = first_epoch + fixes.shape[1]
         estimates = self._filter.advance(fixes, None if forces is None else forces[:, :, 0])
         # The first step of a stretch begins at the last epoch of the one before.
         known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
-        legs = ChiefLegs(known, self._next_epoch - known.shape[1], self._division, self._gravity)
-        for dynamics in self._supplied:
-            dynamics.follow_chief(legs)
         self._before = estimates[:, -1:]
+        self._past_cpu_s = self.cpu_s + time.process_time() - begin
+        self._legs = ChiefLegs(known, self._next_epoch - known.shape[1], self._division, self._gravity)
+        for dynamics in self._supplied:
+            dynamics.follow_chief(self._legs)
 
 
 @lru_cache(maxsize=4)
@@ -128,9 +144,13 @@ class NominalChief:
     Args:
         orbit: The nominal orbit; epoch 0 is its own.
         step_s: Time between epochs, s.
+
+    Attributes:
+        cpu_s: CPU time spent on stretches of it so far, s.
     """
 
     def __init__(self, orbit: ChiefOrbit, step_s: float) -> None:
+        self.cpu_s = 0.0
         self._division = divide(orbit, step_s)
         self._gravity = Gravity.of(orbit)
         self._stretches = PerStretch(self._legs)
@@ -153,13 +173,16 @@ class NominalChief:
 
     def _legs(self, epochs: Array) -> tuple[Array, Leg]:
         """Return the states of a stretch, (512, 1, 6), and the legs that begin there."""
+        begin = time.process_time()
         stretch = int(epochs[0]) // EPOCHS
         while len(self._starts) <= stretch:
             self._starts.append(self._walk(self._starts[-1])[1])
         states, following = self._walk(self._starts[stretch])
         if len(self._starts) == stretch + 1:
             self._starts.append(following)
-        return states, chief_legs(states.swapaxes(0, 1), self._division, self._gravity)
+        legs = chief_legs(states.swapaxes(0, 1), self._division, self._gravity)
+        self.cpu_s += time.process_time() - begin
+        return states, legs
 
     def _walk(self, state: Array) -> tuple[Array, Array]:
         """Return the states of a stretch from its first one (6, 1), (512, 1, 6), and the first one after it."""

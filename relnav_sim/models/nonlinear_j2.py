@@ -73,6 +73,9 @@ class NonlinearJ2Dynamics:
         orbit: The chief's nominal orbit; its body has the harmonics.
         process_noise: Q (6, 6).
         step_s: Time between epochs, s.
+
+    Attributes:
+        nominal: The chief on that orbit; dynamics of the same orbit share him.
     """
 
     dimension = 6
@@ -84,7 +87,8 @@ class NonlinearJ2Dynamics:
         self._step_s = step_s
         self._division = divide(orbit, step_s)
         self._gravity = Gravity.of(orbit)
-        self._chief: ChiefLegs | NominalChief = shared_nominal_chief(orbit, step_s)
+        self.nominal = shared_nominal_chief(orbit, step_s)
+        self._chief: ChiefLegs | NominalChief = self.nominal
         self._latest: tuple[int, bytes, Array] | None = None
 
     def with_chief(self, chief: Array, first_epoch: int) -> NonlinearJ2Dynamics:

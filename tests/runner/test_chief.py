@@ -1,10 +1,13 @@
 """Filters of a block that believe the same of the chief's orbit share its estimate; no bit of a result shows it."""
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from relnav_sim.campaign.load import parse_campaign
-from relnav_sim.models import nonlinear_j2
+from relnav_sim.models import chief_legs, nonlinear_j2
 from relnav_sim.runner.block import simulate_block
 from relnav_sim.runner.work import with_filters
 
@@ -45,3 +48,26 @@ def test_shared_estimates_change_no_bit(case, monkeypatch):
         assert np.array_equal(shared.sigma, alone.sigma)
         assert np.isfinite(shared.error).all()
     assert not np.array_equal(together.filters["wide"].error, together.filters["untold"].error)
+
+
+@pytest.mark.parametrize("gnss", [True, False])
+def test_whoever_shares_the_chief_is_charged_all_of_it(case, monkeypatch, gnss):
+    """By a clock that stands still but for a second whenever legs are computed."""
+    clock, real = [0.0], chief_legs.chief_legs
+
+    def slow(*args):
+        clock[0] += 1
+        return real(*args)
+
+    monkeypatch.setattr(chief_legs, "chief_legs", slow)
+    monkeypatch.setattr(time, "process_time", lambda: clock[0])
+    if not gnss:
+        sensors = case.config.sensors.model_copy(update={"gnss": None})
+        case = replace(case, config=case.config.model_copy(update={"sensors": sensors}))
+    for names in (["wide"], ["narrow", "wide", "ukf"]):
+        before = clock[0]
+        found = simulate_block(with_filters(case, names), 1, [3, 4]).result.filters
+        seconds = clock[0] - before
+        assert seconds > 0
+        for name in names:
+            assert found[name].summary["cpu_per_step"].tolist() == [pytest.approx(1e6 * seconds / (2 * 531))] * 2
