@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
@@ -28,10 +28,8 @@ class _Job:
     out: Path
     folder: Path
     hold: ExitStack
-    left: list[Task]
-
-    def __post_init__(self) -> None:
-        self.waiting = {unit for task in self.left for unit in _units(task)}
+    left: list[Task] = field(default_factory=list)
+    waiting: set[Hashable] = field(default_factory=set)
 
 
 def run_campaigns(
@@ -57,8 +55,10 @@ def run_campaigns(
         OSError: The output can't be written.
     """
     with ExitStack() as held:
-        # All folders first: a refusal should not come after an hour.
-        waiting = [_begun(campaign, out, held.enter_context(ExitStack()), say) for campaign, out in jobs]
+        # All folders first: a refusal should not come after an hour, and leaves no trace.
+        waiting = [_held(campaign, out, held.enter_context(ExitStack())) for campaign, out in jobs]
+        for job in waiting:
+            _begin(job, say)
         named = {job.folder: job for job in waiting}
         tasks = [task for job in waiting for task in job.left]
         tally = Tally([_named(task, job) for job in waiting for task in job.left if isinstance(task, Block)], {})
@@ -75,18 +75,22 @@ def run_campaigns(
                     _merge(job, workers, say)
 
 
-def _begun(campaign: Campaign, out: Path, hold: ExitStack, say: Say) -> _Job:
+def _held(campaign: Campaign, out: Path, hold: ExitStack) -> _Job:
     folder = hold.enter_context(working_folder(out))
-    header = result_header(campaign)
     aside = f"move {out.name} and {folder.name} aside to start over"
-    check_same_campaign(out, header, f"give another --out, or {aside}")
-    write_folder_header(folder, header)
-    finished = finished_work(folder, campaign, say)
-    bounds = bounds_left(bound_tasks(campaign, folder), say)
-    job = _Job(campaign, out, folder, hold, [*blocks_left(campaign, finished.runs, folder), *bounds])
+    check_same_campaign(out, result_header(campaign), f"give another --out, or {aside}")
+    return _Job(campaign, out, folder, hold)
+
+
+def _begin(job: _Job, say: Say) -> None:
+    """Find out what is left of a campaign."""
+    write_folder_header(job.folder, result_header(job.campaign))
+    finished = finished_work(job.folder, job.campaign, say)
+    bounds = bounds_left(bound_tasks(job.campaign, job.folder), say)
+    job.left = [*blocks_left(job.campaign, finished.runs, job.folder), *bounds]
+    job.waiting = {unit for task in job.left for unit in _units(task)}
     if job.left:
-        begin_session(folder)
-    return job
+        begin_session(job.folder)
 
 
 def _merge(job: _Job, workers: int, say: Say) -> None:
