@@ -66,11 +66,11 @@ PLAN = (
     # Its own settled span is the last 2000 s; the paper's tables are over all of the time.
     Planned("limit", 12, always=("statistics.settle_s=500",), filters=("kf", "imm", "imm_biases")),
     Planned("alpha_kf_sweep", 100),
-    Planned("alpha_kf_process_noise", 20),
-    Planned("alpha_kf_bias", 20),
-    Planned("alpha_kf_geometry", 24),
-    Planned("alpha_kf_attitude", 24),
-    Planned("alpha_kf_epsilon", 24),
+    Planned("alpha_kf_process_noise", 12),
+    Planned("alpha_kf_bias", 12),
+    Planned("alpha_kf_geometry", 16),
+    Planned("alpha_kf_attitude", 16),
+    Planned("alpha_kf_epsilon", 16),
     # 10000 draws an epoch cost 700 us a step and run: a fifth of the duration, and few runs.
     Planned(
         "alpha_kf_draws",
