@@ -129,7 +129,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
         extras = {"alpha": alpha, "nis_after": after.nis, **extras}
         return (
             replace(belief, mean=posterior.mean, covariance=posterior.covariance),
-            Innovation(before.nis, log_likelihood, extras),
+            replace(before, log_likelihood=log_likelihood, extras=extras),
         )
 
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:

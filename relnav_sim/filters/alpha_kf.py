@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -147,7 +147,7 @@ class AlphaKalmanFilter(SamplingFilter):
             "fallback": 1.0 - usable,
             "nis_tempered": model.innovation(1 / self._total_alpha).nis,
         }
-        return posterior, Innovation(innovation.nis, innovation.log_likelihood, extras)
+        return posterior, replace(innovation, extras=extras)
 
     def _project(
         self, prior: WhitenedPrior, belief: Gaussian, model: Linearisation, z: Array, step: Step

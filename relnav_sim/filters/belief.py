@@ -32,11 +32,14 @@ class Innovation:
         nis: Normalised innovation squared nu^T S^-1 nu, (runs,).
         log_likelihood: log p(z_k | z_1 ... z_{k-1}), (runs,).
         extras: Further numbers of an algorithm by name, each (runs,), for example ``ess``.
+        failed: Why a run can't go on, in words, by its place in the block; without the epoch, which is added. What the
+            belief holds of such a run is not used any more.
     """
 
     nis: Array
     log_likelihood: Array
     extras: Mapping[str, Array] = field(default_factory=dict)
+    failed: Mapping[int, str] = field(default_factory=dict)
 
 
 class Belief(Protocol):

@@ -157,7 +157,7 @@ class CloudFilter:
         kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
         extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
         covariance = cloud.covariance + kalman.covariance / ess[:, None, None]
-        return replace(cloud, covariance=covariance), Innovation(innovation.nis, evidence, extras)
+        return replace(cloud, covariance=covariance), replace(innovation, log_likelihood=evidence, extras=extras)
 
     def _resampled_runs(self, ess: Array) -> Rows:
         return np.flatnonzero(ess < self._ess_threshold)

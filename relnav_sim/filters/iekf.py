@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,5 +60,5 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
         linearised, _ = joseph_update(belief, residual, measurement.jacobian(m + deviation, epoch), R)
         return (
             Gaussian(m + deviation, linearised.covariance),
-            Innovation(innovation.nis, innovation.log_likelihood, {"iterations": iterations}),
+            replace(innovation, extras={"iterations": iterations}),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -80,10 +81,7 @@ class GaussianFilter:
             return corrected, innovation
         rejected = innovation.nis > self._gate
         extras = {**innovation.extras, "rejected": rejected.astype(float)}
-        return (
-            where_runs(~rejected, corrected, belief),
-            Innovation(innovation.nis, innovation.log_likelihood, extras),
-        )
+        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras)
 
     def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
         """Return the corrected belief with the considered states as predicted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ def reweighted_update(
         posterior, _ = joseph_update(prior, nu, H, _scaled(L, weights))
         shift = posterior.mean - mean
     extras = {"lowest_weight": weights.min(axis=-1)}
-    return posterior, Innovation(innovation.nis, innovation.log_likelihood, extras)
+    return posterior, replace(innovation, extras=extras)
 
 
 def _scaled(L: Array, weights: Array) -> Array:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
+from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -26,6 +28,8 @@ class FilterHistory:
         nis: Normalised innovation squared, (runs, T); NaN where there was no measurement.
         log_likelihood: log p(z_k | earlier z), (runs, T); 0 where there was no measurement.
         extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement.
+        failures: The runs that failed, with epoch and reason; from there on their mean, covariance and log-likelihood
+            are NaN.
     """
 
     mean: Array
@@ -33,6 +37,7 @@ class FilterHistory:
     nis: Array
     log_likelihood: Array
     extras: Mapping[str, Array]
+    failures: tuple[FailedRun, ...] = ()
 
 
 def run_filter(
@@ -78,7 +83,11 @@ def run_filter(
         raise ValueError(f"{len(runs)} run numbers for {B} runs")
     with np.errstate(all="ignore"):  # for the reason in `advance`
         belief = filter.start(Gaussian(mean, covariance), RandomSource(seed, runs))
-    return advance(filter, belief, z, first_epoch=0, step_s=step_s)[1]
+    history = advance(filter, belief, z, first_epoch=0, step_s=step_s)[1]
+    failures = tuple(replace(failure, run=runs[failure.run]) for failure in history.failures)
+    if failures:
+        warnings.warn(sentence(failures), RuntimeWarning, stacklevel=2)
+    return replace(history, failures=failures)
 
 
 def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: float) -> tuple[Any, FilterHistory]:
@@ -90,6 +99,9 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
         z: Measurements of the stretch, (runs, K, m).
         first_epoch: Number of the stretch's first epoch.
         step_s: Time between epochs, s.
+
+    Returns:
+        The last belief, and the history, whose failures name runs by their place in the block.
     """
     _keep_freed_memory()
     B, K, _ = z.shape
@@ -98,6 +110,7 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
     nis, log_likelihood = np.full((B, K), np.nan), np.zeros((B, K))
     extras: dict[str, Array] = {}
     present = np.asarray(~np.isnan(z).any(axis=2))
+    stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
     with np.errstate(all="ignore"):
         for k in range(K):
@@ -107,11 +120,15 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
                 belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step)
                 nis[:, k] = innovation.nis
                 log_likelihood[:, k] = innovation.log_likelihood
+                if innovation.failed:
+                    stated.add(k, innovation.failed, present[:, k])
                 for name, value in innovation.extras.items():
                     extras.setdefault(name, np.full((B, K), np.nan))[:, k] = value
             mean[:, k] = belief.mean
             covariance[:, k] = belief.covariance
-    return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras)
+    failed = failures_of(stated, before, mean, covariance, nis, log_likelihood)
+    failures = tuple(FailedRun(place, first_epoch + k, reason) for place, k, reason in failed)
+    return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras, failures)
 
 
 def _update_present(
@@ -127,6 +144,7 @@ def _update_present(
         np.where(present, innovation.nis, np.nan),
         np.where(present, innovation.log_likelihood, 0.0),
         {name: np.where(present, value, np.nan) for name, value in innovation.extras.items()},
+        innovation.failed,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -84,7 +85,7 @@ class StochasticSearchFilter(SamplingFilter):
         if not usable.all():
             posterior = where_runs(usable, posterior, self.iterated_update(belief, z, 1.0, step))
         innovation = self.linearise(belief, z, step.epoch).innovation()
-        return posterior, Innovation(innovation.nis, innovation.log_likelihood, {"fallback": 1.0 - usable})
+        return posterior, replace(innovation, extras={"fallback": 1.0 - usable})
 
     def _search(self, prior: WhitenedPrior, belief: Gaussian, z: Array, step: Step) -> tuple[Array, Array]:
         """Return mean (runs, d) and covariance (runs, d, d) of q in the coordinates where the prior is N(0, I)."""

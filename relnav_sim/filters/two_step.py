@@ -165,7 +165,7 @@ class TwoStepFilter(GaussianFilter):
         return (
             corrected,
             (measurement.residual(z, y_g), observed),
-            Innovation(innovation.nis, innovation.log_likelihood, {"iterations": iterations}),
+            replace(innovation, extras={"iterations": iterations}),
         )
 
     def _off_manifold(self, belief: TwoStepBelief, G: Array, R: Array, epoch: int) -> OffManifold:

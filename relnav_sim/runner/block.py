@@ -224,7 +224,13 @@ class FilterTrack:
                 # A run whose extra states are lost has failed, though without a reading position may not show it yet.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
-                stretch.truth.times_s, error, covariance, history.nis, history.log_likelihood, history.extras
+                stretch.truth.times_s,
+                error,
+                covariance,
+                history.nis,
+                history.log_likelihood,
+                history.extras,
+                {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
             )
             if self._extra is not None:
                 self._extra.add(stretch, history, self._errors.failed_epoch)
@@ -261,6 +267,7 @@ class FilterTrack:
             np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
             np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
             {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
+            history.failures,
         )
 
     def result(self) -> FilterResult:

@@ -119,6 +119,7 @@ class ErrorAccumulator:
         nis: Array,
         log_likelihood: Array,
         extras: Mapping[str, Array] | None = None,
+        stated: Mapping[int, tuple[int, str]] | None = None,
     ) -> None:
         """Count the next stretch of epochs. The start (epoch 0) may be given; it is stored but not counted.
 
@@ -129,6 +130,7 @@ class ErrorAccumulator:
             nis: Normalised innovation squared (runs, K); NaN without a measurement.
             log_likelihood: Log likelihood of the measurement (runs, K); 0 without one.
             extras: Further numbers of the filter by name (runs, K); NaN where there is none.
+            stated: Epoch and reason of the failures that the filter itself states, by the run's place in the block.
 
         Raises:
             ValueError: The stretch does not continue the last one, or shapes do not fit.
@@ -139,7 +141,7 @@ class ErrorAccumulator:
         nis, log_likelihood = np.ascontiguousarray(nis), np.ascontiguousarray(log_likelihood)
         nees, definite = consistency.normalised_errors(error.reshape(-1, 6), covariance.reshape(-1, 6, 6))
         nees = nees.reshape(3, *shape)
-        self._find_failures(first, error, covariance, definite.reshape(shape))
+        self._find_failures(first, error, covariance, definite.reshape(shape), stated or {})
         epochs = np.arange(first, first + shape[1])
         sound = epochs < self._failed_epoch[:, None]
         self._store(epochs, error, covariance, nis, nees[0], sound)
@@ -212,7 +214,9 @@ class ErrorAccumulator:
             raise ValueError(f"the stretch ends beyond the run's {self.rules.epochs} epochs")
         return first
 
-    def _find_failures(self, first: int, error: Array, covariance: Array, definite: Mask) -> None:
+    def _find_failures(
+        self, first: int, error: Array, covariance: Array, definite: Mask, stated: Mapping[int, tuple[int, str]]
+    ) -> None:
         # A sum is finite only if all its terms are; one product with ones is many times faster than isfinite
         # over every entry. Terms that overflow only when added are as good as infinite here.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -221,12 +225,15 @@ class ErrorAccumulator:
         ok = mean_ok & covariance_ok & definite
         if ok.all():
             return
-        for run in np.flatnonzero(~ok.all(axis=1) & (self._failed_epoch == _NEVER)):
+        for run in np.flatnonzero(~ok.all(axis=1) & (self._failed_epoch == _NEVER)).tolist():
             k = int(np.argmin(ok[run]))
             self._failed_epoch[run] = first + k
-            self._reasons[run] = (
-                NO_MEAN if not mean_ok[run, k] else NO_COVARIANCE if not covariance_ok[run, k] else NOT_DEFINITE
-            )
+            epoch, reason = stated.get(run, (first + k, ""))
+            if not reason or epoch != first + k:
+                reason = (
+                    NO_MEAN if not mean_ok[run, k] else NO_COVARIANCE if not covariance_ok[run, k] else NOT_DEFINITE
+                )
+            self._reasons[run] = reason
 
     def _store(
         self, epochs: NDArray[np.int64], error: Array, covariance: Array, nis: Array, nees: Array, sound: Mask

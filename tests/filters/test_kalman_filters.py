@@ -119,15 +119,25 @@ def test_bits_do_not_depend_on_the_block(kind):
 
 
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
-def test_a_broken_run_leaves_the_others_alone(kind):
+def test_a_broken_run_leaves_the_others_alone_and_says_when_and_why(kind):
     problem = radar_problem(runs=3, steps=20)
     good = run_filter(
         create_filter(kind, problem.dynamics, problem.measurement), problem.z, problem.mean0, problem.cov0
     )
-    cov0 = np.broadcast_to(problem.cov0, (3, 6, 6)).copy()
-    cov0[1] = -1e6 * np.eye(6)
-    bad = run_filter(create_filter(kind, problem.dynamics, problem.measurement), problem.z, problem.mean0, cov0)
-    assert np.isnan(bad.mean[1, -1]).all()
+    z = problem.z.copy()
+    z[1, 7] = 1e300
+    with pytest.warns(RuntimeWarning, match="the filter failed in run 11 at epoch 8: .*grew beyond"):
+        bad = run_filter(
+            create_filter(kind, problem.dynamics, problem.measurement),
+            z,
+            problem.mean0,
+            problem.cov0,
+            runs=(10, 11, 12),
+        )
+    [failure] = bad.failures
+    assert (failure.run, failure.epoch) == (11, 8)
+    for series in (bad.mean, bad.covariance, bad.nis, bad.log_likelihood):
+        assert np.isnan(series[1, 8:]).all() and np.isfinite(series[1, :7]).all()
     for run in (0, 2):
         assert np.array_equal(bad.mean[run], good.mean[run])
 

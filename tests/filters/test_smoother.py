@@ -137,8 +137,9 @@ def test_bits_of_a_run_do_not_depend_on_its_block_and_a_lost_run_stays_alone():
         alone = smooth(run_filter(f, z[run : run + 1], mean0[run : run + 1], P0), dynamics)
         assert np.array_equal(alone.mean[0], together.mean[run])
         assert np.array_equal(alone.covariance[0], together.covariance[run])
-    mean0[1] = np.nan
-    spoiled = smooth(run_filter(f, z, mean0, P0), dynamics)
+    history = run_filter(f, z, mean0, P0)
+    history.mean[1, 10:], history.covariance[1, 10:] = np.nan, np.nan
+    spoiled = smooth(history, dynamics)
     assert np.array_equal(spoiled.mean[[0, 2]], together.mean[[0, 2]])
     assert np.isnan(spoiled.mean[1]).all()
 
