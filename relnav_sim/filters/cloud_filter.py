@@ -35,6 +35,7 @@ from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
+NO_LIKELIHOOD = "no particle gives the measurement a finite likelihood"
 
 
 class CloudOptions(Options):
@@ -157,7 +158,8 @@ class CloudFilter:
         kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
         extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
         covariance = cloud.covariance + kalman.covariance / ess[:, None, None]
-        return replace(cloud, covariance=covariance), replace(innovation, log_likelihood=evidence, extras=extras)
+        failed = {place: NO_LIKELIHOOD for place in np.flatnonzero(~np.isfinite(evidence)).tolist()}
+        return replace(cloud, covariance=covariance), Innovation(innovation.nis, evidence, extras, failed)
 
     def _resampled_runs(self, ess: Array) -> Rows:
         return np.flatnonzero(ess < self._ess_threshold)
@@ -174,25 +176,37 @@ class CloudFilter:
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
     """Return the reweighted cloud, with its moments; the evidence's logarithm; and the effective sample size.
 
-    The weights' mean increment estimates p(z_k | z_1 ... z_{k-1}); the product over k is unbiased (Del Moral 2004).
+    The weights' mean increment estimates p(z_k | z_1 ... z_{k-1}); the product over k is unbiased (Del Moral 2004). A
+    particle without a finite likelihood (NaN, or infinite) gets weight zero; a run in which all are such turns to NaN.
 
     Args:
         cloud: Particles with the weights they had.
         log_increments: Logarithm of every particle's new factor, (runs, N).
     """
-    log_weights = cloud.log_weights + log_increments
+    log_weights, components = cloud.log_weights + log_increments, cloud.components
     highest = log_weights.max(axis=-1, keepdims=True)
+    if not np.isfinite(highest).all():
+        log_weights = usable(log_weights)
+        highest = log_weights.max(axis=-1, keepdims=True)
+        # Zero times NaN would spoil the moments.
+        lost = (log_weights == -np.inf)[:, None] & ~np.isfinite(components)
+        components = np.where(lost, cloud.mean[:, :, None], components)
     weights = np.exp(log_weights - highest)
     total = weights.sum(axis=-1, keepdims=True)
     weights /= total
     evidence = highest + np.log(total)
     log_weights -= evidence
-    mean, covariance = moments(cloud.components, weights)
-    weighted = Cloud(cloud.components, log_weights, mean, covariance, cloud.parents, cloud.streams)
+    mean, covariance = moments(components, weights)
+    weighted = Cloud(components, log_weights, mean, covariance, cloud.parents, cloud.streams)
     return weighted, evidence[:, 0], effective_sample_size(weights)
+
+
+def usable(log_weights: Array) -> Array:
+    """Return the same with minus infinity, weight zero, for NaN and plus infinity, which no density is."""
+    return np.where(log_weights < np.inf, log_weights, -np.inf)
 
 
 def accept(log_ratio: Array, streams: Streams) -> NDArray[np.bool_]:
     """Return which Metropolis proposals (runs, N) are accepted, by the logarithm of their ratio."""
-    accepted: NDArray[np.bool_] = np.log1p(-streams.uniform(log_ratio.shape[1])) < log_ratio
+    accepted: NDArray[np.bool_] = np.log1p(-streams.uniform(log_ratio.shape[1])) < usable(log_ratio)
     return accepted

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.filters.belief import Gaussian, keep_considered
+from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
 from relnav_sim.filters.kalman import innovation_of, joseph_update
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.models.measurement import Measurement
 
 Array = NDArray[np.float64]
+NO_COMPONENT = "no component of the mixture gives the measurement a finite likelihood"
 
 
 def noise_components(measurement: Measurement, mean: Array, epoch: int) -> tuple[Array, Array]:
@@ -38,7 +39,7 @@ def component_updates(
     z: Array,
     epoch: int,
     considered: tuple[int, ...] = (),
-) -> tuple[Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Return the extended Kalman update of every state component with every noise component given for it.
 
     Args:
@@ -51,7 +52,8 @@ def component_updates(
         considered: Places of the states that are not estimated.
 
     Returns:
-        Means (runs, c, k, n), covariances (runs, c, k, n, n), log-likelihoods (runs, c, k) and NIS (runs, c, k).
+        Means (runs, c, k, n), covariances (runs, c, k, n, n) and log-likelihoods (runs, c, k); minus infinity, with the
+        prediction's mean and covariance, where an update gives no number.
     """
     runs, c, n = means.shape
     nu = measurement.residual(z[:, None], measurement.predict(means, epoch))
@@ -69,12 +71,21 @@ def component_updates(
         np.broadcast_to(noises, (runs, c, k, m, m)).reshape(flat, m, m),
     )
     posterior = keep_considered(prior, posterior, considered)
+    log_likelihood = innovation.log_likelihood
+    # With weight zero a component must still be finite: zero times NaN would spoil the others' moments.
+    sound = np.isfinite(log_likelihood + posterior.mean.sum(axis=1) + posterior.covariance.sum(axis=(1, 2)))
+    if not sound.all():
+        posterior, log_likelihood = where_runs(sound, posterior, prior), np.where(sound, log_likelihood, -np.inf)
     return (
         posterior.mean.reshape(runs, c, k, n),
         posterior.covariance.reshape(runs, c, k, n, n),
-        innovation.log_likelihood.reshape(runs, c, k),
-        innovation.nis.reshape(runs, c, k),
+        log_likelihood.reshape(runs, c, k),
     )
+
+
+def without_likelihood(log_likelihood: Array) -> dict[int, str]:
+    """Return the runs (by place) that no component explains, with the reason; log p(z) (runs,) is not finite there."""
+    return {place: NO_COMPONENT for place in np.flatnonzero(~np.isfinite(log_likelihood)).tolist()}
 
 
 def normalised(log_weights: Array) -> tuple[Array, Array]:
@@ -97,9 +108,28 @@ def moment_match(weights: Array, means: Array, covariances: Array) -> tuple[Arra
     return mean, covariance + np.einsum("...c,...ci,...cj->...ij", weights, spread, spread)
 
 
-def nominal_nis(measurement: Measurement, mean: Array, covariance: Array, noises: Array, z: Array, epoch: int) -> Array:
-    """Return the normalised innovation squared of a Gaussian with the first noise component, (runs,)."""
-    residual = measurement.residual(z, measurement.predict(mean, epoch))
-    H = measurement.jacobian(mean, epoch)
-    S = H @ covariance @ transpose(H) + noises[..., 0, :, :]
-    return innovation_of(CholeskyFactor(S), residual).nis
+def predictive_nis(
+    measurement: Measurement, weights: Array, means: Array, covariances: Array, noise: Array, z: Array, epoch: int
+) -> Array:
+    """Return nu^T S^-1 nu of the predictive mixture's moments, (runs,).
+
+    With zhat_i = h(x_i) and S_i = H_i P_i H_i^T + R_i, the mixture has mean zbar = sum w_i zhat_i and covariance
+    S = sum w_i (S_i + (zhat_i - zbar)(zhat_i - zbar)^T); nu = z - zbar. Where the model is right its mean is m, but it
+    is not chi-square.
+
+    Args:
+        measurement: The model of z.
+        weights: w, (runs, c).
+        means: (runs, c, n).
+        covariances: (runs, c, n, n).
+        noise: Covariance of the noise of each component, (c or 1, m, m) or (runs, c or 1, m, m).
+        z: (runs, m).
+        epoch: The epoch.
+    """
+    expected = measurement.predict(means, epoch)
+    # Taken from one of them on, so that angles are averaged on the same turn.
+    offsets = measurement.residual(expected, expected[:, :1])
+    H = measurement.jacobian(means, epoch)
+    shift, S = moment_match(weights, offsets, H @ covariances @ transpose(H) + noise)
+    nu = measurement.residual(z, expected[:, 0] + shift)
+    return innovation_of(CholeskyFactor(S), nu).nis

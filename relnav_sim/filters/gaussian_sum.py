@@ -15,8 +15,9 @@ from relnav_sim.filters.components import (
     mixture_mean,
     moment_match,
     noise_components,
-    nominal_nis,
     normalised,
+    predictive_nis,
+    without_likelihood,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, log_determinant_of, runs_first, runs_last, transpose
@@ -104,23 +105,22 @@ class GaussianSumFilter:
         return GaussianSum(belief.weights, self.dynamics.propagate(belief.means, step), covariances)
 
     def update(self, belief: GaussianSum, z: Array, step: Step) -> tuple[GaussianSum, Innovation]:
-        """Return the reduced mixture of all updates.
-
-        The NIS is that of the mixture's moments with the first noise component.
-        """
+        """Return the reduced mixture of all updates; the NIS is that of the predictive mixture's moments."""
         epoch = step.epoch
-        mean, covariance = moment_match(belief.weights, belief.means, belief.covariances)
+        mean = belief.mean
         weights, noises = noise_components(self.measurement, mean, epoch)
-        means, covariances, log_likelihoods, _ = component_updates(
+        total = np.einsum("k,...kij->...ij", weights, noises)[..., None, :, :]
+        nis = predictive_nis(self.measurement, belief.weights, belief.means, belief.covariances, total, z, epoch)
+        means, covariances, log_likelihoods = component_updates(
             self.measurement, belief.means, belief.covariances, noises[..., None, :, :, :], z, epoch, self._considered
         )
-        nis = nominal_nis(self.measurement, mean, covariance, noises, z, epoch)
         runs, n = mean.shape
         with np.errstate(divide="ignore"):
             log_prior = np.log(belief.weights)[:, :, None] + np.log(weights)
         posterior, log_likelihood = normalised((log_prior + log_likelihoods).reshape(runs, -1))
         mixture = GaussianSum(posterior, means.reshape(runs, -1, n), covariances.reshape(runs, -1, n, n))
-        return reduced(mixture, self._components), Innovation(nis, log_likelihood)
+        innovation = Innovation(nis, log_likelihood, failed=without_likelihood(log_likelihood))
+        return reduced(mixture, self._components), innovation
 
 
 def reduced(mixture: GaussianSum, components: int) -> GaussianSum:

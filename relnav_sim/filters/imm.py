@@ -16,6 +16,8 @@ from relnav_sim.filters.components import (
     moment_match,
     noise_components,
     normalised,
+    predictive_nis,
+    without_likelihood,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import transpose
@@ -111,17 +113,20 @@ class InteractingModelsFilter:
     def update(self, belief: ModelBank, z: Array, step: Step) -> tuple[ModelBank, Innovation]:
         """Return every model's update, reweighted by its likelihood.
 
-        The NIS is that of the first component, the nominal noise, before the update; `outlier_probability` is one
-        minus its posterior probability.
+        The NIS is that of the predictive mixture's moments; `outlier_probability` is one minus the posterior
+        probability of the first component, the nominal noise.
         """
         _, noises = noise_components(self.measurement, belief.means[:, 0], step.epoch)
+        nis = predictive_nis(
+            self.measurement, np.exp(belief.log_weights), belief.means, belief.covariances, noises, z, step.epoch
+        )
         # Each model is updated with its own noise only.
         own = noises[..., :, None, :, :]
-        means, covariances, log_likelihoods, nis = component_updates(
+        means, covariances, log_likelihoods = component_updates(
             self.measurement, belief.means, belief.covariances, own, z, step.epoch, self._considered
         )
         weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
         extras = {"outlier_probability": 1 - weights[:, 0]}
         with np.errstate(divide="ignore"):
             bank = ModelBank(np.log(weights), means[:, :, 0], covariances[:, :, 0])
-        return bank, Innovation(nis[:, 0, 0], log_likelihood, extras)
+        return bank, Innovation(nis, log_likelihood, extras, without_likelihood(log_likelihood))

@@ -20,7 +20,7 @@ from relnav_sim.filters.cloud import (
     square_root,
     standard_normals,
 )
-from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, weigh
+from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, usable, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
@@ -175,7 +175,11 @@ class ParticleFilter(CloudFilter):
 
 def tempered_ess(log_weights: Array) -> Array:
     """Return the effective sample size of log-weights that need not be normalised, (runs, N): (runs,)."""
-    weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
+    highest = log_weights.max(axis=-1, keepdims=True)
+    if not np.isfinite(highest).all():
+        log_weights = usable(log_weights)
+        highest = log_weights.max(axis=-1, keepdims=True)
+    weights = np.exp(log_weights - highest)
     return np.asarray(np.square(weights.sum(axis=-1)) / np.square(weights).sum(axis=-1))
 
 

@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
+from relnav_sim.models.read_only import ReadOnlyDynamics
 from relnav_sim.options import Options
 
 MeasurementKind = Literal["polar", "cartesian"]
@@ -140,8 +141,8 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
         **options: The filter's options, as in a campaign.
 
     Raises:
-        ValueError: The name is not registered, an option is unknown or out of range, or the dynamics have considered
-            states and the filter can't do that.
+        ValueError: The name is not registered, an option is unknown or out of range, the measurement is for another
+            number of states, or the dynamics have considered states and the filter can't do that.
     """
     kinds = filter_kinds()
     if name not in kinds:
@@ -159,7 +160,12 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
         raise ValueError(f"filter {name!r}: {problems}") from None
     if considered_states(dynamics) and not kind.considers:
         raise ValueError(f"filter {name!r} can't account for states without estimating them")
-    return kind.factory(dynamics, measurement, checked)
+    measured_states = getattr(measurement, "states", None)
+    if measured_states not in (None, dynamics.dimension):
+        raise ValueError(
+            f"the measurement (columns of H) is for {measured_states} states, the dynamics have {dynamics.dimension}"
+        )
+    return kind.factory(ReadOnlyDynamics(dynamics), measurement, checked)
 
 
 def _plain(value: object) -> object:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
 from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
+from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -53,38 +54,29 @@ def run_filter(
 
     Args:
         filter: From `create_filter`, or any object of the same interface.
-        z: Measurements (runs, T, m). Any NaN in a row means that the row is missing: predict only.
+        z: Measurements (runs, T, m). Any NaN, or masked entry, in a row means that the row is missing: predict only.
         mean0: State estimate one step before the first measurement, (runs, n) or (n,).
-        cov0: Its covariance, (runs, n, n) or (n, n).
+        cov0: Its covariance, (runs, n, n) or (n, n); zeros are states that are known.
         seed: Seed of the filter's random numbers.
         runs: Run numbers for the random streams, default 0, 1, ...; the same run number gets the same numbers
             whatever the block.
         step_s: Time between epochs, s, for dynamics that ask for it.
 
     Raises:
-        ValueError: Shapes do not fit together.
+        ValueError: Shapes do not fit together, something given is no array of real numbers, a reading is infinite, the
+            prior is not finite or its covariance none, or a function of the models writes into its argument.
+
+    Warns:
+        RuntimeWarning: Runs failed; it names them, with epoch and reason, as the history's `failures` do.
     """
-    z = np.asarray(z, dtype=float)
-    if z.ndim != 3:
-        raise ValueError(f"z has shape {z.shape}; it must be (runs, T, m)")
-    B, n = len(z), filter.dynamics.dimension
-    if z.shape[2] != filter.measurement.dimension:
-        raise ValueError(f"z has {z.shape[2]} components, the measurement {filter.measurement.dimension}")
-    try:
-        mean = np.broadcast_to(np.asarray(mean0, dtype=float), (B, n)).copy()
-        covariance = np.broadcast_to(np.asarray(cov0, dtype=float), (B, n, n)).copy()
-    except ValueError:
-        raise ValueError(
-            f"mean0 has shape {np.shape(mean0)} and cov0 {np.shape(cov0)}; "
-            f"for {B} runs of {n} states they must be ({B}, {n}) and ({B}, {n}, {n})"
-        ) from None
-    runs = tuple(range(B)) if runs is None else tuple(runs)
-    if len(runs) != B:
-        raise ValueError(f"{len(runs)} run numbers for {B} runs")
+    readings = checked_readings(z, filter.measurement.dimension)
+    prior = checked_prior(mean0, cov0, len(readings), filter.dynamics.dimension)
+    numbered = checked_runs(runs, len(readings))
     with np.errstate(all="ignore"):  # for the reason in `advance`
-        belief = filter.start(Gaussian(mean, covariance), RandomSource(seed, runs))
-    history = advance(filter, belief, z, first_epoch=0, step_s=step_s)[1]
-    failures = tuple(replace(failure, run=runs[failure.run]) for failure in history.failures)
+        check_models(filter, prior, readings, step_s)
+        belief = filter.start(prior, RandomSource(seed, numbered))
+    history = advance(filter, belief, readings, first_epoch=0, step_s=step_s)[1]
+    failures = tuple(replace(failure, run=numbered[failure.run]) for failure in history.failures)
     if failures:
         warnings.warn(sentence(failures), RuntimeWarning, stacklevel=2)
     return replace(history, failures=failures)

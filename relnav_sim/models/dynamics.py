@@ -8,6 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.models.given_arrays import covariances, finite, numbers
+
 Array = NDArray[np.float64]
 
 
@@ -49,22 +51,30 @@ class LinearDynamics:
         process_noise: Q, (n, n), or (T, n, n) with one matrix per epoch.
 
     Raises:
-        ValueError: A matrix is not square, the sizes differ, or Q is not symmetric.
+        ValueError: A matrix is not square, the sizes differ, an entry is not finite, or Q is no covariance.
     """
 
     linear = True
 
     def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
-        self._F = np.array(transition, dtype=float)
-        self._Q = np.array(process_noise, dtype=float)
-        for name, matrix in (("transition", self._F), ("process_noise", self._Q)):
-            if matrix.ndim not in (2, 3) or matrix.shape[-1] != matrix.shape[-2]:
-                raise ValueError(f"{name} has shape {matrix.shape}; it must be (n, n) or (T, n, n)")
+        F = numbers(transition, "transition")
+        if F.ndim not in (2, 3) or F.shape[-1] != F.shape[-2]:
+            raise ValueError(f"transition has shape {F.shape}; it must be (n, n) or (T, n, n)")
+        self._F = finite(F, "transition", ("epoch", "row", "column")[-F.ndim :]).copy()
+        self._Q = covariances(process_noise, "process_noise", "(n, n) or (T, n, n)", ([], ["epoch"]))
         if self._F.shape[-1] != self._Q.shape[-1]:
             raise ValueError(f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}")
-        if not np.allclose(self._Q, self._Q.swapaxes(-1, -2), rtol=1e-10, atol=0.0):
-            raise ValueError("process_noise is not symmetric")
         self.dimension = self._F.shape[-1]
+
+    def check_extent(self, runs: int, epochs: int) -> None:
+        """Refuse a block that has more epochs than there are matrices.
+
+        Raises:
+            ValueError: It has.
+        """
+        for name, matrices in (("transition", self._F), ("process_noise", self._Q)):
+            if matrices.ndim == 3 and len(matrices) < epochs:
+                raise ValueError(f"{name} is given for {len(matrices)} epochs, the readings have {epochs}")
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""

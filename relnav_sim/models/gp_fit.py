@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.gaussian_process import LEAST_NOISE, GaussianProcess, Kernel, condition, most_informative
+from relnav_sim.models.given_arrays import covariances, numbers
 from relnav_sim.models.gp import Base, GpDynamics, Target, Variance, straight_line, with_phase
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ _LEAST_OUTPUT_NOISE = 1e-9
 _FITTED_ROWS = 75
 # Share of the training rows, the last ones, that calibrates the variance when there are no others to do it.
 _CALIBRATION_SHARE = 0.2
+# A column that varies by no more than this share of its size is constant: what varies is rounding.
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -101,13 +104,14 @@ def fit_gp_dynamics(
     if held_out and (held_out.expected is None) != (expected is None):
         raise ValueError("expected of the training rows and of the held-out ones go together")
     known = None if held_out is None else _checked(held_out, "held-out", n)
-    added = None if added_noise is None else np.asarray(added_noise, dtype=float)
+    added = None if added_noise is None else covariances(added_noise, "added_noise", f"({n}, {n})", [[]])
     if added is not None and added.shape != (n, n):
         raise ValueError(f"added_noise has shape {added.shape}; it must be ({n}, {n})")
     carried = _carried(target, base, n, step_s)
     if training.expected is not None and base is None:
         raise ValueError("expected is what base dynamics expect; give those too")
-    kernel = fit_kernel(training.inputs, training.outputs(carried, step_s), restarts, seed)
+    magnitude = np.abs(training.next).max(axis=0)
+    kernel = fit_kernel(training.inputs, training.outputs(carried, step_s), restarts, seed, magnitude)
     process = condition(kernel, training.inputs, training.outputs(carried, step_s))
     calibration = _calibration(kernel, process, training, known, carried, step_s)
     uncertainty = None
@@ -117,7 +121,9 @@ def fit_gp_dynamics(
     return GpDynamics(process, carried, calibration, variance, uncertainty, added, phase)
 
 
-def fit_kernel(inputs: Array, outputs: Array, restarts: int = 2, seed: int = 0) -> Kernel:
+def fit_kernel(
+    inputs: Array, outputs: Array, restarts: int = 2, seed: int = 0, output_magnitude: Array | None = None
+) -> Kernel:
     """Return the kernel that maximises the marginal likelihood of some of the rows.
 
     Args:
@@ -125,13 +131,16 @@ def fit_kernel(inputs: Array, outputs: Array, restarts: int = 2, seed: int = 0) 
         outputs: (S, q).
         restarts: Further starts, from random parameters.
         seed: Seed of those.
+        output_magnitude: Size of the numbers that the outputs are differences of, (q,), for their rounding; default:
+            that of the outputs.
     """
     # Imported here: scikit-learn takes longer to import than the rest of the package.
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    input_mean, input_scale = inputs.mean(axis=0), _deviation(inputs)
-    output_mean, output_scale = outputs.mean(axis=0), _deviation(outputs)
+    input_mean, input_scale = inputs.mean(axis=0), _deviation(inputs, np.abs(inputs).max(axis=0))
+    magnitude = np.abs(outputs).max(axis=0) if output_magnitude is None else output_magnitude
+    output_mean, output_scale = outputs.mean(axis=0), _deviation(outputs, magnitude)
     x, y = (inputs - input_mean) / input_scale, (outputs - output_mean) / output_scale
     some = slice(None, None, ceil(len(x) / _FITTED_ROWS))
     start = ConstantKernel(1.0, (np.exp(-6), np.exp(16))) * (
@@ -172,18 +181,18 @@ class _Rows:
 
 
 def _checked(rows: Transitions, name: str, n: int) -> _Rows:
-    now, next = np.asarray(rows.now, dtype=float), np.asarray(rows.next, dtype=float)
+    now, next = numbers(rows.now, f"now of the {name} rows"), numbers(rows.next, f"next of the {name} rows")
     if now.ndim != 2 or now.shape != next.shape or now.shape[1] != n or len(now) < 10:
         raise ValueError(
             f"{name} rows have shapes {now.shape} and {next.shape}; both must be (S, {n or 'n'}) with S at least 10"
         )
     inputs = now
     if rows.phase_rad is not None:
-        phase = np.asarray(rows.phase_rad, dtype=float)
+        phase = numbers(rows.phase_rad, f"phase_rad of the {name} rows")
         if phase.shape != now.shape[:1]:
             raise ValueError(f"{name} rows have {len(now)} states and phases of shape {phase.shape}")
         inputs = with_phase(now, phase)
-    expected = None if rows.expected is None else np.asarray(rows.expected, dtype=float)
+    expected = None if rows.expected is None else numbers(rows.expected, f"expected of the {name} rows")
     if expected is not None and expected.shape != now.shape:
         raise ValueError(f"{name} rows have states {now.shape} and expected ones {expected.shape}")
     if not all(np.isfinite(part).all() for part in (inputs, next, now if expected is None else expected)):
@@ -199,9 +208,10 @@ def _carried(target: Target, base: Dynamics | None, n: int, step_s: float) -> Ba
     return "state" if target == "difference" else None
 
 
-def _deviation(columns: Array) -> Array:
+def _deviation(columns: Array, magnitude: Array) -> Array:
+    """Return the standard deviations of the columns, one where a column is constant up to rounding at a magnitude."""
     deviation = columns.std(axis=0)
-    return np.where(deviation > 0, deviation, 1.0)
+    return np.where(deviation > _ROUNDING * magnitude, deviation, 1.0)
 
 
 def _calibration(

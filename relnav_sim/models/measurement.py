@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.linalg import log_density, mixture_log_density
+from relnav_sim.models.given_arrays import covariances, finite, numbers
+from relnav_sim.models.read_only import called_read_only
 
 Array = NDArray[np.float64]
 
@@ -23,6 +26,10 @@ class MixtureNoise:
         covariances: (k, m, m).
         shared: True when one switch draws the component for all channels at once; False when each channel
             switches by itself (the covariances must then be diagonal).
+
+    Raises:
+        ValueError: Shapes that do not fit, weights that are not positive or do not sum to 1, or a matrix that is no
+            covariance.
     """
 
     weights: Array
@@ -30,17 +37,19 @@ class MixtureNoise:
     shared: bool = True
 
     def __post_init__(self) -> None:
-        weights = np.array(self.weights, dtype=float)
-        covariances = np.array(self.covariances, dtype=float)
-        if weights.ndim != 1 or covariances.ndim != 3 or len(weights) != len(covariances):
-            raise ValueError("MixtureNoise needs weights (k,) and covariances (k, m, m)")
-        if (weights <= 0).any() or abs(weights.sum() - 1) > 1e-9:
-            raise ValueError("the weights of MixtureNoise must be positive and sum to 1")
-        diagonal = covariances * np.eye(covariances.shape[-1])
-        if not self.shared and not np.array_equal(diagonal, covariances):
+        weights = numbers(self.weights, "weights of MixtureNoise")
+        matrices = covariances(self.covariances, "covariances of MixtureNoise", "(k, m, m)", [["component"]])
+        if weights.shape != matrices.shape[:1]:
+            raise ValueError(
+                f"MixtureNoise has weights of shape {weights.shape} and covariances of shape {matrices.shape}; "
+                "they must be (k,) and (k, m, m)"
+            )
+        if not (weights > 0).all() or not abs(weights.sum() - 1) <= 1e-9:
+            raise ValueError(f"the weights of MixtureNoise must be positive and sum to 1; they are {weights.tolist()}")
+        if not self.shared and not np.array_equal(matrices * np.eye(matrices.shape[-1]), matrices):
             raise ValueError("MixtureNoise with shared=False needs diagonal covariances")
-        object.__setattr__(self, "weights", weights)
-        object.__setattr__(self, "covariances", covariances)
+        object.__setattr__(self, "weights", weights.copy())
+        object.__setattr__(self, "covariances", matrices)
 
     @property
     def covariance(self) -> Array:
@@ -99,10 +108,12 @@ class MeasurementDefaults:
     Attributes:
         angles: Components of z that are angles, rad.
         depends_on: States that z depends on; None: any. Sampling filters draw only those.
+        states: Number n of states it is for; None: any.
     """
 
     angles: tuple[int, ...] = ()
     depends_on: tuple[int, ...] | None = None
+    states: int | None = None
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""
@@ -158,15 +169,27 @@ class LinearMeasurement(MeasurementDefaults):
     Args:
         matrix: H, (m, n).
         noise: R (m, m), (T, m, m) per epoch, (runs, T, m, m) per run and epoch, or a `MixtureNoise`.
+
+    Raises:
+        ValueError: Shapes that do not fit, entries that are not finite, or a noise that is no covariance.
     """
 
     def __init__(self, matrix: ArrayLike, noise: ArrayLike | MixtureNoise) -> None:
-        self._H = np.array(matrix, dtype=float)
-        if self._H.ndim != 2:
-            raise ValueError(f"matrix has shape {self._H.shape}; it must be (m, n)")
-        self.dimension = self._H.shape[0]
+        H = numbers(matrix, "matrix")
+        if H.ndim != 2 or not H.size:
+            raise ValueError(f"matrix has shape {H.shape}; it must be (m, n)")
+        self._H = finite(H, "matrix", ("row", "column")).copy()
+        self.dimension, self.states = self._H.shape
         self.depends_on = tuple(np.flatnonzero(self._H.any(axis=0)).tolist())
         self._noise = _checked_noise(noise, self.dimension)
+
+    def check_extent(self, runs: int, epochs: int) -> None:
+        """Refuse a block of readings that the noise is not for.
+
+        Raises:
+            ValueError: It has other runs, or more epochs, than the noise.
+        """
+        _check_noise_extent(self._noise, runs, epochs)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return H x, (runs, ..., m)."""
@@ -196,6 +219,9 @@ class FunctionMeasurement(MeasurementDefaults):
         noise: (m, m), (T, m, m), (runs, T, m, m) or `MixtureNoise`.
         jacobian: ``jacobian(states, epoch)`` -> (runs, ..., m, n); default: central differences.
         angles: Components of z that are angles in rad; their differences are wrapped.
+
+    Raises:
+        ValueError: Something that is no function, a noise that is no covariance, or angles that are no components.
     """
 
     def __init__(
@@ -207,34 +233,48 @@ class FunctionMeasurement(MeasurementDefaults):
     ) -> None:
         self._predict = predict
         self._jacobian = jacobian
+        for name, function in (("predict", predict), ("jacobian", jacobian)):
+            if not callable(function) and not (name == "jacobian" and function is None):
+                raise ValueError(f"{name} is {function!r}; it must be a function of states and epoch")
         self._noise = _checked_noise(noise, None)
         noise_matrix = self._noise.covariance if isinstance(self._noise, MixtureNoise) else self._noise
         self.dimension = int(noise_matrix.shape[-1])
-        self.angles = tuple(angles)
-        if any(not 0 <= component < self.dimension for component in self.angles):
-            raise ValueError(f"angles {self.angles} do not fit a measurement of {self.dimension} components")
+        self.angles = _checked_angles(angles, self.dimension)
+
+    def check_extent(self, runs: int, epochs: int) -> None:
+        """Refuse a block of readings that the noise is not for.
+
+        Raises:
+            ValueError: It has other runs, or more epochs, than the noise.
+        """
+        _check_noise_extent(self._noise, runs, epochs)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the user's h(states).
 
         Raises:
-            ValueError: The function returned an array of another shape.
+            ValueError: The function returned an array of another shape or kind, or wrote into its argument.
         """
-        predicted = np.asarray(self._predict(states, epoch), dtype=float)
+        result = called_read_only(self._predict, f"the measurement's predict{_named(self._predict)}", states, epoch)
+        predicted = numbers(result, "what predict returned")
         expected = (*states.shape[:-1], self.dimension)
         if predicted.shape != expected:
-            raise ValueError(f"predict returned shape {predicted.shape} for states {states.shape}; expected {expected}")
+            raise ValueError(
+                f"predict returned shape {predicted.shape} for states {states.shape}; expected {expected}, because the "
+                f"noise is for {self.dimension} components"
+            )
         return predicted
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the user's dh/dx, or central differences.
 
         Raises:
-            ValueError: The function returned an array of another shape.
+            ValueError: The function returned an array of another shape or kind, or wrote into its argument.
         """
         if self._jacobian is None:
             return super().jacobian(states, epoch)
-        H = np.asarray(self._jacobian(states, epoch), dtype=float)
+        result = called_read_only(self._jacobian, f"the measurement's jacobian{_named(self._jacobian)}", states, epoch)
+        H = numbers(result, "what jacobian returned")
         expected = (*states.shape[:-1], self.dimension, states.shape[-1])
         if H.shape != expected and H.shape != expected[-2:]:
             raise ValueError(f"jacobian returned shape {H.shape} for states {states.shape}; expected {expected}")
@@ -253,13 +293,37 @@ def _checked_noise(noise: ArrayLike | MixtureNoise, dimension: int | None) -> Ar
     if isinstance(noise, MixtureNoise):
         size = noise.covariances.shape[-1]
     else:
-        noise = np.array(noise, dtype=float)
-        if noise.ndim not in (2, 3, 4) or noise.shape[-1] != noise.shape[-2]:
-            raise ValueError(f"noise has shape {noise.shape}; it must be (m, m), (T, m, m) or (runs, T, m, m)")
+        shapes = "(m, m), (T, m, m) or (runs, T, m, m)"
+        noise = covariances(noise, "noise", shapes, ([], ["epoch"], ["run", "epoch"]))
         size = noise.shape[-1]
     if dimension is not None and size != dimension:
         raise ValueError(f"noise is for {size} components, the measurement has {dimension}")
     return noise
+
+
+def _check_noise_extent(noise: Array | MixtureNoise, runs: int, epochs: int) -> None:
+    if isinstance(noise, MixtureNoise) or noise.ndim == 2:
+        return
+    if noise.ndim == 4 and len(noise) != runs:
+        raise ValueError(f"noise is given for {len(noise)} runs, the readings have {runs}")
+    if noise.shape[-3] < epochs:
+        raise ValueError(f"noise is given for {noise.shape[-3]} epochs, the readings have {epochs}")
+
+
+def _checked_angles(angles: Sequence[int], components: int) -> tuple[int, ...]:
+    try:
+        places = tuple(operator.index(place) for place in angles)
+    except TypeError:
+        raise ValueError(f"angles is {angles!r}; it must list components by number, from 0") from None
+    if len(set(places)) != len(places) or any(not 0 <= place < components for place in places):
+        raise ValueError(f"angles {places} do not fit a measurement of {components} components")
+    return places
+
+
+def _named(function: object) -> str:
+    """Return `` (name)`` of a user's function, or nothing where it has none worth saying."""
+    name = getattr(function, "__name__", "<lambda>")
+    return "" if name == "<lambda>" else f" ({name})"
 
 
 def _noise_at(noise: Array | MixtureNoise, epoch: int) -> Array:

@@ -1,0 +1,83 @@
+"""A user's functions get read-only arguments, so that one that writes into them is refused instead of believed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.models.dynamics import Dynamics, Step
+
+Array = NDArray[np.float64]
+
+
+def called_read_only(function: Callable[[Array, Any], Any], name: str, states: Array, at: Any) -> Any:
+    """Return ``function(states, at)``, the states given as a view that cannot be written to.
+
+    Args:
+        function: The user's function.
+        name: What to call it in a message.
+        states: Its argument; no copy is made.
+        at: The epoch or step.
+
+    Raises:
+        ValueError: It writes into its argument.
+    """
+    view = states.view()
+    view.flags.writeable = False
+    try:
+        return function(view, at)
+    except ValueError as problem:
+        if not re.search("read-?only", str(problem)):
+            raise
+        raise ValueError(
+            f"{name} writes into its argument, which the filter goes on using; work on a copy: states = states.copy()"
+        ) from problem
+
+
+class ReadOnlyDynamics:
+    """Dynamics whose functions see read-only states and must return the right shapes; all else is as in those behind.
+
+    Args:
+        base: The dynamics.
+    """
+
+    def __init__(self, base: Dynamics) -> None:
+        self._base = base
+        self.dimension = base.dimension
+        self.linear = base.linear
+        self._name = type(base).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return f(states)."""
+        return self._result("propagate", self._base.propagate, states, step, states.shape)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobian of f."""
+        n = self.dimension
+        return self._result("transition", self._base.transition, mean, step, (n, n), (len(mean), n, n))
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q."""
+        n = self.dimension
+        shapes = (n, n), (len(states), n, n), (*states.shape[:-1], n, n)
+        return self._result("process_noise", self._base.process_noise, states, step, *shapes)
+
+    def _result(
+        self, name: str, function: Callable[[Array, Any], Any], states: Array, step: Step, *shapes: tuple[int, ...]
+    ) -> Array:
+        result = np.asarray(called_read_only(function, f"{name} of {self._name}", states, step))
+        if result.shape not in shapes:
+            wanted = " or ".join(map(str, dict.fromkeys(shapes)))
+            raise ValueError(
+                f"{name} of {self._name} returned shape {result.shape} for states {states.shape}; it must be {wanted}"
+            )
+        return result
