@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.models.dynamics import Step
 
 Array = NDArray[np.float64]
 
 # A variance below zero by more than this share of the largest that the state has had is no rounding.
 _ROUNDING = 1e-9
+# From here on squares of squares overflow.
+_HUGE = 1e140
 
 
 @dataclass(frozen=True)
@@ -45,69 +48,97 @@ class StatedFailures:
 
 
 def failures_of(
-    stated: StatedFailures, before: Gaussian, mean: Array, covariance: Array, nis: Array, log_likelihood: Array
-) -> list[tuple[int, int, str]]:
-    """Return place, column and reason of every run that failed; its estimates become NaN from there on, in place.
+    stated: StatedFailures,
+    filter: Filter,
+    before: Gaussian,
+    first: Step,
+    mean: Array,
+    covariance: Array,
+    nis: Array,
+    log_likelihood: Array,
+) -> tuple[FailedRun, ...]:
+    """Return every run that failed over a stretch, by place in the block; its series become NaN from there on.
 
     Args:
         stated: What the filter said.
-        before: Mean and covariance one epoch before the first column.
-        mean: (runs, K, n).
+        filter: The filter, whose models are asked again where it said nothing.
+        before: Mean and covariance one epoch before the stretch.
+        first: The first step of the stretch.
+        mean: (runs, K, n), changed in place, as the others.
         covariance: (runs, K, n, n).
-        nis: (runs, K); set to NaN with the estimates.
-        log_likelihood: (runs, K), likewise, so that a sum over it shows the failure too.
+        nis: (runs, K).
+        log_likelihood: (runs, K).
     """
     failed = dict(stated.by_place)
-    for place, (column, reason) in _shown_by_the_numbers(before, mean, covariance).items():
+    for place, column in _not_numbers(mean, covariance).items():
         if place not in failed or column < failed[place][0]:
-            failed[place] = (column, reason)
+            last = before if column == 0 else Gaussian(mean[:, column - 1], covariance[:, column - 1])
+            step = replace(first, epoch=first.epoch + column)
+            lost = "a negative variance"
+            if not np.isfinite(mean[place, column]).all():
+                lost = "non-finite mean"
+            elif not np.isfinite(covariance[place, column]).all():
+                lost = "non-finite covariance"
+            failed[place] = (
+                column,
+                lost + _cause(filter, last.mean[place], last.covariance[place], len(mean), place, step),
+            )
     for place, (column, _) in failed.items():
         for series in (mean, covariance, nis, log_likelihood):
             series[place, column:] = np.nan
-    return [(place, *failed[place]) for place in sorted(failed)]
+    return tuple(FailedRun(place, first.epoch + failed[place][0], failed[place][1]) for place in sorted(failed))
 
 
-def _shown_by_the_numbers(before: Gaussian, mean: Array, covariance: Array) -> dict[int, tuple[int, str]]:
+def _not_numbers(mean: Array, covariance: Array) -> dict[int, int]:
+    """Return the first column, by place, at which a run is not finite or a variance is negative beyond rounding."""
     B, K, n = mean.shape
     variances = np.einsum("bkii->bki", covariance)
     # A sum is finite only if all its terms are, and one product with ones is many times faster than isfinite.
     with np.errstate(all="ignore"):
-        mean_ok = np.isfinite(mean @ np.ones(n))
-        covariance_ok = np.isfinite(covariance.reshape(B, K, n * n) @ np.ones(n * n))
-        negative = (variances < 0).any(axis=-1)
-    ok = mean_ok & covariance_ok & ~negative
-    found: dict[int, tuple[int, str]] = {}
-    for place in np.flatnonzero(~ok.all(axis=1)):
+        finite = np.isfinite(mean @ np.ones(n)) & np.isfinite(covariance.reshape(B, K, n * n) @ np.ones(n * n))
+        suspect = ~finite.all(axis=1) | (variances < 0).any(axis=(1, 2))
+    found: dict[int, int] = {}
+    for place in np.flatnonzero(suspect).tolist():
+        sizes = np.abs(variances[place])
+        largest = np.max(sizes, axis=0, initial=0.0, where=np.isfinite(sizes))
         with np.errstate(invalid="ignore"):
-            largest = np.nanmax(np.abs(variances[place]), axis=0, initial=0.0)
-            negative_beyond = (variances[place] < -_ROUNDING * largest).any(axis=-1)
-        ok[place] = mean_ok[place] & covariance_ok[place] & ~negative_beyond
-        if ok[place].all():
-            continue
-        k = int(np.argmin(ok[place]))
-        last = (before.mean, before.covariance) if k == 0 else (mean[:, k - 1], covariance[:, k - 1])
-        if mean_ok[place, k] and covariance_ok[place, k]:
-            reason = "a negative variance"
-        else:
-            reason = _reason(last[0][place], last[1][place], bool(mean_ok[place, k]))
-        found[int(place)] = (k, reason)
+            bad = ~finite[place] | (variances[place] < -_ROUNDING * largest).any(axis=-1)
+        if bad.any():
+            found[place] = int(np.argmax(bad))
     return found
 
 
-def _reason(mean: Array, covariance: Array, mean_ok: bool) -> str:
-    """Return why a run is not finite any more, as far as its last finite mean and covariance tell."""
-    lost = "non-finite covariance" if mean_ok else "non-finite mean"
+def _cause(filter: Filter, mean: Array, covariance: Array, runs: int, place: int, step: Step) -> str:
+    """Return, as the end of a sentence, why a run is lost, as far as its last mean and covariance tell.
+
+    The models are asked again, for this run in the place of all, so that no other lost run disturbs them.
+    """
     if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-        return f"{lost} from the start"
+        return " from the start"
     if max(np.abs(mean).max(), np.abs(covariance).max()) > _HUGE:
-        return f"{lost}: the estimate grew beyond what a number can hold"
+        return ": the estimate grew beyond what a number can hold"
     values = np.linalg.eigvalsh((covariance + covariance.T) / 2)
     if values[0] < -_ROUNDING * max(values[-1], 0.0):
-        return f"{lost} after a covariance that was not positive definite"
-    return lost
-
-
-_HUGE = 1e140
+        return " after a covariance that was not positive definite"
+    dynamics, measurement = filter.dynamics, filter.measurement
+    states = np.repeat(mean[None], runs, axis=0)
+    questions: tuple[tuple[str, Callable[[], Array]], ...] = (
+        ("propagate of the dynamics", lambda: dynamics.propagate(states, step)),
+        ("transition of the dynamics", lambda: dynamics.transition(states, step)),
+        ("process_noise of the dynamics", lambda: dynamics.process_noise(states, step)),
+        ("predict of the measurement", lambda: measurement.predict(dynamics.propagate(states, step), step.epoch)),
+        ("jacobian of the measurement", lambda: measurement.jacobian(dynamics.propagate(states, step), step.epoch)),
+        ("noise of the measurement", lambda: measurement.noise(dynamics.propagate(states, step), step.epoch)),
+    )
+    for name, ask in questions:
+        with np.errstate(all="ignore"):
+            try:
+                answer = np.asarray(ask())
+            except AttributeError:  # a filter without derivatives needs no model that has them
+                continue
+        if not np.isfinite(answer[place] if len(answer) == runs else answer).all():
+            return f": {name} gives no finite number"
+    return ""
 
 
 def sentence(failed: Iterable[FailedRun]) -> str:

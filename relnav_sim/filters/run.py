@@ -118,8 +118,8 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
                     extras.setdefault(name, np.full((B, K), np.nan))[:, k] = value
             mean[:, k] = belief.mean
             covariance[:, k] = belief.covariance
-    failed = failures_of(stated, before, mean, covariance, nis, log_likelihood)
-    failures = tuple(FailedRun(place, first_epoch + k, reason) for place, k, reason in failed)
+    first = Step(first_epoch, step_s)
+    failures = failures_of(stated, filter, before, first, mean, covariance, nis, log_likelihood)
     return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras, failures)
 
 

@@ -303,3 +303,57 @@ def test_process_noise_of_low_rank_draws_as_many_numbers_as_its_rank():
 def test_wrong_options_are_refused(options):
     with pytest.raises(ValueError, match=next(iter(options))):
         create_filter("particle", DYNAMICS, MEASUREMENT, **options)
+
+
+def root_of_position(states, epoch):
+    """A measurement that has no number for some particles: those left of the origin."""
+    return np.sqrt(states[..., :1])
+
+
+class OddLikelihood(LinearMeasurement):
+    """Gives a value of its own to some particles of some runs instead of their likelihood."""
+
+    def __init__(self, value, runs, share):
+        super().__init__(H, R)
+        self.value, self.runs, self.share = value, runs, share
+
+    def log_likelihood(self, z, states, epoch):
+        score = super().log_likelihood(z, states, epoch)
+        if epoch >= 3:
+            score[self.runs, : int(self.share * score.shape[1])] = self.value
+        return score
+
+
+@pytest.mark.parametrize("kind", ["particle", "unscented_particle", "gp_particle", "mf_upf"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_particles_without_a_finite_likelihood_weigh_nothing_and_all_of_them_fail_the_run(kind, value):
+    z, options = linear_track(4, 8), {"particles": 400}
+
+    def history(measurement):
+        return run_filter(create_filter(kind, DYNAMICS, measurement, **options), z, np.zeros(2), P0)
+
+    clean = history(OddLikelihood(0.0, [], 0.0))
+    few = history(OddLikelihood(value, [1], 0.05))
+    assert not few.failures
+    for run in (0, 2, 3):
+        assert np.array_equal(few.mean[run], clean.mean[run])
+    # A twentieth of the particles less changes the mean by its own sampling error, not more.
+    deviation = np.sqrt(np.einsum("kii->ki", clean.covariance[1]))
+    assert (np.abs(few.mean[1] - clean.mean[1]) < deviation).all()
+    with pytest.warns(RuntimeWarning, match="run 2 at epoch 3: no particle gives the measurement a finite likelihood"):
+        lost = history(OddLikelihood(value, [2], 1.0))
+    assert [(failure.run, failure.epoch) for failure in lost.failures] == [(2, 3)]
+    for run in (0, 1, 3):
+        assert np.array_equal(lost.mean[run], clean.mean[run])
+
+
+@pytest.mark.parametrize("kind", ["particle", "unscented_particle"])
+def test_particles_for_which_the_measurement_has_no_number_weigh_nothing(kind):
+    """h = sqrt(x) is NaN for a few particles, which by the reading are not where the state is either."""
+    measurement = FunctionMeasurement(root_of_position, [[0.01]])
+    z = np.sqrt(np.array([[[4.0], [4.1], [3.9], [4.0], [4.05]]]))
+    filter = create_filter(kind, LinearDynamics(np.eye(1), [[0.05]]), measurement, particles=2000)
+    history = run_filter(filter, z, [3.0], [[4.0]])
+    assert not history.failures
+    # sqrt(x) = 2 +- 0.1 is x = 4 +- 0.4.
+    assert abs(history.mean[0, -1, 0] - 4) < 4 * np.sqrt(history.covariance[0, -1, 0, 0]) < 2

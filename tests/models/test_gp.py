@@ -323,3 +323,25 @@ def test_expected_states_belong_to_a_base():
         fit_gp_dynamics(x[:-1], x[1:], STEP_S, CW, expected=x[:5])
     with pytest.raises(ValueError, match="go together"):
         fit_gp_dynamics(x[:-1], x[1:], STEP_S, CW, expected=x[1:], held_out=Transitions(x[:-1], x[1:]))
+
+
+@pytest.mark.parametrize("target", ["difference", "absolute"])
+@pytest.mark.parametrize("constant", [0.1, 14.62, -7e6 / 3])
+def test_a_column_constant_up_to_rounding_is_constant(constant, target):
+    """Its standard deviation is some 1e-17 by rounding; a query 1e-9 beside it is no 1e7 length scales away."""
+
+    def after(x):
+        return np.stack([x[:, 0] + 0.1 * x[:, 1], x[:, 1] - 0.1 * np.sin(x[:, 0]), x[:, 2]], axis=-1)
+
+    rng = np.random.default_rng(0)
+    inside, queries = rng.uniform(-1, 1, (60, 2)), rng.uniform(-0.8, 0.8, (20, 2))
+
+    def predicted(value, shift):
+        now = np.column_stack([inside, np.full(60, value)])
+        query = np.column_stack([queries, np.full(20, value + shift)])
+        return fit_gp_dynamics(now, after(now), 1.0, target=target).propagate(query[None], Step(0))[0, :, :2]
+
+    truth = after(np.column_stack([queries, np.zeros(20)]))[:, :2]
+    shift = 1e-9 * max(1.0, abs(constant))
+    assert np.abs(predicted(constant, shift) - truth).max() < 1e-4
+    np.testing.assert_allclose(predicted(constant, shift), predicted(0.0, 0.0), rtol=0, atol=1e-6)
