@@ -117,12 +117,16 @@ def start_alt(until_s: float) -> str:
     return f"Two panels, position and velocity RMS of all filters against time over the first {until_s:g} s."
 
 
+_NO_NIS_BAND = " The band of the NIS does not hold for filters that assume a mixture as noise; its mean does."
+
+
 def consistency_caption(case: CaseFacts) -> str:
     """Return the caption of ``figures.consistency_over_time``."""
     runs = min((item.completed for item in case.filters if item.completed), default=0)
     return (
         "NEES and NIS divided by their dimension, mean over runs, against time. Grey: where a consistent filter lies "
         f"in 95 % of the epochs ({counted(runs, 'run')}). Above: it claims too much; below: too little."
+        + ("" if all(item.nis_is_chi_square for item in case.filters) else _NO_NIS_BAND)
     )
 
 

@@ -13,7 +13,7 @@ from relnav_sim.report.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.layouts import INTERVALS, numbers, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words
-from relnav_sim.report.wording import figure
+from relnav_sim.report.wording import figure, listed
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
@@ -105,8 +105,20 @@ def consistency_table(case: CaseFacts) -> Table:
         f"Consistency ({case.when})",
         f"{INTERVALS} ANEES: 1 for a consistent filter; its band counts the epochs as as many independent ones as the "
         "correlation of the NEES leaves. NIS: the dimension of the measurement, 3, and no correlation between updates. "
-        "Ellipsoids: as many percent of the epochs as they are named for.",
+        "Ellipsoids: as many percent of the epochs as they are named for."
+        f"{no_band_note(case)}",
         rows,
+    )
+
+
+def no_band_note(case: CaseFacts) -> str:
+    """Return why filters that assume a mixture have no band of the NIS; nothing where all have one."""
+    names = [item.name for item in case.filters if not item.nis_is_chi_square]
+    if not names:
+        return ""
+    return (
+        f" {listed(names)}: noise assumed as a mixture, so the mean NIS is the dimension where the model is right, but "
+        "there is no chi-square band; judge by the interval of the mean over runs."
     )
 
 
@@ -302,6 +314,8 @@ def _anees_band(case: CaseFacts, item: FilterFacts) -> Band | None:
 
 
 def _nis_band(item: FilterFacts, span: int) -> Band | None:
+    if not item.nis_is_chi_square:
+        return None
     updates = _updates(item, span)
     return chi_square_band(updates, MEASURED, normalised=False) if updates else None
 

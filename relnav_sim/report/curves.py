@@ -75,6 +75,7 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
     items = [item for item in case.filters if item.completed]
     bound = bound_of(results, case, rows)
     counts = [item.completed for item in items]
+    chi_square_counts = [item.completed for item in items if item.nis_is_chi_square]
     return {
         "number": case.number,
         "label": case.label,
@@ -85,7 +86,7 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
         "bound": {}
         if bound is None
         else {"position": packed(bound[:, 6], True), "velocity": packed(bound[:, 7], True)},
-        "bands": {"nees": _band(counts, _STATE), "nis": _band(counts, _MEASUREMENT)},
+        "bands": {"nees": _band(counts, _STATE), "nis": _band(chi_square_counts, _MEASUREMENT)},
         "axes": list(axis_names(case.axes)) if with_axes else [],
     }
 

@@ -59,6 +59,8 @@ class FilterFacts:
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
         extra: What it found out about its extra states; None where it has none.
+        nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
+            Gaussians as noise, under which only the mean of the NIS is known.
     """
 
     name: str
@@ -74,6 +76,7 @@ class FilterFacts:
     diverged: NDArray[np.bool_]
     nees_time_s: float
     extra: ExtraStates | None = None
+    nis_is_chi_square: bool = True
 
     @property
     def failed(self) -> int:
@@ -288,7 +291,20 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         diverged=diverged_runs(results, index, name),
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
         extra=results.extra(index, name),
+        nis_is_chi_square=not _assumes_mixture(results, index, name),
     )
+
+
+def _assumes_mixture(results: Results, index: int, name: str) -> bool:
+    """Return whether a filter is told of the components of the radar's noise, and there are some in this case."""
+    # A filter's name may hold dots, which no path can.
+    told = results.headers[index].variables.get(f"filters.{name}.assumed_noise")
+    told = told or case_setting(results, index, "filters", {}).get(name, {}).get("assumed_noise")
+    if told != "mixture":
+        return False
+    parts = case_setting(results, index, "sensors.radar.noise", None)
+    kinds = [part.get("kind") for part in parts] if isinstance(parts, list | tuple) else []
+    return "mixture" in [*kinds, case_setting(results, index, "sensors.radar.noise.kind", None)]
 
 
 def _bounds(results: Results, index: int, times_s: Array, settle_s: float) -> dict[Span, float]:

@@ -209,7 +209,8 @@ def consistency_over_time(
     """Draw NEES and NIS, mean over runs divided by their dimension, against time with their 95 % chi-square band.
 
     A consistent filter stays inside the band in 95 % of the epochs (Bar-Shalom, Li and Kirubarajan 2001, section
-    5.4.2). The band is that of the filter with the fewest runs, which is the widest.
+    5.4.2). The band is that of the filter with the fewest runs, which is the widest. There is none for the NIS of
+    filters that assume a mixture as noise: its mean is known then, not its distribution.
 
     Args:
         results: An opened result.
@@ -233,7 +234,8 @@ def consistency_over_time(
             counts = []
             for place, item in enumerate(items):
                 mean, count = _mean_over_runs(results, facts.index, item, quantity, view.rows)
-                counts.append(count)
+                if quantity == "nees" or item.nis_is_chi_square:
+                    counts.append(count)
                 look = styles[item.name]
                 panel.plot(
                     view.times,
@@ -242,7 +244,10 @@ def consistency_over_time(
                     linestyle=look.dashes,
                     linewidth=nested_width(place, len(items), 1.8),
                 )
-            _band(panel, view.times, np.array(counts), dimension)
+            if items and not counts:
+                panel.axhline(1.0, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+            else:
+                _band(panel, view.times, np.array(counts), dimension)
         time_axis(panels[-1], view.times, view.unit)
         margins(figure, 0.5, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         from matplotlib.patches import Patch
