@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,24 +33,37 @@ def noise_components(measurement: Measurement, mean: Array, epoch: int) -> tuple
     return mixture.weights[choices].prod(axis=-1), variances[..., None] * np.eye(m)
 
 
+@dataclass(frozen=True)
+class Linearised:
+    """The measurement at the components' means: z expected there (runs, c, m), and H (m, n) or (runs, c, m, n)."""
+
+    expected: Array
+    H: Array
+
+    @classmethod
+    def at(cls, measurement: Measurement, means: Array, epoch: int) -> Linearised:
+        """Return it for means (runs, c, n)."""
+        return cls(measurement.predict(means, epoch), measurement.jacobian(means, epoch))
+
+
 def component_updates(
     measurement: Measurement,
+    model: Linearised,
     means: Array,
     covariances: Array,
     noises: Array,
     z: Array,
-    epoch: int,
     considered: tuple[int, ...] = (),
 ) -> tuple[Array, Array, Array]:
     """Return the extended Kalman update of every state component with every noise component given for it.
 
     Args:
         measurement: The model of z.
+        model: The same at the means.
         means: (runs, c, n).
         covariances: (runs, c, n, n).
         noises: (c or 1, k, m, m) or (runs, c or 1, k, m, m).
         z: (runs, m).
-        epoch: The epoch.
         considered: Places of the states that are not estimated.
 
     Returns:
@@ -56,9 +71,9 @@ def component_updates(
         prediction's mean and covariance, where an update gives no number.
     """
     runs, c, n = means.shape
-    nu = measurement.residual(z[:, None], measurement.predict(means, epoch))
+    nu = measurement.residual(z[:, None], model.expected)
     m, k = nu.shape[-1], noises.shape[-3]
-    H = np.broadcast_to(measurement.jacobian(means, epoch), (runs, c, m, n))
+    H = np.broadcast_to(model.H, (runs, c, m, n))
     flat = runs * c * k
     prior = Gaussian(
         np.broadcast_to(means[:, :, None], (runs, c, k, n)).reshape(flat, n),
@@ -109,7 +124,7 @@ def moment_match(weights: Array, means: Array, covariances: Array) -> tuple[Arra
 
 
 def predictive_nis(
-    measurement: Measurement, weights: Array, means: Array, covariances: Array, noise: Array, z: Array, epoch: int
+    measurement: Measurement, model: Linearised, weights: Array, covariances: Array, noise: Array, z: Array
 ) -> Array:
     """Return nu^T S^-1 nu of the predictive mixture's moments, (runs,).
 
@@ -119,17 +134,15 @@ def predictive_nis(
 
     Args:
         measurement: The model of z.
+        model: The same at the components' means.
         weights: w, (runs, c).
-        means: (runs, c, n).
         covariances: (runs, c, n, n).
         noise: Covariance of the noise of each component, (c or 1, m, m) or (runs, c or 1, m, m).
         z: (runs, m).
-        epoch: The epoch.
     """
-    expected = measurement.predict(means, epoch)
+    expected, H = model.expected, model.H
     # Taken from one of them on, so that angles are averaged on the same turn.
     offsets = measurement.residual(expected, expected[:, :1])
-    H = measurement.jacobian(means, epoch)
     shift, S = moment_match(weights, offsets, H @ covariances @ transpose(H) + noise)
     nu = measurement.residual(z, expected[:, 0] + shift)
     return innovation_of(CholeskyFactor(S), nu).nis

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
+    Linearised,
     component_updates,
     mixture_mean,
     moment_match,
@@ -110,9 +111,10 @@ class GaussianSumFilter:
         mean = belief.mean
         weights, noises = noise_components(self.measurement, mean, epoch)
         total = np.einsum("k,...kij->...ij", weights, noises)[..., None, :, :]
-        nis = predictive_nis(self.measurement, belief.weights, belief.means, belief.covariances, total, z, epoch)
+        model = Linearised.at(self.measurement, belief.means, epoch)
+        nis = predictive_nis(self.measurement, model, belief.weights, belief.covariances, total, z)
         means, covariances, log_likelihoods = component_updates(
-            self.measurement, belief.means, belief.covariances, noises[..., None, :, :, :], z, epoch, self._considered
+            self.measurement, model, belief.means, belief.covariances, noises[..., None, :, :, :], z, self._considered
         )
         runs, n = mean.shape
         with np.errstate(divide="ignore"):

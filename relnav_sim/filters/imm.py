@@ -11,6 +11,7 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
+    Linearised,
     component_updates,
     mixture_mean,
     moment_match,
@@ -117,13 +118,12 @@ class InteractingModelsFilter:
         probability of the first component, the nominal noise.
         """
         _, noises = noise_components(self.measurement, belief.means[:, 0], step.epoch)
-        nis = predictive_nis(
-            self.measurement, np.exp(belief.log_weights), belief.means, belief.covariances, noises, z, step.epoch
-        )
+        model = Linearised.at(self.measurement, belief.means, step.epoch)
+        nis = predictive_nis(self.measurement, model, np.exp(belief.log_weights), belief.covariances, noises, z)
         # Each model is updated with its own noise only.
         own = noises[..., :, None, :, :]
         means, covariances, log_likelihoods = component_updates(
-            self.measurement, belief.means, belief.covariances, own, z, step.epoch, self._considered
+            self.measurement, model, belief.means, belief.covariances, own, z, self._considered
         )
         weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
         extras = {"outlier_probability": 1 - weights[:, 0]}

@@ -30,6 +30,8 @@ def numbers(given: ArrayLike, name: str, masked_is_missing: bool = False) -> Arr
     Raises:
         ValueError: It holds text, complex numbers, objects or masked entries, or is no array at all.
     """
+    if type(given) is np.ndarray and given.dtype == np.float64:
+        return given
     try:
         array = np.asarray(_with_masked_as_nan(given, name, masked_is_missing))
     except ValueError as problem:

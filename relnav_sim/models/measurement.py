@@ -233,6 +233,7 @@ class FunctionMeasurement(MeasurementDefaults):
     ) -> None:
         self._predict = predict
         self._jacobian = jacobian
+        self._names = f"the measurement's predict{_named(predict)}", f"the measurement's jacobian{_named(jacobian)}"
         for name, function in (("predict", predict), ("jacobian", jacobian)):
             if not callable(function) and not (name == "jacobian" and function is None):
                 raise ValueError(f"{name} is {function!r}; it must be a function of states and epoch")
@@ -255,7 +256,7 @@ class FunctionMeasurement(MeasurementDefaults):
         Raises:
             ValueError: The function returned an array of another shape or kind, or wrote into its argument.
         """
-        result = called_read_only(self._predict, f"the measurement's predict{_named(self._predict)}", states, epoch)
+        result = called_read_only(self._predict, self._names[0], states, epoch)
         predicted = numbers(result, "what predict returned")
         expected = (*states.shape[:-1], self.dimension)
         if predicted.shape != expected:
@@ -273,7 +274,7 @@ class FunctionMeasurement(MeasurementDefaults):
         """
         if self._jacobian is None:
             return super().jacobian(states, epoch)
-        result = called_read_only(self._jacobian, f"the measurement's jacobian{_named(self._jacobian)}", states, epoch)
+        result = called_read_only(self._jacobian, self._names[1], states, epoch)
         H = numbers(result, "what jacobian returned")
         expected = (*states.shape[:-1], self.dimension, states.shape[-1])
         if H.shape != expected and H.shape != expected[-2:]:

@@ -5,7 +5,7 @@ import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.filters.components import predictive_nis
+from relnav_sim.filters.components import Linearised, predictive_nis
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -73,8 +73,9 @@ def test_it_equals_a_plain_transcription():
 def test_angles_of_the_components_are_averaged_across_the_cut():
     bearing = FunctionMeasurement(lambda x, k: np.arctan2(x[..., 1:], x[..., :1]), [[1e-4]], angles=(0,))
     means = np.array([[[-10.0, 0.1], [-10.0, -0.1]]])
+    model = Linearised.at(bearing, means, 0)
     nis = predictive_nis(
-        bearing, np.array([[0.5, 0.5]]), means, np.zeros((1, 2, 2, 2)), np.full((1, 1, 1), 1e-4), np.array([[np.pi]]), 0
+        bearing, model, np.array([[0.5, 0.5]]), np.zeros((1, 2, 2, 2)), np.full((1, 1, 1), 1e-4), np.array([[np.pi]])
     )
     # Both lie 0.01 rad to either side of pi, where the reading is: the innovation is nil.
     assert nis[0] == pytest.approx(0.0, abs=1e-20)

@@ -235,3 +235,27 @@ def test_a_function_may_return_its_argument():
 def test_functions_that_return_something_else_are_refused(measurement, sentence):
     with pytest.raises(ValueError, match=re.escape(sentence)):
         run_filter(create_filter("ekf", LINEAR, measurement), Z, [5, 0], np.eye(2))
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf", "iekf"])
+def test_a_measurement_without_a_number_fails_its_run_with_that_reason(kind):
+    """sqrt(x - 100) at x = 5, in run 1 from epoch 3 on; the others go on."""
+
+    def predict(states, epoch):
+        short = np.array([0.0, 100.0 * (epoch >= 3), 0.0])
+        return np.sqrt(states[..., :1] - short.reshape(-1, *[1] * (states.ndim - 1)))
+
+    filter = create_filter(kind, LINEAR, FunctionMeasurement(predict, [[1.0]]))
+    with pytest.warns(RuntimeWarning, match="run 1 at epoch 3: .*predict of the measurement gives no finite number"):
+        history = run_filter(filter, np.sqrt(Z), [5, 0], np.eye(2))
+    assert np.isfinite(history.mean[[0, 2]]).all()
+
+
+def test_dynamics_that_return_another_shape_are_refused_by_name():
+    class Flat(InPlaceDynamics):
+        def propagate(self, states, step):
+            return states[..., 0]
+
+    filter = create_filter("ekf", Flat(), LinearMeasurement([[1, 0]], [[1]]))
+    with pytest.raises(ValueError, match=r"propagate of Flat returned shape \(3,\) for states \(3, 2\)"):
+        run_filter(filter, Z, [5, 0], np.eye(2))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_tabl
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import guarded, rank
 from relnav_sim.report.summary import summarise
-from relnav_sim.report.tables import Number, Table, comma_separated
+from relnav_sim.report.tables import MISSING, Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
 
@@ -191,3 +192,14 @@ def test_how_far_from_the_bound(make_result: ResultMaker, monkeypatch: pytest.Mo
     cell = table.rows[0].cells[place]
     assert isinstance(cell, Number) and cell.value == pytest.approx(ranking.best.position.estimate / 0.5)
     assert any(sentence.startswith("Limit: the best filter's position RMS is") for sentence in summarise([ranking]))
+
+
+def test_a_filter_that_is_told_of_a_mixture_has_no_chi_square_band(make_result: ResultMaker) -> None:
+    updates = {"updates": np.full((RUNS, 2), 50)}
+    names = {"imm": 1.0, "ekf": 1.0}
+    case = facts_of(make_result(runs=RUNS, filters=names, summaries=dict.fromkeys(names, updates)))
+    told = replace(case, filters=(replace(case.filters[0], nis_is_chi_square=False), *case.filters[1:]))
+    rows = [row for row in consistency_table(told).rows if row.label == "95 % band if consistent"]
+    assert [cell.text == MISSING for cell in rows[1].cells] == [True] + [False] * (len(case.filters) - 1)
+    assert f"{case.filters[0].name}: noise assumed as a mixture" in consistency_table(told).caption
+    assert "mixture" not in consistency_table(case).caption
