@@ -24,6 +24,7 @@ from relnav_sim.linalg import (
     transpose,
 )
 from relnav_sim.models.measurement import Measurement, MeasurementDefaults
+from relnav_sim.models.read_only import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]
@@ -182,9 +183,11 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
     cloud's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
     """
-    own: object = type(measurement).log_likelihood
-    if own is not MeasurementDefaults.log_likelihood:
-        return measurement.log_likelihood(z, states, epoch)
+    own = measurement.log_likelihood
+    if getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood:
+        return np.asarray(
+            called_read_only(lambda particles, at: own(z, particles, at), "log_likelihood", states, epoch), dtype=float
+        )
     residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
     mixture = measurement.mixture(mean, epoch)
     if mixture is not None:

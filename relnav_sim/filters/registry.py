@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
-from relnav_sim.models.read_only import ReadOnlyDynamics
+from relnav_sim.models.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.options import Options
 
 MeasurementKind = Literal["polar", "cartesian"]
@@ -165,7 +165,8 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
         raise ValueError(
             f"the measurement (columns of H) is for {measured_states} states, the dynamics have {dynamics.dimension}"
         )
-    return kind.factory(ReadOnlyDynamics(dynamics), measurement, checked)
+    motion, sensor = read_only(dynamics, ReadOnlyDynamics), read_only(measurement, ReadOnlyMeasurement)
+    return kind.factory(motion, sensor, checked)
 
 
 def _plain(value: object) -> object:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
 from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
-from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs
+from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -74,7 +74,7 @@ def run_filter(
     numbered = checked_runs(runs, len(readings))
     with np.errstate(all="ignore"):  # for the reason in `advance`
         check_models(filter, prior, readings, step_s)
-        belief = filter.start(prior, RandomSource(seed, numbered))
+        belief = filter.start(prior, RandomSource(checked_seed(seed), numbered))
     history = advance(filter, belief, readings, first_epoch=0, step_s=step_s)[1]
     failures = tuple(replace(failure, run=numbered[failure.run]) for failure in history.failures)
     if failures:

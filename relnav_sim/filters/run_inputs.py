@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.models.dynamics import Step
 from relnav_sim.models.given_arrays import covariances, finite, numbers
 
 Array = NDArray[np.float64]
@@ -87,8 +89,8 @@ def check_models(filter: Filter, prior: Gaussian, z: Array, step_s: float) -> No
         ValueError: They do not, or are not given for all runs and epochs.
     """
     runs, epochs, m = z.shape
-    if not (np.isfinite(step_s) and step_s > 0):
-        raise ValueError(f"step_s is {step_s}; it must be a positive number of seconds")
+    if not isinstance(step_s, Real) or not 0 < step_s < np.inf:
+        raise ValueError(f"step_s is {step_s!r}; it must be a positive number of seconds")
     for model in (filter.dynamics, filter.measurement):
         check_extent = getattr(model, "check_extent", None)
         if check_extent is not None:
@@ -96,13 +98,36 @@ def check_models(filter: Filter, prior: Gaussian, z: Array, step_s: float) -> No
     if not z.size:
         return
     n = prior.mean.shape[1]
+    _check_covariance("process_noise", filter.dynamics.process_noise(prior.mean, Step(0, step_s)), (runs, n, n), (n, n))
     read = np.flatnonzero(~np.isnan(z).all(axis=(0, 2)))
     if not len(read):
         return
     epoch = int(read[0])
     _check_shape("predict", filter.measurement.predict(prior.mean, epoch), (runs, m))
     _check_shape("jacobian", filter.measurement.jacobian(prior.mean, epoch), (runs, m, n), (m, n))
-    _check_shape("noise", filter.measurement.noise(prior.mean, epoch), (runs, m, m), (m, m))
+    _check_covariance("noise", filter.measurement.noise(prior.mean, epoch), (runs, m, m), (m, m))
+
+
+def checked_seed(seed: int) -> int:
+    """Return the seed.
+
+    Raises:
+        ValueError: It is no whole number from 0 on.
+    """
+    try:
+        number = operator.index(seed)
+    except TypeError:
+        number = -1
+    if number < 0:
+        raise ValueError(f"seed is {seed!r}; it must be a whole number from 0 on")
+    return number
+
+
+def _check_covariance(name: str, matrix: Array, *shapes: tuple[int, ...]) -> None:
+    """Refuse a model's matrix that is no covariance; one that is not finite at the prior may be so later."""
+    _check_shape(name, matrix, *shapes)
+    if np.isfinite(matrix).all():
+        covariances(matrix, f"what {name} returned", "", ([], ["run"]))
 
 
 def _check_shape(name: str, array: Array, *expected: tuple[int, ...]) -> None:

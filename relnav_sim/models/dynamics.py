@@ -55,6 +55,7 @@ class LinearDynamics:
     """
 
     linear = True
+    leaves_arguments_alone = True
 
     def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
         F = numbers(transition, "transition")

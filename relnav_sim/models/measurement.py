@@ -174,6 +174,8 @@ class LinearMeasurement(MeasurementDefaults):
         ValueError: Shapes that do not fit, entries that are not finite, or a noise that is no covariance.
     """
 
+    leaves_arguments_alone = True
+
     def __init__(self, matrix: ArrayLike, noise: ArrayLike | MixtureNoise) -> None:
         H = numbers(matrix, "matrix")
         if H.ndim != 2 or not H.size:
@@ -223,6 +225,8 @@ class FunctionMeasurement(MeasurementDefaults):
     Raises:
         ValueError: Something that is no function, a noise that is no covariance, or angles that are no components.
     """
+
+    leaves_arguments_alone = True
 
     def __init__(
         self,

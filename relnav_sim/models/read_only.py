@@ -81,3 +81,41 @@ class ReadOnlyDynamics:
                 f"{name} of {self._name} returned shape {result.shape} for states {states.shape}; it must be {wanted}"
             )
         return result
+
+
+class ReadOnlyMeasurement:
+    """A measurement whose functions see read-only states; everything else is that of the one behind it.
+
+    Args:
+        base: The measurement.
+    """
+
+    def __init__(self, base: Any) -> None:
+        self._base = base
+        self._name = type(base).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states)."""
+        return np.asarray(called_read_only(self._base.predict, f"predict of {self._name}", states, epoch))
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx."""
+        return np.asarray(called_read_only(self._base.jacobian, f"jacobian of {self._name}", states, epoch))
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R."""
+        return np.asarray(called_read_only(self._base.noise, f"noise of {self._name}", mean, epoch))
+
+    def mixture(self, mean: Array, epoch: int) -> Any:
+        """Return the components of the noise."""
+        return called_read_only(self._base.mixture, f"mixture of {self._name}", mean, epoch)
+
+
+def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:
+    """Return the model, guarded unless it says by ``leaves_arguments_alone`` that it needs no guard."""
+    return model if getattr(model, "leaves_arguments_alone", False) else guarded(model)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
+from relnav_sim.models.measurement import MeasurementDefaults
 
 F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 0.5], [0.5, 1.0]])
 Z = np.random.default_rng(1).normal(5, 1, (3, 20, 1))
@@ -64,6 +65,9 @@ def changed(array, place, value):
         ({"runs": [0, -1, 1]}, "runs holds -1"),
         ({"runs": [0, 0.5, 1]}, "whole numbers"),
         ({"step_s": 0.0}, "step_s is 0.0"),
+        ({"step_s": "1"}, "step_s is '1'"),
+        ({"seed": -1}, "seed is -1"),
+        ({"seed": 1.5}, "seed is 1.5"),
         ({"R": [[-1.0]]}, "noise is no covariance: the variance in row 0 is negative"),
         ({"R": 1.0}, "noise has shape (); it must be (m, m), (T, m, m) or (runs, T, m, m); numpy.diag"),
         ({"R": changed(np.ones((20, 1, 1)), 4, -1.0)}, "noise of epoch 4 is no covariance"),
@@ -188,6 +192,26 @@ class InPlaceDynamics:
         return Q
 
 
+class InPlaceMeasurement(MeasurementDefaults):
+    dimension = 1
+
+    def predict(self, states, epoch):
+        states[..., 0] -= 5.0
+        return states[..., :1]
+
+    def noise(self, mean, epoch):
+        return np.eye(1)
+
+
+class InPlaceNoise(InPlaceMeasurement):
+    def predict(self, states, epoch):
+        return states[..., :1]
+
+    def noise(self, mean, epoch):
+        mean *= 0
+        return np.eye(1)
+
+
 LINEAR = LinearDynamics(F, Q)
 
 
@@ -202,8 +226,10 @@ LINEAR = LinearDynamics(F, Q)
             r"jacobian \(in_place_jacobian\)",
         ),
         (InPlaceDynamics(), LinearMeasurement([[1, 0]], [[1]]), "propagate of InPlaceDynamics"),
+        (LINEAR, InPlaceMeasurement(), "predict of InPlaceMeasurement"),
+        (LINEAR, InPlaceNoise(), "noise of InPlaceNoise"),
     ],
-    ids=["predict", "jacobian", "propagate"],
+    ids=["predict", "jacobian", "propagate", "own_predict", "own_noise"],
 )
 def test_a_function_that_writes_into_its_argument_is_refused(kind, dynamics, measurement, named):
     with pytest.raises(ValueError, match=f"{named} writes into its argument.*copy"):
@@ -249,6 +275,15 @@ def test_a_measurement_without_a_number_fails_its_run_with_that_reason(kind):
     with pytest.warns(RuntimeWarning, match="run 1 at epoch 3: .*predict of the measurement gives no finite number"):
         history = run_filter(filter, np.sqrt(Z), [5, 0], np.eye(2))
     assert np.isfinite(history.mean[[0, 2]]).all()
+
+
+def test_models_whose_noise_is_no_covariance_are_refused():
+    class Negative(InPlaceNoise):
+        def noise(self, mean, epoch):
+            return -np.eye(1)
+
+    with pytest.raises(ValueError, match="what noise returned is no covariance: the variance in row 0 is negative"):
+        run_filter(create_filter("ekf", LINEAR, Negative()), Z, [5, 0], np.eye(2))
 
 
 def test_dynamics_that_return_another_shape_are_refused_by_name():
