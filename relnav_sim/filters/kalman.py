@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.special import chdtri
 
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.square_root import semidefinite_root
+from relnav_sim.filters.square_root_update import square_root_update
 from relnav_sim.linalg import (
     LOG_TWO_PI,
     CholeskyFactor,
@@ -23,6 +26,7 @@ from relnav_sim.linalg import (
     product,
     runs_first,
     runs_last,
+    symmetric_last,
 )
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
@@ -71,7 +75,7 @@ class GaussianFilter:
         Q = matrices_last(self.dynamics.process_noise(belief.mean, step))
         FP = product(F, runs_last(belief.covariance))
         P = product(F, FP.swapaxes(0, 1)) + Q  # F (F P)^T, because P is symmetric
-        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(P))
+        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(symmetric_last(P)))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
@@ -93,18 +97,23 @@ class GaussianFilter:
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
-    """Return the Kalman update, with a covariance that stays positive definite however wide the prior.
+    """Return the Kalman update, exact however wide the prior, and where noise or prediction are singular.
 
     One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
-    covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
-    where it is a million times as wide get Joseph's form instead (Bucy and Joseph, Filtering for Stochastic Processes,
-    1968). Each run decides for itself.
+    covariance becomes P - W^T W, symmetric to the bit where P is. That difference loses as many digits as the prior is
+    wider than the noise, so runs where it is a million times as wide get Joseph's form instead (Bucy and Joseph,
+    Filtering for Stochastic Processes, 1968), and the update from roots where even S has lost the noise or is singular.
+    Each run decides for itself.
 
     Args:
         belief: The prediction, mean (runs, n) and covariance (runs, n, n).
         residual: z - h(m), angles wrapped, (runs, m).
         H: Jacobian (runs, m, n) or (m, n).
-        R: Measurement noise (runs, m, m) or (m, m).
+        R: Measurement noise, positive semidefinite, (runs, m, m) or (m, m).
+
+    Returns:
+        The posterior and the innovation. Where S is singular, NIS and log-likelihood are those of its range; a
+        residual outside it fails the run, because no state explains it.
     """
     # Runs last from here on: every product is then a few elementwise passes over contiguous memory.
     P, H, R, nu = runs_last(belief.covariance), matrices_last(H), matrices_last(R), runs_last(residual)
@@ -116,29 +125,73 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     WT = W.swapaxes(0, 1)
     mean = belief.mean + product(WT, w[:, None])[:, 0].T
     covariance = P - product(WT, W)
-    wide = _is_wide(S, R)
-    if wide.any():
-        covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
-    return Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    wide, lost = wide_prior(S, R, L)
+    if not wide.any():
+        return Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
+    posterior, innovation = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    if not lost.any():
+        return posterior, innovation
+    rows = np.flatnonzero(lost)
+    prior, h = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows)
+    X = semidefinite_root(prior.covariance)
+    reading = np.einsum("bij,bj->bi", np.abs(h), np.abs(prior.mean))
+    exact = square_root_update(prior, h @ X, X, of_runs(R, rows), residual[rows], reading)
+    return replace_runs(rows, (posterior, innovation), exact)
+
+
+def replace_runs(
+    rows: NDArray[np.intp], update: tuple[Gaussian, Innovation], by: tuple[Gaussian, Innovation]
+) -> tuple[Gaussian, Innovation]:
+    """Return an update whose runs `rows` are those of another, given for these runs alone."""
+    (posterior, innovation), (exact, told) = update, by
+    for whole, part in (
+        (posterior.mean, exact.mean),
+        (posterior.covariance, exact.covariance),
+        (innovation.nis, told.nis),
+        (innovation.log_likelihood, told.log_likelihood),
+    ):
+        whole[rows] = part
+    return posterior, replace(innovation, failed={int(rows[place]): why for place, why in told.failed.items()})
 
 
 WIDE = 1e6
 """Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
+WIDEST = 1e12
+"""The same of Joseph's form; S itself keeps four digits of R then."""
+_SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as good as singular
 
 
-def _is_wide(S: Array, R: Array) -> NDArray[np.bool_]:
-    wide = S[0, 0] > WIDE * R[0, 0]
-    for i in range(1, len(S)):
-        wide = wide | (S[i, i] > WIDE * R[i, i])
-    return wide
+def wide_prior(S: Array, R: Array, L: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where S is far wider than the noise, and where so far, or so near to singular, that it can't be used.
+
+    Args:
+        S: Innovation covariance, runs last (m, m, runs).
+        R: Noise covariance (m, m, runs or 1).
+        L: Factor of S.
+    """
+    wide = lost = np.zeros(S.shape[-1], dtype=bool)
+    for i in range(len(S)):
+        # Written so that a pivot that is not a number counts.
+        sound = L[i, i] * L[i, i] > _SINGULAR * S[i, i]
+        wide = wide | (S[i, i] > WIDE * R[i, i]) | ~sound
+    if wide.any():
+        for i in range(len(S)):
+            lost = lost | (S[i, i] > WIDEST * R[i, i]) | ~(L[i, i] * L[i, i] > _SINGULAR * S[i, i])
+        lost = lost & np.isfinite(S.sum(axis=(0, 1)))  # a run that has diverged stays as it is
+    return wide, lost
+
+
+def of_runs(A: Array, rows: NDArray[np.intp]) -> Array:
+    """Return the matrices (rows, p, q) of some runs from (p, q, runs or 1)."""
+    return runs_first(np.broadcast_to(A[..., rows] if A.shape[-1] > 1 else A, (*A.shape[:2], len(rows))))
 
 
 def _joseph(P: Array, H: Array, R: Array, KT: Array, HP: Array) -> Array:
     """Return (I - K H) P (I - K H)^T + K R K^T, runs last, multiplied out with M = (I - K H) P."""
     K = KT.swapaxes(0, 1)
     M = P - product(K, HP)
-    P = M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT)
-    return (P + P.swapaxes(0, 1)) / 2
+    return symmetric_last(M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT))
 
 
 def innovation_of(factor: CholeskyFactor, residual: Array) -> Innovation:
