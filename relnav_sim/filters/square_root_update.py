@@ -99,9 +99,7 @@ def root_update(X: Array, Y: Array, R: Array, nu: Array, reading: Array) -> Root
     """
     (runs, n, _), m = X.shape, nu.shape[1]
     top = np.concatenate([Y, semidefinite_root(R)], axis=2)
-    array = triangular_root(
-        np.concatenate([top, np.concatenate([X, np.zeros((runs, n, m))], axis=2)], axis=1)
-    )
+    array = triangular_root(np.concatenate([top, np.concatenate([X, np.zeros((runs, n, m))], axis=2)], axis=1))
     residual = whitened(array[:, :m, :m], nu, reading)
     gain, root = array[:, m:, :m], array[:, m:, m:]
     if residual.dead.any():
