@@ -13,10 +13,9 @@ from scipy.special import chdtri
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.filters.square_root_update import square_root_update
+from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide, whitened
 from relnav_sim.linalg import (
     LOG_TWO_PI,
-    CholeskyFactor,
     back,
     factor,
     forward,
@@ -84,7 +83,9 @@ class GaussianFilter:
             return corrected, innovation
         rejected = innovation.nis > self._gate
         extras = {**innovation.extras, "rejected": rejected.astype(float)}
-        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras)
+        # What a reading would have done to a run does not count where it is not taken.
+        failed = {place: why for place, why in innovation.failed.items() if not rejected[place]}
+        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras, failed=failed)
 
     def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
         """Return the corrected belief with the considered states as predicted."""
@@ -124,19 +125,20 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     WT = W.swapaxes(0, 1)
     mean = belief.mean + product(WT, w[:, None])[:, 0].T
     covariance = P - product(WT, W)
-    wide, lost = wide_prior(S, R, L)
-    if not wide.any():
-        return Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
-    covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
-    posterior, innovation = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    wide, lost = exceeds(S, R, WIDE), nearly_singular(S, L)
+    if wide.any():
+        covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
+        lost = lost | exceeds(S, R, WIDEST)
+    update = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
     if not lost.any():
-        return posterior, innovation
+        return update
     rows = np.flatnonzero(lost)
-    prior, h = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows)
+    prior, h, r = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows), of_runs(R, rows)
     X = semidefinite_root(prior.covariance)
-    reading = np.einsum("bij,bj->bi", np.abs(h), np.abs(prior.mean))
-    exact = square_root_update(prior, h @ X, X, of_runs(R, rows), residual[rows], reading)
-    return replace_runs(rows, (posterior, innovation), exact)
+    size = np.abs(prior.mean) + np.sqrt(np.abs(np.einsum("bii->bi", prior.covariance)))
+    reading = np.einsum("bij,bj->bi", np.abs(h), size)
+    exact, innovation = square_root_update(prior, h @ X, X, r, residual[rows], reading)
+    return replace_runs(rows, update, (exact, unless_too_wide(innovation, exact.covariance, h, r)))
 
 
 def replace_runs(
@@ -161,24 +163,22 @@ WIDEST = 1e12
 _SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as good as singular
 
 
-def wide_prior(S: Array, R: Array, L: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where S is far wider than the noise, and where so far, or so near to singular, that it can't be used.
-
-    Args:
-        S: Innovation covariance, runs last (m, m, runs).
-        R: Noise covariance (m, m, runs or 1).
-        L: Factor of S.
-    """
-    wide = lost = np.zeros(S.shape[-1], dtype=bool)
+def nearly_singular(S: Array, L: Array) -> NDArray[np.bool_]:
+    """Return where S (m, m, runs), finite, is as good as singular: a pivot of its factor L is next to nothing."""
+    singular = np.zeros(S.shape[-1], dtype=bool)
     for i in range(len(S)):
         # Written so that a pivot that is not a number counts.
-        sound = L[i, i] * L[i, i] > _SINGULAR * S[i, i]
-        wide = wide | (S[i, i] > WIDE * R[i, i]) | ~sound
-    if wide.any():
-        for i in range(len(S)):
-            lost = lost | (S[i, i] > WIDEST * R[i, i]) | ~(L[i, i] * L[i, i] > _SINGULAR * S[i, i])
-        lost = lost & np.isfinite(S.sum(axis=(0, 1)))  # a run that has diverged stays as it is
-    return wide, lost
+        singular = singular | ~(L[i, i] * L[i, i] > _SINGULAR * S[i, i])
+    # A run that has diverged stays as it is.
+    return singular & np.isfinite(S.sum(axis=(0, 1))) if singular.any() else singular
+
+
+def exceeds(S: Array, R: Array, ratio: float) -> NDArray[np.bool_]:
+    """Return where S (m, m, runs) is so many times as wide as R (m, m, runs or 1) in any channel."""
+    wide = S[0, 0] > ratio * R[0, 0]
+    for i in range(1, len(S)):
+        wide = wide | (S[i, i] > ratio * R[i, i])
+    return wide
 
 
 def of_runs(A: Array, rows: NDArray[np.intp]) -> Array:
@@ -193,10 +193,24 @@ def _joseph(P: Array, H: Array, R: Array, KT: Array, HP: Array) -> Array:
     return symmetric_last(M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT))
 
 
-def innovation_of(factor: CholeskyFactor, residual: Array) -> Innovation:
-    """Return NIS and log-likelihood of a residual (runs, m) whose covariance has the given factor."""
-    L = factor.lower_last
-    return innovation_last(L, forward(L, runs_last(residual)))
+def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
+    """Return NIS and log-likelihood of a residual, in the range of its covariance where that is singular.
+
+    Args:
+        S: Its covariance (runs, m, m).
+        residual: (runs, m).
+        reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
+    """
+    last = runs_last(S)
+    L = factor(last)
+    innovation = innovation_last(L, forward(L, runs_last(residual)))
+    singular = nearly_singular(last, L)
+    if not singular.any():
+        return innovation
+    rows = np.flatnonzero(singular)
+    told = whitened(semidefinite_root(S[rows]), residual[rows], reading[rows]).innovation
+    innovation.nis[rows], innovation.log_likelihood[rows] = told.nis, told.log_likelihood
+    return innovation
 
 
 def innovation_last(L: Array, white: Array) -> Innovation:

@@ -32,8 +32,9 @@ def reweighted_update(
     """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
 
     The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction; weights
-    of one give the Kalman update. Directions without noise always have the weight of a perfect fit. The covariance is that of the last reweighted update. NIS and log-likelihood are
-    those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of the measurement.
+    of one give the Kalman update. Directions without noise always have the weight of a perfect fit. The covariance is
+    that of the last reweighted update. NIS and log-likelihood are those of the unweighted innovation; the extra
+    `lowest_weight` is the smallest weight of the measurement.
 
     Args:
         belief: The prediction.

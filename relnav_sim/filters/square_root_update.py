@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,10 @@ from relnav_sim.linalg import LOG_TWO_PI, symmetric, transpose
 Array = NDArray[np.float64]
 
 CONTRADICTION = "the measurement contradicts what the filter knows exactly (state and sensor without any variance)"
+TOO_WIDE = (
+    "the prior is so much wider than this precise measurement that a covariance can't hold both; take sr_ukf, which "
+    "holds its root, or a tighter start"
+)
 
 # A measurement that repeats what is known exactly may differ by this share of its size: rounding, its own and that
 # of the epochs that led to the prediction.
@@ -42,11 +46,11 @@ def whitened(L: Array, residual: Array, reading: Array) -> Whitened:
     Args:
         L: Lower-triangular roots (runs, m, m), diagonal >= 0.
         residual: (runs, m).
-        reading: How large the compared readings are, (runs, m); decides what counts as rounding.
+        reading: How large the compared readings and their parts are, (runs, m); decides what counts as rounding.
     """
     runs, m = residual.shape
-    # A pivot within rounding of zero, measured by the row it was left of.
-    rounding = 16 * m * np.finfo(float).eps * np.sqrt(np.einsum("bij,bij->bi", L, L))
+    # A pivot within rounding of zero, measured by the row it was left of and by what the row was computed from.
+    rounding = 16 * m * np.finfo(float).eps * (np.sqrt(np.einsum("bij,bij->bi", L, L)) + reading)
     values, dead = np.zeros((runs, m)), np.zeros((runs, m), dtype=bool)
     log_determinant, contradicts = np.zeros(runs), np.zeros(runs, dtype=bool)
     for i in range(m):
@@ -83,7 +87,7 @@ class RootUpdate:
     residual: Whitened
 
 
-def root_update(X: Array, Y: Array, R: Array, nu: Array, reading: Array) -> RootUpdate:
+def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array) -> RootUpdate:
     """Return the update of a prediction given as deviations, by one QR.
 
     The triangular form of [[Y, R^(1/2)], [X, 0]] is [[S^(1/2), 0], [K S^(1/2), P+^(1/2)]] (Kaminski, Bryson and
@@ -93,12 +97,12 @@ def root_update(X: Array, Y: Array, R: Array, nu: Array, reading: Array) -> Root
     Args:
         X: Deviations of the state, X X^T = P, (runs, n, q), q >= n.
         Y: The same of the reading, Y X^T = H P, (runs, m, q).
-        R: Noise covariance, positive semidefinite, (runs, m, m).
+        noise_root: R^(1/2), R positive semidefinite, (runs, m, m).
         nu: Residual (runs, m).
         reading: As in `whitened`.
     """
     (runs, n, _), m = X.shape, nu.shape[1]
-    top = np.concatenate([Y, semidefinite_root(R)], axis=2)
+    top = np.concatenate([Y, noise_root], axis=2)
     array = triangular_root(np.concatenate([top, np.concatenate([X, np.zeros((runs, n, m))], axis=2)], axis=1))
     residual = whitened(array[:, :m, :m], nu, reading)
     gain, root = array[:, m:, :m], array[:, m:, m:]
@@ -118,11 +122,11 @@ def square_root_update(
         belief: The prediction.
         Y: As in `root_update`.
         X: As in `root_update`.
-        R: Noise covariance (runs, m, m).
+        R: Noise covariance, positive semidefinite, (runs, m, m).
         nu: Residual (runs, m).
         reading: As in `whitened`.
     """
-    update = root_update(X, Y, R, nu, reading)
+    update = root_update(X, Y, semidefinite_root(R), nu, reading)
     P = symmetric(update.root @ transpose(update.root))
     before = np.einsum("bii->bi", belief.covariance)
     rounding = np.square(16 * sum(Y.shape[1:]) * np.finfo(float).eps) * before
@@ -130,3 +134,15 @@ def square_root_update(
     P = P * (kept[:, :, None] & kept[:, None, :])
     mean = belief.mean + np.einsum("bnm,bm->bn", update.gain, update.residual.values)
     return Gaussian(mean, P), update.residual.innovation
+
+
+def unless_too_wide(innovation: Innovation, P: Array, H: Array, R: Array) -> Innovation:
+    """Return the innovation with the runs failed whose covariance can't hold how precise the measurement was.
+
+    Where H mixes states, H P H^T is a small difference of large numbers, and digits below theirs are lost whatever
+    the arithmetic that found them. After the update it must not exceed R by more than a hundredth.
+    """
+    error = 2 * np.finfo(float).eps * np.einsum("bij,bjk,bik->bi", np.abs(H), np.abs(P), np.abs(H))
+    noise = np.einsum("bii->bi", R)
+    lost = ((error > 0.01 * noise) & (noise > 0)).any(axis=1)
+    return replace(innovation, failed={**dict.fromkeys(np.flatnonzero(lost).tolist(), TOO_WIDE), **innovation.failed})

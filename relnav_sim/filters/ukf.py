@@ -10,16 +10,18 @@ from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import (
+    WIDE,
     GaussianFilter,
     GaussianFilterOptions,
+    exceeds,
     innovation_last,
+    nearly_singular,
     of_runs,
     replace_runs,
-    wide_prior,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.filters.square_root_update import square_root_update
+from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide
 from relnav_sim.linalg import (
     cholesky,
     factor,
@@ -138,10 +140,10 @@ class UnscentedKalmanFilter(GaussianFilter):
         mean = belief.mean + product(WT, white[:, -1:])[:, 0].T
         covariance = belief.covariance - runs_first(product(WT, W))
         update = Gaussian(mean, covariance), innovation_last(L, white[:, -1])
-        wide, lost = wide_prior(S_last, matrices_last(R), L)
-        if isinstance(belief, PropagatedPoints) or not (wide | lost).any():
+        wide = exceeds(S_last, matrices_last(R), WIDE) | nearly_singular(S_last, L)
+        if isinstance(belief, PropagatedPoints) or not wide.any():
             return update
-        rows = np.flatnonzero(wide & np.isfinite(S_last.sum(axis=(0, 1))))
+        rows = np.flatnonzero(wide)
         reading = np.abs(images[rows, 0]) + np.abs(z[rows])
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
         R = of_runs(matrices_last(R), rows)
@@ -165,7 +167,9 @@ class UnscentedKalmanFilter(GaussianFilter):
         shift = self._shift(deviations)
         Omega = 2 * self._weight * (transpose(even) @ even) + self._curvature * shift[:, :, None] * shift[:, None, :]
         X = transpose(offsets[:, :n]) / self._spread
-        return square_root_update(prior, B, X, symmetric(Omega) + R, residual, reading)
+        posterior, innovation = square_root_update(prior, B, X, symmetric(Omega) + R, residual, reading)
+        H = B @ np.linalg.pinv(X)
+        return posterior, unless_too_wide(innovation, posterior.covariance, H, R)
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points' offsets from the mean, (runs, 2 n, n); P may be singular."""
