@@ -151,6 +151,11 @@ def symmetric(A: Array) -> Array:
     return (A + transpose(A)) / 2
 
 
+def symmetric_last(A: Array) -> Array:
+    """Return the symmetric part of each matrix, runs last (n, n, runs)."""
+    return (A + A.swapaxes(0, 1)) / 2
+
+
 def log_density(residual: Array, covariance: Array) -> Array:
     """Return log N(r; 0, R) of residuals r (runs, ..., m), R (m, m) or (runs, m, m): (runs, ...)."""
     L = cholesky(covariance)

@@ -16,6 +16,7 @@ from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, inn
 from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
@@ -111,7 +112,8 @@ class AdaptiveAlphaFilter(GaussianFilter):
         H = self.measurement.jacobian(mean, epoch)
         M = H @ belief.covariance @ transpose(H)
         R = np.broadcast_to(self.measurement.noise(mean, epoch), M.shape)
-        before = innovation_of(CholeskyFactor(M + R), nu)
+        reading = np.abs(z) + np.abs(z - nu)
+        before = innovation_of(M + R, nu, reading)
         log_likelihood, extras = before.log_likelihood, {}
         match self._options.scheme:
             case "gate":
@@ -126,10 +128,11 @@ class AdaptiveAlphaFilter(GaussianFilter):
             case "responsibilities":
                 used, alpha, log_likelihood = self._mixture_noise(nu, M, mean, epoch)
         posterior, after = joseph_update(belief, nu, H, used)
+        failed = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
         extras = {"alpha": alpha, "nis_after": after.nis, **extras}
         return (
             replace(belief, mean=posterior.mean, covariance=posterior.covariance),
-            replace(before, log_likelihood=log_likelihood, extras=extras),
+            replace(before, log_likelihood=log_likelihood, extras=extras, failed=failed),
         )
 
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:
@@ -166,7 +169,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
         covariances = np.broadcast_to(covariances, (len(nu), *covariances.shape[-3:]))
         components = [np.ascontiguousarray(covariances[:, j]) for j in range(len(weights))]
         log_terms = [
-            np.log(weight) + innovation_of(CholeskyFactor(M + covariance), nu).log_likelihood
+            np.log(weight) + innovation_of(M + covariance, nu, np.abs(nu)).log_likelihood
             for weight, covariance in zip(weights, components, strict=True)
         ]
         responsibilities, evidence = normalised(np.stack(log_terms, axis=-1))

@@ -138,16 +138,14 @@ class AlphaKalmanFilter(SamplingFilter):
         # Fewer effective samples than moments say nothing of a covariance; NaN fails the comparison too.
         d = mean.shape[1]
         usable = (ess > d * (d + 3) / 2) & np.isfinite(posterior.covariance.sum(axis=(1, 2)))
-        if not usable.all():
-            fallback = self.iterated_update(belief, z, self._total_alpha, step)
-            posterior = where_runs(usable, posterior, fallback)
+        posterior, failed = self.with_fallback(posterior, usable, belief, z, self._total_alpha, step)
         innovation = model.innovation()
         extras = {
             "ess": ess,
             "fallback": 1.0 - usable,
             "nis_tempered": model.innovation(1 / self._total_alpha).nis,
         }
-        return posterior, replace(innovation, extras=extras)
+        return posterior, replace(innovation, extras=extras, failed=failed)
 
     def _project(
         self, prior: WhitenedPrior, belief: Gaussian, model: Linearisation, z: Array, step: Step
@@ -184,7 +182,7 @@ class AlphaKalmanFilter(SamplingFilter):
         low = ~(efficiency * options.samples >= max(50 * d, options.samples / 20))
         if not low.any():
             return standard
-        posterior = self.iterated_update(belief, z, options.alpha, step)
+        posterior, _ = self.iterated_update(belief, z, options.alpha, step)
         mean, root = prior.coordinates(posterior)
         widened = _Proposal(mean, np.sqrt(options.proposal_spread) * root, np.ones(len(z)))
         return where_runs(low, widened, standard)

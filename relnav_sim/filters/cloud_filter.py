@@ -27,7 +27,7 @@ from relnav_sim.filters.cloud import (
 )
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
-from relnav_sim.linalg import transpose
+from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options, Tunable
@@ -117,9 +117,9 @@ class CloudFilter:
             Q = self.dynamics.process_noise(states, step)
             centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
             mean, covariance = moments(centres, belief.weights)
-        covariance = covariance + average(Q, belief)
+        covariance = symmetric(covariance + average(Q, belief))
         if self._bandwidth > 0:
-            kernel = width * carried
+            kernel = symmetric(width * carried)
             covariance += kernel
             Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
         root = self._root(Q)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
 from relnav_sim.filters.kalman import innovation_of, joseph_update
-from relnav_sim.linalg import CholeskyFactor, transpose
+from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.measurement import Measurement
 
 Array = NDArray[np.float64]
@@ -87,6 +87,7 @@ def component_updates(
     )
     posterior = keep_considered(prior, posterior, considered)
     log_likelihood = innovation.log_likelihood
+    log_likelihood[list(innovation.failed)] = -np.inf  # a component that can't go on weighs nothing
     # With weight zero a component must still be finite: zero times NaN would spoil the others' moments.
     sound = np.isfinite(log_likelihood + posterior.mean.sum(axis=1) + posterior.covariance.sum(axis=(1, 2)))
     if not sound.all():
@@ -120,7 +121,7 @@ def moment_match(weights: Array, means: Array, covariances: Array) -> tuple[Arra
     mean = mixture_mean(weights, means)
     spread = means - mean[..., None, :]
     covariance = np.einsum("...c,...cij->...ij", weights, covariances)
-    return mean, covariance + np.einsum("...c,...ci,...cj->...ij", weights, spread, spread)
+    return mean, symmetric(covariance + np.einsum("...c,...ci,...cj->...ij", weights, spread, spread))
 
 
 def predictive_nis(
@@ -145,4 +146,4 @@ def predictive_nis(
     offsets = measurement.residual(expected, expected[:, :1])
     shift, S = moment_match(weights, offsets, H @ covariances @ transpose(H) + noise)
     nu = measurement.residual(z, expected[:, 0] + shift)
-    return innovation_of(CholeskyFactor(S), nu).nis
+    return innovation_of(S, nu, np.abs(z) + np.abs(z - nu)).nis

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
@@ -149,16 +149,20 @@ def weighted_sums(w: Array, e: Array) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Linearisation:
-    """The measurement about the predicted mean: residual (runs, m), H, and R as the measurement gives it."""
+    """The measurement about the predicted mean: residual (runs, m), H, and R as the measurement gives it.
+
+    `reading` is the size of z and its prediction, (runs, m), which decides what counts as rounding.
+    """
 
     residual: Array
+    reading: Array
     H: Array
     R: Array
     HPH: Array
 
     def innovation(self, r_scale: float = 1.0) -> Innovation:
         """Return NIS and log-likelihood of the Gaussian innovation with covariance H P H^T + r_scale R."""
-        return innovation_of(CholeskyFactor(self.HPH + r_scale * self.R), self.residual)
+        return innovation_of(self.HPH + r_scale * self.R, self.residual, self.reading)
 
 
 class SamplingFilter(GaussianFilter):
@@ -179,16 +183,28 @@ class SamplingFilter(GaussianFilter):
 
     def linearise(self, belief: Gaussian, z: Array, epoch: int) -> Linearisation:
         """Return residual, H, R and H P H^T at the predicted mean."""
-        residual = self.measurement.residual(z, self.measurement.predict(belief.mean, epoch))
+        predicted = self.measurement.predict(belief.mean, epoch)
+        residual = self.measurement.residual(z, predicted)
         H = self.measurement.jacobian(belief.mean, epoch)
-        HPH = H @ belief.covariance @ transpose(H)
-        return Linearisation(residual, H, self.measurement.noise(belief.mean, epoch), HPH)
+        HPH = symmetric(H @ belief.covariance @ transpose(H))
+        R = self.measurement.noise(belief.mean, epoch)
+        return Linearisation(residual, np.abs(z) + np.abs(predicted), H, R, HPH)
 
-    def iterated_update(self, belief: Gaussian, z: Array, alpha: float, step: Step) -> Gaussian:
+    def iterated_update(self, belief: Gaussian, z: Array, alpha: float, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update of the iterated extended Kalman filter with R / alpha."""
         iekf = create_filter("iekf", self.dynamics, _Tempered(self.measurement, alpha))
-        posterior: Gaussian = iekf.update(belief, z, step)[0]
-        return posterior
+        update: tuple[Gaussian, Innovation] = iekf.update(belief, z, step)
+        return update
+
+    def with_fallback(
+        self, posterior: Gaussian, usable: NDArray[np.bool_], belief: Gaussian, z: Array, alpha: float, step: Step
+    ) -> tuple[Gaussian, dict[int, str]]:
+        """Return the posterior with the iterated update in the runs (runs,) that are not usable, and which failed."""
+        if usable.all():
+            return posterior, {}
+        fallback, told = self.iterated_update(belief, z, alpha, step)
+        failed = {place: why for place, why in told.failed.items() if not usable[place]}
+        return where_runs(usable, posterior, fallback), failed
 
 
 class _Tempered(MeasurementDefaults):

@@ -21,7 +21,7 @@ from relnav_sim.filters.components import (
     without_likelihood,
 )
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import factor, log_determinant_of, runs_first, runs_last, transpose
+from relnav_sim.linalg import factor, log_determinant_of, runs_first, runs_last, symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options
@@ -102,7 +102,7 @@ class GaussianSumFilter:
         Q = self.dynamics.process_noise(mean, step)
         F = F[:, None] if F.ndim == 3 else F
         Q = Q[:, None] if Q.ndim == 3 else Q
-        covariances = F @ belief.covariances @ transpose(F) + Q
+        covariances = symmetric(F @ belief.covariances @ transpose(F) + Q)
         return GaussianSum(belief.weights, self.dynamics.propagate(belief.means, step), covariances)
 
     def update(self, belief: GaussianSum, z: Array, step: Step) -> tuple[GaussianSum, Innovation]:

@@ -21,7 +21,7 @@ from relnav_sim.filters.components import (
     without_likelihood,
 )
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import transpose
+from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.options import Options, Tunable
@@ -109,7 +109,8 @@ class InteractingModelsFilter:
             F = F[:, None]
         if Q.ndim == 3:
             Q = Q[:, None]
-        return ModelBank(np.log(predicted), self.dynamics.propagate(means, step), F @ covariances @ transpose(F) + Q)
+        carried = symmetric(F @ covariances @ transpose(F) + Q)
+        return ModelBank(np.log(predicted), self.dynamics.propagate(means, step), carried)
 
     def update(self, belief: ModelBank, z: Array, step: Step) -> tuple[ModelBank, Innovation]:
         """Return every model's update, reweighted by its likelihood.

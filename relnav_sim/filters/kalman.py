@@ -12,9 +12,10 @@ from scipy.special import chdtri
 
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.square_root import semidefinite_root
+from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide, whitened
 from relnav_sim.linalg import (
     LOG_TWO_PI,
-    CholeskyFactor,
     back,
     factor,
     forward,
@@ -23,6 +24,7 @@ from relnav_sim.linalg import (
     product,
     runs_first,
     runs_last,
+    symmetric_last,
 )
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
@@ -71,7 +73,7 @@ class GaussianFilter:
         Q = matrices_last(self.dynamics.process_noise(belief.mean, step))
         FP = product(F, runs_last(belief.covariance))
         P = product(F, FP.swapaxes(0, 1)) + Q  # F (F P)^T, because P is symmetric
-        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(P))
+        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(symmetric_last(P)))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
@@ -81,7 +83,9 @@ class GaussianFilter:
             return corrected, innovation
         rejected = innovation.nis > self._gate
         extras = {**innovation.extras, "rejected": rejected.astype(float)}
-        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras)
+        # What a reading would have done to a run does not count where it is not taken.
+        failed = {place: why for place, why in innovation.failed.items() if not rejected[place]}
+        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras, failed=failed)
 
     def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
         """Return the corrected belief with the considered states as predicted."""
@@ -93,18 +97,23 @@ class GaussianFilter:
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
-    """Return the Kalman update, with a covariance that stays positive definite however wide the prior.
+    """Return the Kalman update, exact however wide the prior, and where noise or prediction are singular.
 
     One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
-    covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
-    where it is a million times as wide get Joseph's form instead (Bucy and Joseph, Filtering for Stochastic Processes,
-    1968). Each run decides for itself.
+    covariance becomes P - W^T W, symmetric to the bit where P is. That difference loses as many digits as the prior is
+    wider than the noise, so runs where it is a million times as wide get Joseph's form instead (Bucy and Joseph,
+    Filtering for Stochastic Processes, 1968), and the update from roots where even S has lost the noise or is singular.
+    Each run decides for itself.
 
     Args:
         belief: The prediction, mean (runs, n) and covariance (runs, n, n).
         residual: z - h(m), angles wrapped, (runs, m).
         H: Jacobian (runs, m, n) or (m, n).
-        R: Measurement noise (runs, m, m) or (m, m).
+        R: Measurement noise, positive semidefinite, (runs, m, m) or (m, m).
+
+    Returns:
+        The posterior and the innovation. Where S is singular, NIS and log-likelihood are those of its range; a
+        residual outside it fails the run, because no state explains it.
     """
     # Runs last from here on: every product is then a few elementwise passes over contiguous memory.
     P, H, R, nu = runs_last(belief.covariance), matrices_last(H), matrices_last(R), runs_last(residual)
@@ -116,35 +125,92 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     WT = W.swapaxes(0, 1)
     mean = belief.mean + product(WT, w[:, None])[:, 0].T
     covariance = P - product(WT, W)
-    wide = _is_wide(S, R)
+    wide, lost = exceeds(S, R, WIDE), nearly_singular(S, L)
     if wide.any():
         covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
-    return Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+        lost = lost | exceeds(S, R, WIDEST)
+    update = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    if not lost.any():
+        return update
+    rows = np.flatnonzero(lost)
+    prior, h, r = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows), of_runs(R, rows)
+    X = semidefinite_root(prior.covariance)
+    size = np.abs(prior.mean) + np.sqrt(np.abs(np.einsum("bii->bi", prior.covariance)))
+    reading = np.einsum("bij,bj->bi", np.abs(h), size)
+    exact, innovation = square_root_update(prior, h @ X, X, r, residual[rows], reading)
+    return replace_runs(rows, update, (exact, unless_too_wide(innovation, exact.covariance, h, r)))
+
+
+def replace_runs(
+    rows: NDArray[np.intp], update: tuple[Gaussian, Innovation], by: tuple[Gaussian, Innovation]
+) -> tuple[Gaussian, Innovation]:
+    """Return an update whose runs `rows` are those of another, given for these runs alone."""
+    (posterior, innovation), (exact, told) = update, by
+    for whole, part in (
+        (posterior.mean, exact.mean),
+        (posterior.covariance, exact.covariance),
+        (innovation.nis, told.nis),
+        (innovation.log_likelihood, told.log_likelihood),
+    ):
+        whole[rows] = part
+    return posterior, replace(innovation, failed={int(rows[place]): why for place, why in told.failed.items()})
 
 
 WIDE = 1e6
 """Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
+WIDEST = 1e12
+"""The same of Joseph's form; S itself keeps four digits of R then."""
+_SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as good as singular
 
 
-def _is_wide(S: Array, R: Array) -> NDArray[np.bool_]:
-    wide = S[0, 0] > WIDE * R[0, 0]
+def nearly_singular(S: Array, L: Array) -> NDArray[np.bool_]:
+    """Return where S (m, m, runs), finite, is as good as singular: a pivot of its factor L is next to nothing."""
+    singular = np.zeros(S.shape[-1], dtype=bool)
+    for i in range(len(S)):
+        # Written so that a pivot that is not a number counts.
+        singular = singular | ~(L[i, i] * L[i, i] > _SINGULAR * S[i, i])
+    # A run that has diverged stays as it is.
+    return singular & np.isfinite(S.sum(axis=(0, 1))) if singular.any() else singular
+
+
+def exceeds(S: Array, R: Array, ratio: float) -> NDArray[np.bool_]:
+    """Return where S (m, m, runs) is so many times as wide as R (m, m, runs or 1) in any channel."""
+    wide = S[0, 0] > ratio * R[0, 0]
     for i in range(1, len(S)):
-        wide = wide | (S[i, i] > WIDE * R[i, i])
+        wide = wide | (S[i, i] > ratio * R[i, i])
     return wide
+
+
+def of_runs(A: Array, rows: NDArray[np.intp]) -> Array:
+    """Return the matrices (rows, p, q) of some runs from (p, q, runs or 1)."""
+    return runs_first(np.broadcast_to(A[..., rows] if A.shape[-1] > 1 else A, (*A.shape[:2], len(rows))))
 
 
 def _joseph(P: Array, H: Array, R: Array, KT: Array, HP: Array) -> Array:
     """Return (I - K H) P (I - K H)^T + K R K^T, runs last, multiplied out with M = (I - K H) P."""
     K = KT.swapaxes(0, 1)
     M = P - product(K, HP)
-    P = M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT)
-    return (P + P.swapaxes(0, 1)) / 2
+    return symmetric_last(M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT))
 
 
-def innovation_of(factor: CholeskyFactor, residual: Array) -> Innovation:
-    """Return NIS and log-likelihood of a residual (runs, m) whose covariance has the given factor."""
-    L = factor.lower_last
-    return innovation_last(L, forward(L, runs_last(residual)))
+def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
+    """Return NIS and log-likelihood of a residual, in the range of its covariance where that is singular.
+
+    Args:
+        S: Its covariance (runs, m, m).
+        residual: (runs, m).
+        reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
+    """
+    last = runs_last(S)
+    L = factor(last)
+    innovation = innovation_last(L, forward(L, runs_last(residual)))
+    singular = nearly_singular(last, L)
+    if not singular.any():
+        return innovation
+    rows = np.flatnonzero(singular)
+    told = whitened(semidefinite_root(S[rows]), residual[rows], reading[rows]).innovation
+    innovation.nis[rows], innovation.log_likelihood[rows] = told.nis, told.log_likelihood
+    return innovation
 
 
 def innovation_last(L: Array, white: Array) -> Innovation:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import joseph_update
-from relnav_sim.linalg import cholesky, transpose, whiten
+from relnav_sim.filters.square_root import NoiseRoot
+from relnav_sim.linalg import symmetric
 from relnav_sim.models.measurement import Measurement
 
 Array = NDArray[np.float64]
@@ -31,8 +32,9 @@ def reweighted_update(
     """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
 
     The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction; weights
-    of one give the Kalman update. The covariance is that of the last reweighted update. NIS and log-likelihood are
-    those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of the measurement.
+    of one give the Kalman update. Directions without noise always have the weight of a perfect fit. The covariance is
+    that of the last reweighted update. NIS and log-likelihood are those of the unweighted innovation; the extra
+    `lowest_weight` is the smallest weight of the measurement.
 
     Args:
         belief: The prediction.
@@ -50,9 +52,9 @@ def reweighted_update(
     nu = measurement.residual(z, measurement.predict(mean, epoch))
     H = measurement.jacobian(mean, epoch)
     R = measurement.noise(mean, epoch)
-    L = np.broadcast_to(cholesky(R), (runs, *R.shape[-2:]))
-    white_nu, white_H = whiten(L, nu), _whiten_rows(L, H)
-    L_P = cholesky(P) if weigh_prior else None
+    noise = NoiseRoot(np.broadcast_to(R, (runs, *R.shape[-2:])))
+    white_nu, white_H = noise.whiten(nu), noise.whiten_rows(np.broadcast_to(H, (runs, *H.shape[-2:])))
+    spread_of_prior = NoiseRoot(P) if weigh_prior else None
     posterior, innovation = joseph_update(belief, nu, H, R)
     prior = belief
     shift = np.zeros_like(mean) if weigh_prior else posterior.mean - mean
@@ -60,19 +62,10 @@ def reweighted_update(
         e = white_nu - np.einsum("bmn,bn->bm", white_H, shift)
         spread = np.einsum("bmn,bmn->bm", white_H @ posterior.covariance, white_H)
         weights = weigh(e, spread)
-        if L_P is not None:
-            prior = Gaussian(mean, _scaled(L_P, weigh(whiten(L_P, shift), np.zeros_like(shift))))
-        posterior, _ = joseph_update(prior, nu, H, _scaled(L, weights))
+        if spread_of_prior is not None:
+            weights_of_prior = weigh(spread_of_prior.whiten(shift), np.zeros_like(shift))
+            prior = Gaussian(mean, symmetric(spread_of_prior.scaled(weights_of_prior)))
+        posterior, _ = joseph_update(prior, nu, H, symmetric(noise.scaled(weights)))
         shift = posterior.mean - mean
     extras = {"lowest_weight": weights.min(axis=-1)}
     return posterior, replace(innovation, extras=extras)
-
-
-def _scaled(L: Array, weights: Array) -> Array:
-    return (L / weights[:, None, :]) @ transpose(L)
-
-
-def _whiten_rows(L: Array, H: Array) -> Array:
-    """Return L^-1 H, (runs, m, n)."""
-    rows = np.broadcast_to(H, (len(L), *H.shape[-2:]))
-    return transpose(whiten(L, np.ascontiguousarray(transpose(rows))))

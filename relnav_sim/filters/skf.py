@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
+from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.cloud import standard_normals
 from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, sums_over_samples, whitened_prior
 from relnav_sim.filters.kalman import GaussianFilterOptions
@@ -82,15 +82,14 @@ class StochasticSearchFilter(SamplingFilter):
         mean, covariance = self._search(prior, belief, z, step)
         posterior = prior.posterior(mean, covariance)
         usable = np.isfinite(posterior.covariance.sum(axis=(1, 2)) + posterior.mean.sum(axis=1))
-        if not usable.all():
-            posterior = where_runs(usable, posterior, self.iterated_update(belief, z, 1.0, step))
+        posterior, failed = self.with_fallback(posterior, usable, belief, z, 1.0, step)
         innovation = self.linearise(belief, z, step.epoch).innovation()
-        return posterior, replace(innovation, extras={"fallback": 1.0 - usable})
+        return posterior, replace(innovation, extras={"fallback": 1.0 - usable}, failed=failed)
 
     def _search(self, prior: WhitenedPrior, belief: Gaussian, z: Array, step: Step) -> tuple[Array, Array]:
         """Return mean (runs, d) and covariance (runs, d, d) of q in the coordinates where the prior is N(0, I)."""
         d, epoch = prior.roots.shape[1], step.epoch
-        start = belief if self._options.start == "prior" else self.iterated_update(belief, z, 1.0, step)
+        start = belief if self._options.start == "prior" else self.iterated_update(belief, z, 1.0, step)[0]
         mean, root = prior.coordinates(start)
         covariance = root @ transpose(root)
         # z ~ h linearised at the start and with its noise whitened becomes nu ~ H y + N(0, I).

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.linalg import cholesky, factor, forward, runs_first, runs_last, transpose
+from relnav_sim.linalg import CholeskyFactor, cholesky, factor, forward, runs_first, runs_last, transpose, whiten
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,10 @@ class Whitener:
 
     Args:
         P: (runs, n, n). NaN results where it has a negative eigenvalue beyond rounding.
+
+    Attributes:
+        has_exact: Whether any run has a direction without variance.
+        exact: Rows (runs, n, n) that take the components in these directions, zero rows otherwise.
     """
 
     def __init__(self, P: Array) -> None:
@@ -51,10 +55,13 @@ class Whitener:
         with np.errstate(invalid="ignore", divide="ignore"):
             self._W = runs_first(forward(L, identity))
         poor = _poorly_determined(runs_first(L), P)
+        self.exact, self.has_exact = np.zeros(P.shape), False
         if poor.any():
             scale, values, vectors = _spectrum(P[poor])
             roots = np.sqrt(np.where(values == 0, np.inf, values))
             self._W[poor] = transpose(vectors) / (roots[:, :, None] * scale[:, None, :])
+            self.exact[poor] = transpose(vectors) * (values == 0)[:, :, None] / scale[:, None, :]
+            self.has_exact = bool((values == 0).any())
 
     def solve(self, B: Array) -> Array:
         """Return X (runs, n, p) with P X = B, columns of B (runs, n, p) in P's range."""
@@ -64,6 +71,66 @@ class Whitener:
         """Return v^T P^-1 v, (runs,), for v (runs, n) in P's range."""
         total: Array = np.square(np.einsum("bij,bj->bi", self._W, v)).sum(axis=1)
         return total
+
+
+class NoiseRoot:
+    """L with L L^T = R, and residuals in its units, for noise that may have exact channels.
+
+    The Cholesky factor where R has full rank. Elsewhere L has columns of zeros: directions without noise whiten to
+    zero, as if they fitted perfectly.
+
+    Args:
+        R: (runs, m, m).
+
+    Attributes:
+        root: L, (runs, m, m); lower triangular where R has full rank.
+    """
+
+    def __init__(self, R: Array) -> None:
+        self.root = np.array(cholesky(R))
+        self._poor = _poorly_determined(self.root, R)
+        if self._poor.any():
+            scale, values, vectors = _spectrum(R[self._poor])
+            self.root[self._poor] = scale[:, :, None] * vectors * np.sqrt(values)[:, None, :]
+            roots = np.sqrt(np.where(values == 0, np.inf, values))
+            self._inverse = transpose(vectors) / (roots[:, :, None] * scale[:, None, :])
+
+    def whiten(self, v: Array) -> Array:
+        """Return L^-1 v, (runs, m), for v (runs, m)."""
+        white = whiten(self.root, v)
+        if self._poor.any():
+            white[self._poor] = np.einsum("bij,bj->bi", self._inverse, v[self._poor])
+        return white
+
+    def whiten_rows(self, H: Array) -> Array:
+        """Return L^-1 H, (runs, m, n), for H (runs, m, n)."""
+        white = transpose(whiten(self.root, np.ascontiguousarray(transpose(H))))
+        if self._poor.any():
+            white[self._poor] = self._inverse @ H[self._poor]
+        return white
+
+    def scaled(self, weights: Array) -> Array:
+        """Return L diag(1 / w) L^T, (runs, m, m), for weights (runs, m)."""
+        return (self.root / weights[:, None, :]) @ transpose(self.root)
+
+
+def semidefinite_solve(A: Array, B: Array) -> Array:
+    """Return A^-1 B (runs, m, p) for positive semidefinite A (runs, m, m), B in A's range where A is singular."""
+    factor = CholeskyFactor(A)
+    X = factor.solve(B)
+    poor = _poorly_determined(runs_first(factor.lower_last), A)
+    if poor.any():
+        X[poor] = Whitener(A[poor]).solve(B[poor])
+    return X
+
+
+NEEDS_NOISE = "the measurement noise is singular; this filter needs noise in every channel (kf, ekf, iekf, ukf do not)"
+
+
+def not_definite(R: Array, runs: int) -> NDArray[np.bool_]:
+    """Return in which runs (runs,) a covariance (m, m) or (runs, m, m) is singular within rounding, or none."""
+    stack = R.reshape(-1, *R.shape[-2:])
+    return np.broadcast_to(_poorly_determined(cholesky(stack), stack), (runs,))
 
 
 def general_solve(A: Array, B: Array) -> Array:

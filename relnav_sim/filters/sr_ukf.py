@@ -13,7 +13,8 @@ from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root, triangular_root
-from relnav_sim.linalg import LOG_TWO_PI, cholesky, log_determinant, symmetric, transpose, whiten
+from relnav_sim.filters.square_root_update import root_update
+from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.streams import RandomSource
@@ -52,7 +53,8 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
     Van der Merwe and Wan, ICASSP 2001; Arasaratnam and Haykin (2009) for kappa = 0. Prediction and update are each
     one QR of an array of weighted deviations; the covariance is positive definite by construction and half the
     digits suffice. Equal to `ukf` with alpha = 1, beta = 0 and the same kappa. Use it when a very precise
-    measurement meets a wide prior, or when a run is long. A singular prior or process noise is no obstacle.
+    measurement meets a wide prior, or when a run is long. A singular prior, process noise or measurement
+    noise is no obstacle.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: SquareRootUnscentedOptions) -> None:
@@ -91,23 +93,21 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         shift, Y = self._deviations(self.measurement.residual(images[:, 1:], images[:, :1]))
         half = prior.root * np.sqrt(0.5)
         X = np.concatenate([half, -half, np.zeros((runs, n, 1))], axis=2)
-        noise = np.broadcast_to(cholesky(self.measurement.noise(prior.mean, step.epoch)), (runs, m, m))
-        array = np.concatenate([_beside(Y, noise), _beside(X, np.zeros((runs, n, m)))], axis=1)
-        root = triangular_root(array)
-        S = root[:, :m, :m]
-        residual = self.measurement.residual(z, images[:, 0] + shift)
-        white = whiten(S, residual)
-        nis = np.square(white).sum(axis=-1)
-        log_likelihood = -0.5 * (nis + m * LOG_TWO_PI + log_determinant(S))
-        gain, posterior = root[:, m:, :m].copy(), root[:, m:, m:]
+        R = self.measurement.noise(prior.mean, step.epoch)
+        noise_root = np.broadcast_to(semidefinite_root(R.reshape(-1, m, m)), (runs, m, m))
+        expected = images[:, 0] + shift
+        update = root_update(X, Y, noise_root, self.measurement.residual(z, expected), np.abs(z) + np.abs(expected))
+        gain, posterior, residual = update.gain, update.root, update.residual
+        if posterior.shape[2] > n:
+            posterior = triangular_root(posterior)
         if self._considered:
             # What the update took from the considered block is put back as further columns of the root.
-            kept = np.zeros_like(gain)
+            gain, kept = gain.copy(), np.zeros_like(gain)
             places = list(self._considered)
             kept[:, places], gain[:, places] = gain[:, places], 0.0
             posterior = triangular_root(_beside(posterior, kept))
-        mean = prior.mean + np.einsum("bnm,bm->bn", gain, white)
-        return RootGaussian(mean, posterior), Innovation(nis, log_likelihood)
+        mean = prior.mean + np.einsum("bnm,bm->bn", gain, residual.values)
+        return RootGaussian(mean, posterior), residual.innovation
 
     def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief, whose considered states `correct` has kept already."""

@@ -14,7 +14,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import Whitener, general_solve
+from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve, not_definite
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -89,8 +89,9 @@ class TwoStepFilter(GaussianFilter):
     it. Both steps update c, then x given c, so every covariance is a sum of positive parts, for linear g the
     covariance of x takes the very path of the Kalman filter, and a gap in the measurements leaves N alone.
 
-    Limits: the off-manifold part gets no process noise, as in the original. NIS and log-likelihood come from the
-    linear first step; those of the first measurement include the start's slack.
+    Limits: R must be positive definite; a noise-free channel fails the run. The off-manifold part gets no process
+    noise, as in the original. NIS and log-likelihood come from the linear first step; those of the first measurement
+    include the start's slack.
     """
 
     considers = False
@@ -162,10 +163,11 @@ class TwoStepFilter(GaussianFilter):
         )
         B = np.eye(len(z[0])) + G @ after.regression
         observed = G @ after.covariance @ transpose(G) + B @ after.scatter @ transpose(B)
+        failed = dict.fromkeys(np.flatnonzero(not_definite(R, len(z))).tolist(), NEEDS_NOISE)
         return (
             corrected,
             (measurement.residual(z, y_g), observed),
-            replace(innovation, extras={"iterations": iterations}),
+            replace(innovation, extras={"iterations": iterations}, failed=failed),
         )
 
     def _off_manifold(self, belief: TwoStepBelief, G: Array, R: Array, epoch: int) -> OffManifold:

@@ -9,9 +9,30 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_last
+from relnav_sim.filters.kalman import (
+    WIDE,
+    GaussianFilter,
+    GaussianFilterOptions,
+    exceeds,
+    innovation_last,
+    nearly_singular,
+    of_runs,
+    replace_runs,
+)
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import cholesky, factor, forward, product, runs_first, runs_last, transpose
+from relnav_sim.filters.square_root import semidefinite_root
+from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide
+from relnav_sim.linalg import (
+    cholesky,
+    factor,
+    forward,
+    matrices_last,
+    product,
+    runs_first,
+    runs_last,
+    symmetric,
+    transpose,
+)
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 
@@ -90,7 +111,8 @@ class UnscentedKalmanFilter(GaussianFilter):
             propagated = self.dynamics.propagate(points, step)
             centre, images = propagated[:, 0], propagated[:, 1:] - propagated[:, :1]
         shift = self._shift(images)
-        covariance = self._covariance(images, shift, images, shift) + self.dynamics.process_noise(belief.mean, step)
+        noise = self.dynamics.process_noise(belief.mean, step)
+        covariance = symmetric(self._covariance(images, shift, images, shift) + noise)
         if self._redraw:
             return Gaussian(centre + shift, covariance)
         # PropagatedPoints is a Gaussian in all that the shared code asks of it.
@@ -106,20 +128,56 @@ class UnscentedKalmanFilter(GaussianFilter):
         images = self.measurement.predict(points, step.epoch)
         deviations = self.measurement.residual(images[:, 1:], images[:, :1])
         shift = self._shift(deviations)
-        S = self._covariance(deviations, shift, deviations, shift) + self.measurement.noise(belief.mean, step.epoch)
+        R = self.measurement.noise(belief.mean, step.epoch)
+        S = self._covariance(deviations, shift, deviations, shift) + R
         cross = self._covariance(deviations, shift, offsets, self._shift(offsets))
         residual = self.measurement.residual(z, images[:, 0] + shift)
-        L = factor(runs_last(S))
+        S_last = runs_last(symmetric(S))
+        L = factor(S_last)
         white = forward(L, runs_last(np.concatenate([cross, residual[..., None]], axis=2)))
         W = white[:, :-1]
         WT = W.swapaxes(0, 1)
         mean = belief.mean + product(WT, white[:, -1:])[:, 0].T
         covariance = belief.covariance - runs_first(product(WT, W))
-        return Gaussian(mean, covariance), innovation_last(L, white[:, -1])
+        update = Gaussian(mean, covariance), innovation_last(L, white[:, -1])
+        wide = exceeds(S_last, matrices_last(R), WIDE) | nearly_singular(S_last, L)
+        if isinstance(belief, PropagatedPoints) or not wide.any():
+            return update
+        rows = np.flatnonzero(wide)
+        reading = np.abs(images[rows, 0]) + np.abs(z[rows])
+        prior = Gaussian(belief.mean[rows], belief.covariance[rows])
+        R = of_runs(matrices_last(R), rows)
+        exact = self._from_roots(prior, deviations[rows], offsets[rows], R, residual[rows], reading)
+        return replace_runs(rows, update, exact)
+
+    def _from_roots(
+        self, prior: Gaussian, deviations: Array, offsets: Array, R: Array, residual: Array, reading: Array
+    ) -> tuple[Gaussian, Innovation]:
+        """Return the same update for a prior that is far wider than the noise, or singular.
+
+        The halves d+ - d- and d+ + d- of a pair of opposite points split S = B B^T + Omega + R: B, the central
+        differences over the spread, is statistical linearisation, H P H^T in roots; Omega is what the measurement's
+        curvature adds, and joins the noise (Lefebvre, Bruyninckx and De Schutter, IEEE Trans. Automatic Control 47(8),
+        2002). The subtraction P - P_xz S^-1 P_zx, which loses the noise, is never made.
+        """
+        n = prior.mean.shape[1]
+        ahead, behind = deviations[:, :n], deviations[:, n:]
+        B = transpose(ahead - behind) / (2 * self._spread)
+        even = (ahead + behind) / 2
+        shift = self._shift(deviations)
+        Omega = 2 * self._weight * (transpose(even) @ even) + self._curvature * shift[:, :, None] * shift[:, None, :]
+        X = transpose(offsets[:, :n]) / self._spread
+        posterior, innovation = square_root_update(prior, B, X, symmetric(Omega) + R, residual, reading)
+        H = B @ np.linalg.pinv(X)
+        return posterior, unless_too_wide(innovation, posterior.covariance, H, R)
 
     def _offsets(self, P: Array) -> Array:
-        """Return the sigma points' offsets from the mean, (runs, 2 n, n)."""
-        rows = self._spread * transpose(cholesky(P))
+        """Return the sigma points' offsets from the mean, (runs, 2 n, n); P may be singular."""
+        L = cholesky(P)
+        singular = ~np.isfinite(L.sum(axis=(1, 2)))
+        if singular.any():
+            L[singular] = semidefinite_root(P[singular])
+        rows = self._spread * transpose(L)
         return np.concatenate([rows, -rows], axis=1)
 
     def _shift(self, deviations: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.linalg import back, factor, forward, product, runs_last
+from relnav_sim.linalg import back, factor, forward, product, runs_last, symmetric_last
 from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.kepler import initial_state
@@ -93,7 +93,7 @@ class OrbitFilter:
     def _predict(self) -> None:
         self._mean, nodes = advance_orbit(self._mean, self._division, self._gravity)
         F = orbit_transition(nodes, self._division, self._gravity)
-        self._P = product(F, product(F, self._P).swapaxes(0, 1)) + self._Q
+        self._P = symmetric_last(product(F, product(F, self._P).swapaxes(0, 1)) + self._Q)
 
     def _kick(self, change: Array) -> None:
         """Change the velocity by (runs or 1, 3), m/s, RTN; nothing changes, not a bit, where that is zero."""
@@ -111,4 +111,4 @@ class OrbitFilter:
         gain = back(L, forward(L, self._P)).swapaxes(0, 1)
         P = product(gain, self._R)
         self._mean = self._mean + product(gain, residual[:, None])[:, 0]
-        self._P = np.where(present, (P + P.swapaxes(0, 1)) / 2, self._P)
+        self._P = np.where(present, symmetric_last(P), self._P)

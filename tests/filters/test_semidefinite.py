@@ -1,0 +1,179 @@
+"""Covariances stay symmetric to the bit, and singular ones give the exact answer or a reason."""
+
+import warnings
+
+import numpy as np
+import pytest
+from exact_kalman import exact_kalman
+from scipy.linalg import expm, solve_discrete_are
+
+from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.filters.registry import filter_kinds
+
+I2, NONE = np.eye(2), np.zeros((2, 2))
+CV, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
+ONE, TWO = np.random.default_rng(1).normal(size=(6, 1)), np.random.default_rng(2).normal(size=(6, 2))
+LIMITS = {  # of filters that tend to the Kalman filter
+    "huber": {"threshold": 1e9},
+    "student_t": {"degrees_of_freedom": 1e12},
+    "mckf": {"bandwidth": 1e9},
+}
+KALMAN = ("kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "imm", "gaussian_sum", *LIMITS)
+NEED_NOISE = ("two_step", "adaptive_two_step", "adaptive_alpha_kf")
+
+SINGULAR = {
+    "noise_free": (CV, Q, [[1, 0]], [[0]], ONE, I2),
+    "one_exact_channel": (CV, Q, I2, np.diag([0, 1]), TWO, I2),
+    "the_other_exact": (CV, Q, I2, np.diag([1, 0]), TWO, I2),
+    "duplicate_sensor": (CV, Q, [[1, 0], [1, 0]], [[1, 1], [1, 1]], ONE.repeat(2, axis=1), I2),
+    "duplicate_exact": (CV, Q, [[1, 0], [1, 0]], NONE, ONE.repeat(2, axis=1), I2),
+    "correlated_noise": (CV, Q, I2, [[1, 1], [1, 1]], TWO, I2),
+    "exact_sum": (CV, Q, [[1, 1]], [[0]], ONE, I2),
+    "same_exact_reading_again": (I2, NONE, [[1, 0]], [[0]], np.full((4, 1), 3.0), I2),
+    "exact_line": (CV, NONE, [[1, 0]], [[0]], (2 + 0.3 * np.arange(1, 7))[:, None], I2),
+}
+KNOWN = {
+    "first_known": (I2, NONE, [[1, 1]], [[1]], ONE, np.diag([0, 1])),
+    "second_known": (I2, NONE, [[1, 1]], [[1]], ONE, np.diag([1, 0])),
+    "all_known": (CV, NONE, [[1, 0]], [[1]], ONE, NONE),
+    "known_at_the_start": (CV, Q, [[1, 0]], [[1]], ONE, NONE),
+    "line_known": (CV, NONE, [[1, 0]], [[1]], ONE, [[1, 1], [1, 1]]),
+    "noise_of_rank_one": (CV, np.outer([0.5, 1], [0.5, 1]), [[1, 0]], [[1]], ONE, I2),
+}
+WIDE = {
+    f"{name}_{R:g}": (I2, NONE, H, R * np.eye(len(H)), z, 1e8 * I2)
+    for R in (1e-4, 1e-6, 1e-8, 1e-10)
+    for name, H, z in (
+        ("first", [[1, 0]], ONE),
+        ("both", np.eye(2), TWO),
+        ("twice", [[1, 0], [1, 0]], ONE.repeat(2, axis=1)),
+    )
+}
+
+
+def run(name, problem):
+    F, noise, H, R, z, covariance = problem
+    flt = create_filter(name, LinearDynamics(F, noise), LinearMeasurement(H, R), **LIMITS.get(name, {}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # what `failures` says too
+        return run_filter(flt, z[None], [0, 0], np.array(covariance, dtype=float))
+
+
+def assert_exact(history, problem, sigmas):
+    F, noise, H, R, z, covariance = problem
+    mean, P = exact_kalman(F, noise, H, R, z, [0, 0], covariance)
+    assert not history.failures
+    sd = np.sqrt(np.einsum("kii->ki", P).clip(0))
+    # A state known exactly is right to the rounding of the readings.
+    assert (np.abs(history.mean[0] - mean) <= sigmas * sd + 1e-12 * np.abs(z).max()).all()
+    assert (np.abs(history.covariance[0] - P) <= sigmas * sd[:, :, None] * sd[:, None] + 1e-15).all()
+    assert np.isfinite(history.nis).all()
+    assert np.isfinite(history.log_likelihood).all()
+
+
+@pytest.mark.parametrize("name", KALMAN)
+@pytest.mark.parametrize("case", [*SINGULAR, *KNOWN])
+def test_singular_covariances_are_no_obstacle(name, case):
+    problem = (SINGULAR | KNOWN)[case]
+    assert_exact(run(name, problem), problem, 1e-11)
+
+
+@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
+@pytest.mark.parametrize("case", WIDE)
+def test_a_wide_prior_meets_a_precise_reading(name, case):
+    assert_exact(run(name, WIDE[case]), WIDE[case], 1e-6)
+
+
+@pytest.mark.parametrize("name", ["mkf", "skf", "alpha_kf"])
+@pytest.mark.parametrize("case", ["noise_free", "duplicate_exact", "same_exact_reading_again"])
+def test_sampling_filters_fall_back_where_nothing_can_be_weighed(name, case):
+    assert_exact(run(name, SINGULAR[case]), SINGULAR[case], 1e-11)
+
+
+@pytest.mark.parametrize("name", NEED_NOISE)
+@pytest.mark.parametrize("case", SINGULAR)
+def test_filters_that_need_noise_say_so(name, case):
+    history = run(name, SINGULAR[case])
+    assert [(one.epoch, "this filter needs noise" in one.reason) for one in history.failures] == [(0, True)]
+    assert np.isnan(history.mean).all()
+
+
+@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "sr_ukf", "huber", "skf", "imm"])
+def test_a_reading_that_contradicts_what_is_known_fails_the_run_alone(name):
+    z = np.array([[[0.0], [0.0]], [[0.0], [1e-3]]])
+    flt = create_filter(name, LinearDynamics(I2, NONE), LinearMeasurement([[1, 0]], [[0.0]]))
+    with pytest.warns(RuntimeWarning, match="run 1 at epoch 1"):
+        history = run_filter(flt, z, [0, 0], np.diag([0.0, 1.0]))
+    assert [(one.run, one.epoch) for one in history.failures] == [(1, 1)]
+    np.testing.assert_array_equal(history.mean[0], 0.0)
+
+
+@pytest.mark.parametrize("name", ["kf", "iekf", "ukf", "skf", "imm", "gaussian_sum"])
+def test_digits_that_a_covariance_cannot_hold_are_refused(name):
+    # The sum is known to 1e-4, position and velocity to 1e4 each: P must hold 1e-8 beside 1e8.
+    problem = (CV, NONE, [[1, 1]], [[1e-8]], ONE, 1e8 * I2)
+    history = run(name, problem)
+    assert history.failures
+    assert name in ("imm", "gaussian_sum") or "take sr_ukf" in history.failures[0].reason
+    assert_exact(run("sr_ukf", problem), problem, 1e-3)
+
+
+def test_an_exact_nonlinear_reading_is_met_exactly():
+    beacon = FunctionMeasurement(lambda x, epoch: np.linalg.norm(x[..., :2], axis=-1, keepdims=True), [[0.0]])
+    flt = create_filter("iekf", LinearDynamics(I2, NONE), beacon)
+    history = run_filter(flt, np.full((1, 1, 1), 5.0), [2.0, 1.0], I2)
+    assert not history.failures
+    # The nearest point of the circle, by Lagrange: along the prior mean. The search ends within 1e-8 sigma.
+    np.testing.assert_allclose(history.mean[0, 0], 5 * np.array([2, 1]) / np.sqrt(5), atol=1e-8)
+
+
+@pytest.mark.parametrize("name", filter_kinds())
+def test_covariances_are_symmetric_to_the_bit_where_modes_grow(name):
+    c, s = np.cos(0.5), np.sin(0.5)
+    F = 1.2 * np.array([[c, -s], [s, c]])
+    z = np.random.default_rng(0).normal(size=(1, 150, 1))
+    history = run_filter(create_filter(name, LinearDynamics(F, I2), LinearMeasurement([[1, 0]], [[1]])), z, [0, 0], I2)
+    np.testing.assert_array_equal(history.covariance, history.covariance.swapaxes(-1, -2))
+    assert np.isfinite(history.mean).all()
+    if name in KALMAN and name not in LIMITS:
+        mean, P = exact_kalman(F, I2, [[1, 0]], [[1]], z[0], [0, 0], I2)
+        np.testing.assert_allclose(history.mean[0], mean, atol=1e-12)
+        np.testing.assert_allclose(history.covariance[0], P, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["kf", "ukf"])
+def test_a_long_chain_of_integrators_stays_on_riccatis_solution(name):
+    n, A = 4, np.eye(4, k=1)
+    E = expm(np.block([[-A, np.diag([0, 0, 0, 1e-8])], [np.zeros((n, n)), A.T]]))
+    F, H, R = expm(A), np.eye(1, n), np.eye(1)
+    noise = E[n:, n:].T @ E[:n, n:]
+    noise = (noise + noise.T) / 2
+    z = np.zeros((1, 4000, 1))
+    history = run_filter(
+        create_filter(name, LinearDynamics(F, noise), LinearMeasurement(H, R)), z, np.zeros(n), np.eye(n)
+    )
+    predicted = solve_discrete_are(F.T, H.T, noise, R)
+    P = predicted - predicted @ H.T @ H @ predicted / (predicted[0, 0] + 1)
+    sd = np.sqrt(np.diag(P))
+    np.testing.assert_array_equal(history.covariance[0], history.covariance[0].swapaxes(-1, -2))
+    np.testing.assert_allclose(history.covariance[0, -1] / np.outer(sd, sd), P / np.outer(sd, sd), atol=1e-9)
+
+
+def test_a_reading_outside_the_gate_does_not_fail_a_run():
+    flt = create_filter("kf", LinearDynamics(I2, NONE), LinearMeasurement([[1, 0]], [[0.0]]), gate_probability=0.999)
+    history = run_filter(flt, np.array([[[0.0], [1e-3], [0.0]]]), [0, 0], np.diag([0.0, 1.0]))
+    assert not history.failures
+    np.testing.assert_array_equal(history.extras["rejected"][0], [0, 1, 0])
+    np.testing.assert_array_equal(history.mean, 0.0)
+
+
+def test_rare_runs_do_not_touch_the_bits_of_the_others():
+    rng = np.random.default_rng(3)
+    z, covariance = rng.normal(size=(3, 8, 2)), np.stack([I2, NONE, 1e9 * I2])
+    for name in ("kf", "iekf", "ukf", "sr_ukf", "huber", "skf"):
+        flt = create_filter(name, LinearDynamics(CV, Q), LinearMeasurement(I2, np.diag([1e-7, 1.0])))
+        whole = run_filter(flt, z, [0, 0], covariance)
+        for b in range(3):
+            alone = run_filter(flt, z[b : b + 1], [0, 0], covariance[b : b + 1], runs=[b])
+            np.testing.assert_array_equal(alone.mean[0], whole.mean[b])
+            np.testing.assert_array_equal(alone.covariance[0], whole.covariance[b])
