@@ -13,7 +13,8 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
-from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.manoeuvres import ExecutionErrors
+from relnav_sim.truth.options import DispersionsOptions, TruthOptions
 from relnav_sim.truth.propagation import DenseTrajectory
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
 
@@ -170,6 +171,18 @@ def nominal_chief(options: TruthOptions) -> ChiefOrbit:
         j2=options.constants.j2,
         j3=options.constants.j3,
         j4=options.constants.j4,
+    )
+
+
+def nominal_truth(options: TruthOptions) -> TruthOptions:
+    """Return the truth in which nothing is dispersed and every manoeuvre is carried out as planned."""
+    planned = {name: each.model_copy(update={"errors": None}) for name, each in options.manoeuvres.items()}
+    return options.model_copy(
+        update={
+            "dispersions": DispersionsOptions(),
+            "execution_errors": ExecutionErrors(),
+            "manoeuvres": planned,
+        }
     )
 
 
