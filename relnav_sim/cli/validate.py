@@ -24,6 +24,7 @@ def validate(
 ) -> None:
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
+    from relnav_sim.campaign.warnings import campaign_warnings
 
     campaign = load_campaign(file, changes or [])
     check_tuning(campaign)
@@ -46,6 +47,8 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
+    for sentence in campaign_warnings(campaign):
+        typer.echo(f"warning: {sentence}")
 
 
 def check_tuning(campaign: Campaign) -> None:

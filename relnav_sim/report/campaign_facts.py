@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.report.wording import counted, figure
 from relnav_sim.results.stopping import stopping_in_words
@@ -40,6 +41,18 @@ def leakage(results: Results) -> tuple[str, ...]:
     return (
         f"Leakage: the dynamics of {', '.join(told)} are learned from the truth, which no flight filter has; do not "
         "compare their errors with those of the others.",
+    )
+
+
+def geometry(results: Results) -> tuple[str, ...]:
+    """Return what the flown geometry did to the readings, if anything: sentences that no verdict should be without."""
+    return flown_warnings(
+        results.campaign_content,
+        (
+            (header.label, header.variables, results.time_s(index), results.truth(index))
+            for index, header in enumerate(results.headers)
+            if any(len(results.case_runs(index, name)) for name in header.filters)
+        ),
     )
 
 

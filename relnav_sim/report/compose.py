@@ -96,7 +96,13 @@ def _without_pictures(
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
-        summary=(*summarise(rankings), *in_sentences(judged), *campaign_facts.leakage(results), *_stopped(results)),
+        summary=(
+            *campaign_facts.geometry(results),
+            *summarise(rankings),
+            *in_sentences(judged),
+            *campaign_facts.leakage(results),
+            *_stopped(results),
+        ),
         overview=overview_table(rankings),
         requirements=requirements_table(results, judged) if judged else None,
         pictures=(),

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.warnings import campaign_warnings
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import shard_piece
@@ -66,6 +67,8 @@ def run_campaign(
     if fresh:
         move_aside(out, say)
     header = result_header(campaign)
+    for sentence in campaign_warnings(campaign):
+        say(f"warning: {sentence}")
     failures = 0
     with working_folder(out) as folder:
         check_same_campaign(out, header)

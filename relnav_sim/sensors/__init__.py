@@ -7,6 +7,7 @@ from relnav_sim.sensors.gnss import GnssOptions
 from relnav_sim.sensors.noise import noise_kinds
 from relnav_sim.sensors.options import SensorsOptions, sensor_kinds
 from relnav_sim.sensors.radar import RadarOptions
+from relnav_sim.sensors.sight_warnings import sight_warnings
 from relnav_sim.sensors.star_tracker import StarTrackerOptions
 from relnav_sim.sensors.suite import SensorSuite
 
@@ -24,4 +25,5 @@ __all__ = [
     "radar_model",
     "reading_probability",
     "sensor_kinds",
+    "sight_warnings",
 ]

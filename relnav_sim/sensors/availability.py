@@ -35,9 +35,15 @@ def reading_probability(sensors: SensorsOptions, truth: TrueStates, first_epoch:
     epochs = np.arange(first_epoch, first_epoch + len(truth.times_s))
     probability = np.where(in_sight(radar, true_reading(radar, carrier, other)), 1.0, 0.0)
     probability *= epochs % steps_per_reading(radar.period_s, step_s) == 0
-    for sensor in (radar, sensors.gnss, sensors.star_tracker):
+    return probability * working_probability(sensors, truth.times_s)
+
+
+def working_probability(sensors: SensorsOptions, times_s: Array) -> Array:
+    """Return the probability (K,) that no outage of a sensor that a measurement needs is on."""
+    probability = np.ones(len(times_s))
+    for sensor in (sensors.radar, sensors.gnss, sensors.star_tracker):
         if sensor is not None:
-            probability *= _working(noise_parts(sensor.noise), truth.times_s)
+            probability *= _working(noise_parts(sensor.noise), times_s)
     return probability
 
 

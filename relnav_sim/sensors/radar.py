@@ -154,7 +154,7 @@ def true_reading(options: RadarOptions, carrier: Array, other: Array) -> Vector:
 def in_sight(options: RadarOptions, reading: Vector) -> NDArray[np.bool_]:
     """Return where a true reading is within the range limits and the field of view."""
     distance, azimuth, elevation = reading
-    seen = np.ones(distance.shape, dtype=bool)
+    seen = np.asarray(distance != 0)  # or there is no direction
     if options.range_limits_m is not None:
         nearest, farthest = options.range_limits_m
         seen &= (distance >= nearest) & (distance <= farthest)
@@ -195,6 +195,8 @@ class Radar:
     def measure(self, times_s: Array, carrier: Array, other: Array, first_epoch: int) -> Array:
         """Return range (m), azimuth and elevation (rad, in (-pi, pi]), (runs, K, 3); NaN where nothing is measured.
 
+        A reading whose range would not be positive does not exist.
+
         Args:
             times_s: Epochs (K,), the ones that follow the last call's.
             carrier: ECI states of the craft with the radar when it looks, (runs or 1, K, 6).
@@ -214,6 +216,8 @@ class Radar:
         z *= self._options.sigmas
         z += np.stack(truth, axis=-1) + self._biases
         z[..., 1:] = half_open(z[..., 1:])
+        # A radar finds no echo before it has sent its pulse.
+        measured = measured & (z[..., 0] > 0)
         if not measured.all():
-            z[np.broadcast_to(~measured, z.shape[:2])] = np.nan
+            z[~measured] = np.nan
         return z

@@ -5,7 +5,7 @@ from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import propagate
-from relnav_sim.truth.trajectory import Truth, TruthTrajectory, nominal_chief, truth_trajectory
+from relnav_sim.truth.trajectory import Truth, TruthTrajectory, nominal_chief, nominal_truth, truth_trajectory
 
 __all__ = [
     "ExponentialAtmosphere",
@@ -16,6 +16,7 @@ __all__ = [
     "begun_earlier",
     "eci_from_rtn",
     "nominal_chief",
+    "nominal_truth",
     "propagate",
     "rtn_from_eci",
     "truth_trajectory",

@@ -35,6 +35,7 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
         -ballistic,
         rtol=1e-12,
         kept_bytes=0,
+        surface_m=force.radius_m,
     )
     turned = np.empty((2, 1, 6))
     backwards.write(np.array([duration_s]), turned)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.truth.constants import J2, J3, J4, ROTATION_RAD_S
+from relnav_sim.truth.frames import PARALLEL
 
 Array = NDArray[np.float64]
 
@@ -88,12 +89,18 @@ class ForceModel:
         Args:
             states: Position and velocity (..., 6) in m and m/s, ECI.
             ballistic_m2_kg: Cd A / m in m^2/kg, broadcast against the leading axes of `states`.
+
+        Raises:
+            ValueError: A position and velocity are parallel, so that they span no orbit plane.
         """
         states = np.asarray(states, dtype=float)
         x, y, z, vx, vy, vz = np.moveaxis(states, -1, 0)
         nx, ny, nz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
+        h = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if np.any(h <= PARALLEL * np.sqrt((x * x + y * y + z * z) * (vx * vx + vy * vy + vz * vz))):
+            raise ValueError("position and velocity are parallel: they span no orbit plane")
         ax, ay, az = np.moveaxis(self.acceleration(states, ballistic_m2_kg), -1, 0)
-        normal: Array = (ax * nx + ay * ny + az * nz) / np.sqrt(nx * nx + ny * ny + nz * nz)
+        normal: Array = (ax * nx + ay * ny + az * nz) / h
         return normal
 
     def accelerate(self, components: Array, ballistic_m2_kg: Array, out: Array) -> None:

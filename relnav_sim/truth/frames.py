@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# Below this sine of the angle between position and velocity, rounding (about 1e-16) decides where the normal points.
+PARALLEL = 1e-12
+
 
 def rtn_from_eci(chief: ArrayLike, deputy: ArrayLike, normal_acceleration_m_s2: ArrayLike = 0.0) -> Array:
     """Return the deputy's state relative to the chief, (..., 6) in m and m/s, RTN.
@@ -100,11 +103,11 @@ def _components(chief: ArrayLike, other: ArrayLike, a_n: ArrayLike) -> tuple[Arr
 
 def _frame(chief: Array, a_n: Array) -> tuple[tuple[Array, Array, Array], Array, Array]:
     """Return the unit vectors (R, T, N), each (3, ...), and the frame's rate about R and N in rad/s."""
-    position = chief[:3]
-    momentum = _cross(position, chief[3:])
+    position, velocity = chief[:3], chief[3:]
+    momentum = _cross(position, velocity)
     r = np.sqrt(_dot(position, position))
     h = np.sqrt(_dot(momentum, momentum))
-    if not np.all(h != 0):
+    if np.any(h <= PARALLEL * r * np.sqrt(_dot(velocity, velocity))):
         raise ValueError("the chief's position and velocity are parallel: they span no orbit plane")
     radial, normal = position / r, momentum / h
     return (radial, _cross(normal, radial), normal), r * a_n / h, h / (r * r)

@@ -8,6 +8,8 @@ from math import tau
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.truth.frames import PARALLEL
+
 Array = NDArray[np.float64]
 
 # Below this, perigee and node are rounding noise: they get fixed values, at a cost below 1e-7 m in position.
@@ -77,7 +79,7 @@ def elements_from_state(states: ArrayLike, mu_m3_s2: float) -> Elements:
     r, v = states[..., :3], states[..., 3:]
     h = np.cross(r, v)
     distance, momentum = np.linalg.norm(r, axis=-1), np.linalg.norm(h, axis=-1)
-    if not np.all(momentum > 0):
+    if not np.all(momentum > PARALLEL * distance * np.linalg.norm(v, axis=-1)):
         raise ValueError("position and velocity are parallel: they span no orbit plane")
     speed2, radial_motion = np.sum(v * v, axis=-1), np.sum(r * v, axis=-1)
     with np.errstate(divide="ignore"):

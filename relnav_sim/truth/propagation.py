@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.truth.forces import ForceModel
-from relnav_sim.truth.stepping import Batch
+from relnav_sim.truth.stepping import Batch, Ending
 from relnav_sim.truth.thrust import Schedule
 
 Array = NDArray[np.float64]
@@ -46,29 +46,29 @@ def propagate(
 
     Warns:
         RuntimeWarning: An orbit could not be continued; its states are NaN from the named time on. Either it fell into
-            the centre, or (with an atmosphere) it went below the surface.
+            the centre, or (with an atmosphere) it started or went below the surface, |r| < `force.radius_m`, between
+            whatever times. Without an atmosphere there is no surface, as about a point mass.
     """
-    trajectory = DenseTrajectory(state0, force, ballistic_m2_kg, rtol)
+    surface_m = force.radius_m if force.atmosphere is not None else None
+    trajectory = DenseTrajectory(state0, force, ballistic_m2_kg, rtol, surface_m=surface_m)
     states = trajectory.at(times_s)
-    for row, time_s in sorted(trajectory.failures.items()):
-        warnings.warn(
-            f"orbit {row} ends at t = {time_s:.6g} s: it goes below the surface or into the centre",
-            RuntimeWarning,
-            stacklevel=2,
-        )
+    for row, (time_s, why) in sorted(trajectory.failures.items()):
+        if np.isnan(states[row]).any():  # or it ends later than anyone asked
+            warnings.warn(f"orbit {row} ends at t = {time_s:.6g} s: it {why}", RuntimeWarning, stacklevel=2)
     return states
 
 
 class DenseTrajectory:
     """Orbits that can be evaluated at any time, stretch by stretch; arguments as in `propagate`.
 
-    A `schedule` says when the orbits' thrust changes; the state at that instant is the one after the change.
+    A `schedule` says when the orbits' thrust changes; the state at that instant is the one after the change. An orbit
+    ends where it goes below `surface_m`, m from the centre; None for no surface.
 
     Integration goes as far as the latest time asked for. The newest interpolants are kept, up to a fixed amount of
     memory; a time before those is integrated again from the start and gives the same bits.
 
     Attributes:
-        failures: Time in s from which on an orbit could not be continued, by its row in the batch.
+        failures: Where an orbit could not be continued, by its row in the batch.
     """
 
     def __init__(
@@ -78,6 +78,7 @@ class DenseTrajectory:
         ballistic_m2_kg: ArrayLike = 0.0,
         rtol: float = 1e-12,
         schedule: Schedule | None = None,
+        surface_m: float | None = None,
     ) -> None:
         states = np.array(state0, dtype=float)
         if states.ndim != 2 or states.shape[1] != 6:
@@ -94,7 +95,7 @@ class DenseTrajectory:
         if not SMALLEST_RTOL <= rtol <= 1e-3:
             raise ValueError(f"rtol is {rtol}; it must be between {SMALLEST_RTOL} and 1e-3")
         ballistic = np.broadcast_to(ballistic, len(states))
-        self.failures: dict[int, float] = {}
+        self.failures: dict[int, Ending] = {}
         self._rows = len(states)
         kept = KEPT_BYTES * ROWS_TOGETHER // max(ROWS_TOGETHER, self._rows)
         self._batches = [
@@ -105,6 +106,7 @@ class DenseTrajectory:
                 rtol,
                 kept,
                 None if schedule is None else schedule.rows(slice(i, i + ROWS_TOGETHER)),
+                surface_m,
             )
             for i in range(0, self._rows, ROWS_TOGETHER)
         ]
@@ -129,5 +131,5 @@ class DenseTrajectory:
             for i, batch in enumerate(self._batches):
                 first = i * ROWS_TOGETHER
                 batch.write(times, states[first : first + ROWS_TOGETHER])
-                self.failures |= {first + row: time for row, time in batch.failures.items()}
+                self.failures |= {first + row: ending for row, ending in batch.failures.items()}
         return states

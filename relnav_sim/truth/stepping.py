@@ -10,7 +10,10 @@ Where an orbit's thrust changes, its step ends: the step is cut there, the veloc
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +22,7 @@ from relnav_sim.truth import dop853
 from relnav_sim.truth.dop853 import Craft
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.frames import inertial_from_own
+from relnav_sim.truth.surface import first_below
 from relnav_sim.truth.thrust import Schedule
 
 Array = NDArray[np.float64]
@@ -41,6 +45,13 @@ TILE = 8
 LONGEST_PRODUCT = 512
 
 
+class Ending(NamedTuple):
+    """The time in s from which on an orbit could not be continued, and why: words that follow *it*."""
+
+    time_s: float
+    why: str
+
+
 @dataclass(frozen=True)
 class Segments:
     """One accepted step of some orbits: rows (n,) of the batch; start, end, length (n,) in s; terms (n, 8, 6)."""
@@ -50,6 +61,11 @@ class Segments:
     end_s: Array
     step_s: Array
     terms: Array
+
+    @cached_property
+    def until_s(self) -> float:
+        """The time that the last of them reaches, s."""
+        return float(self.end_s.max())
 
     def write(self, times: Array, states: Array) -> None:
         """Write the states at the times within the segments into `states` (rows, T, 6).
@@ -82,7 +98,11 @@ class Segments:
 
 
 class Batch:
-    """Some orbits on their way: components first (6, n), every orbit at its own time."""
+    """Some orbits on their way: components first (6, n), every orbit at its own time.
+
+    Attributes:
+        failures: Where an orbit could not be continued, by its row.
+    """
 
     def __init__(
         self,
@@ -92,7 +112,9 @@ class Batch:
         rtol: float,
         kept_bytes: int,
         schedule: Schedule | None = None,
+        surface_m: float | None = None,
     ) -> None:
+        self._surface_m = surface_m
         self._state0 = np.ascontiguousarray(state0.T)
         self._force = force
         self._ballistic = np.ascontiguousarray(ballistic)
@@ -113,10 +135,15 @@ class Batch:
         self._event = np.zeros(n, dtype=np.int64)
         with np.errstate(all="ignore"):
             self._begin_grid(self._everyone)
+            below = _radius(self._states) < (0.0 if self._surface_m is None else self._surface_m)
+        self._failed = np.zeros(n, dtype=bool)
+        self.failures: dict[int, Ending] = {}
         # A state so large or small that its own scale overflows has no step at all.
-        self._failed = ~((self._base_s > 0) & np.isfinite(self._base_s))
-        self.failures = {int(row): 0.0 for row in np.flatnonzero(self._failed)}
-        self._segments: list[Segments] = []
+        unscaled = ~((self._base_s > 0) & np.isfinite(self._base_s))
+        self._end(np.flatnonzero(unscaled), 0.0, "has too large or too small a state to be integrated")
+        self._end(np.flatnonzero(below), 0.0, "starts below the surface")
+        self._segments: deque[Segments] = deque()
+        self._kept = 0
         self._forgotten_s = 0.0
 
     def write(self, times: Array, states: Array) -> None:
@@ -124,7 +151,8 @@ class Batch:
         if times[0] < self._forgotten_s:
             self._restart()
         for segments in self._segments:
-            segments.write(times, states)
+            if segments.until_s > times[0]:
+                segments.write(times, states)
         workspace = np.empty(dop853.ALL_STAGES * self._state0.size)
         while len(rows := self._behind(times[-1])):
             # A step into a singularity overflows; its error is then no number, and it is rejected.
@@ -133,9 +161,10 @@ class Batch:
             if advanced is not None:
                 advanced.write(times, states)
                 self._segments.append(advanced)
+                self._kept += advanced.terms.nbytes
                 self._forget(times[-1])
-        for row, time_s in self.failures.items():
-            states[row, np.searchsorted(times, time_s) :] = np.nan
+        for row, ending in self.failures.items():
+            states[row, np.searchsorted(times, ending.time_s) :] = np.nan
 
     def _behind(self, time_s: float) -> Integers:
         """Return the rows to advance: those whose segments do not cover the time yet, the hindmost first.
@@ -229,31 +258,29 @@ class Batch:
         self._ticks[rows], self._level[rows] = ticks, level + grows
         if cut.any():
             self._manoeuvre(rows[cut])
-        if self._force.atmosphere is not None:
-            # Below the surface an exponential atmosphere grows without bound, and steps shrink as it does.
-            self._end(rows[_radius(ends) < self._force.radius_m])
+        if self._surface_m is not None:
+            fraction = first_below(terms, self._surface_m)
+            down = np.flatnonzero(np.isfinite(fraction))
+            self._end(rows[down], (start_s + fraction * step_s)[down], "goes below the surface")
         return Segments(rows, start_s, end_s, step_s, terms)
 
     def _halve(self, rows: Integers) -> None:
         self._level[rows] -= 1
-        self._end(rows[self._level[rows] < 0])
+        stuck = rows[self._level[rows] < 0]
+        self._end(stuck, self._time(self._ticks[stuck], stuck), "falls into the centre, or into another singularity")
 
-    def _end(self, rows: Integers) -> None:
-        """Give the rows up at the time that they have reached."""
+    def _end(self, rows: Integers, times_s: Array | float, why: str) -> None:
+        """Give the rows up at the times, (rows,) or one for all."""
         self._failed[rows] = True
-        self.failures |= dict(zip(rows.tolist(), self._time(self._ticks[rows], rows).tolist(), strict=True))
+        ends = np.broadcast_to(times_s, rows.shape).tolist()
+        self.failures |= {row: Ending(end, why) for row, end in zip(rows.tolist(), ends, strict=True)}
 
     def _forget(self, time_s: float) -> None:
         """Drop the oldest segments that end before the time while there are more than the kept bytes."""
-        size = sum(segments.terms.nbytes for segments in self._segments)
-        while size > self._kept_bytes:
-            oldest = self._segments[0]
-            end_s = float(oldest.end_s.max())
-            if end_s > time_s:
-                return
-            self._forgotten_s = max(self._forgotten_s, end_s)
-            size -= oldest.terms.nbytes
-            del self._segments[0]
+        while self._kept > self._kept_bytes and (oldest := self._segments[0]).until_s <= time_s:
+            self._forgotten_s = max(self._forgotten_s, oldest.until_s)
+            self._kept -= oldest.terms.nbytes
+            self._segments.popleft()
 
 
 def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:

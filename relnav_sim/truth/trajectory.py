@@ -13,7 +13,8 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
-from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.manoeuvres import ExecutionErrors
+from relnav_sim.truth.options import DispersionsOptions, TruthOptions
 from relnav_sim.truth.propagation import DenseTrajectory
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
 
@@ -64,7 +65,7 @@ class TruthTrajectory:
         )
         self.failures: dict[int, str] = {}
         self._duration_s = duration_s
-        self._ends = np.full((2, runs), np.inf)
+        self._asked_s = 0.0
 
         chief = np.broadcast_to(options.chief.orbit.state(self.force.mu_m3_s2), (runs, 6))
         relative = np.tile(nominal_relative(options), (runs, 1))
@@ -78,6 +79,7 @@ class TruthTrajectory:
             self.force,
             self.ballistic_m2_kg.ravel(),
             schedule=schedule(self._thrusts, runs) if self._thrusts else None,
+            surface_m=self.force.radius_m,
         )
 
     def at(self, times_s: ArrayLike) -> Truth:
@@ -91,7 +93,7 @@ class TruthTrajectory:
         if times.size and times.max() > self._duration_s * (1 + 1e-9):
             raise ValueError(f"times_s goes to {times.max():g} s; the truth ends at {self._duration_s:g} s")
         states = self._both.at(times).reshape(2, -1, len(times), 6)
-        self._note_ends(times, states)
+        self._note_ends(times)
         chief, deputy = states
         normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0, :, None])
         return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
@@ -119,19 +121,15 @@ class TruthTrajectory:
                 felt[:, :, craft] += own_from_inertial(states, drag)[:, :, None]
         return felt
 
-    def _note_ends(self, times: Array, states: Array) -> None:
-        """Set states after a craft reached the surface, or could not be integrated further, to NaN, and say so."""
-        r2 = states[..., 0] * states[..., 0] + states[..., 1] * states[..., 1] + states[..., 2] * states[..., 2]
-        # NaN compares false: a trajectory that integration gave up counts as ended too.
-        down = ~(r2 >= self.force.radius_m**2)
-        if not down.any() and np.isinf(self._ends).all():
-            return
-        first = np.where(down.any(axis=2), times[down.argmax(axis=2)], np.inf)
-        self._ends = np.minimum(self._ends, first)
-        states[times >= self._ends[..., None]] = np.nan
-        for run in np.flatnonzero(np.isfinite(self._ends).any(axis=0)):
-            craft = "chief" if self._ends[0, run] <= self._ends[1, run] else "deputy"
-            self.failures[int(run)] = f"the {craft} falls to the Earth at {self._ends[:, run].min():g} s"
+    def _note_ends(self, times: Array) -> None:
+        """Say which runs have ended by the last of the times: a craft reached the surface."""
+        self._asked_s = max(self._asked_s, times.max(initial=0.0))
+        runs = self.ballistic_m2_kg.shape[1]
+        # The later of two craft first, so that the earlier one is the reason.
+        for row, ending in sorted(self._both.failures.items(), key=lambda item: -item[1].time_s):
+            if ending.time_s <= self._asked_s:
+                craft = "deputy" if row >= runs else "chief"
+                self.failures[row % runs] = f"the {craft} falls to the Earth at {ending.time_s:g} s: it {ending.why}"
 
 
 def truth_trajectory(options: TruthOptions, duration_s: float, source: RandomSource) -> TruthTrajectory:
@@ -173,6 +171,18 @@ def nominal_chief(options: TruthOptions) -> ChiefOrbit:
         j2=options.constants.j2,
         j3=options.constants.j3,
         j4=options.constants.j4,
+    )
+
+
+def nominal_truth(options: TruthOptions) -> TruthOptions:
+    """Return the truth in which nothing is dispersed and every manoeuvre is carried out as planned."""
+    planned = {name: each.model_copy(update={"errors": None}) for name, each in options.manoeuvres.items()}
+    return options.model_copy(
+        update={
+            "dispersions": DispersionsOptions(),
+            "execution_errors": ExecutionErrors(),
+            "manoeuvres": planned,
+        }
     )
 
 

@@ -144,7 +144,8 @@ def test_a_craft_that_falls_to_the_earth_ends_its_run():
     assert radius[-1] - 6378137 < 10 * 8000 and radius.min() > 6378137
     assert np.array_equal(ended[:300], np.isnan(first.chief).any(axis=2)[0] | np.isnan(first.deputy).any(axis=2)[0])
     assert list(path.failures) == [0]
-    assert path.failures[0] == "the deputy falls to the Earth at 1530 s"
+    # Between the epochs: the same air and orbit in scipy's hands reach the surface there.
+    assert path.failures[0] == "the deputy falls to the Earth at 1524.66 s: it goes below the surface"
 
 
 def test_times_beyond_the_run_are_refused():

@@ -8,8 +8,11 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 from relnav_sim.options import Options
+from relnav_sim.sensors.noise.bias import BiasNoise
+from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.mixture import MixtureNoise
 
@@ -68,3 +71,23 @@ def white_law(parts: Sequence[Options], channels: int) -> WhiteLaw:
     )
     shown = weights > 0
     return WhiteLaw(weights[shown], deviations[np.array(switches)][shown], np.full(channels, deviations[0]))
+
+
+def probability_below(parts: Sequence[Options], channels: int, channel: int, level: Array) -> Array:
+    """Return the probability that the noise of a channel is below a level, in sigmas; any shape.
+
+    Every part counts: biases shift it, correlated noise widens it by its stationary variance.
+    """
+    law = white_law(parts, channels)
+    shift, correlated = 0.0, 0.0
+    for part in parts:
+        if isinstance(part, BiasNoise):
+            shift += float(np.broadcast_to(part.value, channels)[channel])
+        elif isinstance(part, GaussMarkovNoise):
+            correlated += part.scale**2
+    deviations = np.sqrt(np.square(law.scales[:, channel]) + correlated)
+    probability: Array = sum(
+        (weight * ndtr((level - shift) / deviation) for weight, deviation in zip(law.weights, deviations, strict=True)),
+        np.zeros(np.shape(level)),
+    )
+    return probability

@@ -1,0 +1,125 @@
+"""What a user should know of a campaign's geometry before its numbers: one list of plain sentences.
+
+Shown by `validate` and `run`, from the nominal trajectory, and by the report, from the truth that was flown.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from relnav_sim.campaign.load import Campaign
+from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.campaign.paths import parse_path, replaced
+from relnav_sim.sensors import SensorsOptions, reading_probability, sight_warnings
+from relnav_sim.sensors.radar import steps_per_reading
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, truth_trajectory
+
+Array = NDArray[np.float64]
+
+MOST_GEOMETRIES = 12
+"""Different trajectories and radars of a campaign that are looked at: each takes a propagation of two craft."""
+MOST_EPOCHS = 20_000
+"""Epochs of a trajectory that are looked at, spread over the run."""
+_LABEL_SHOWN = 120
+
+
+def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
+    """Return what to know of a campaign before it runs, from the nominal trajectory of each case."""
+    found: dict[str, list[str]] = {}
+    said: list[tuple[str, list[str]]] = []
+    for case in campaign.cases:
+        config = case.config
+        key = "".join(part.model_dump_json() for part in (config.clock, config.truth, config.sensors, config.start))
+        if key not in found and len(found) < MOST_GEOMETRIES:
+            found[key] = _nominal_warnings(config)
+        if key in found:
+            said.append((case.label, found[key]))
+    unseen = len(campaign.cases) - len(said)
+    rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
+    return (*_together(said), *rest)
+
+
+def flown_warnings(
+    content: Mapping[str, Any], cases: Iterable[tuple[str, Mapping[str, Any], Array, Array]]
+) -> tuple[str, ...]:
+    """Return the same of a campaign that was run, from the truth that was stored.
+
+    Args:
+        content: The campaign's content, as `Campaign.content`.
+        cases: Of each case label, values of the varied paths, stored epochs (K,) in s, and true states of the deputy
+            relative to the chief (runs or 1, K, 6), RTN, m and m/s.
+    """
+    said: list[tuple[str, list[str]]] = []
+    if not {"truth", "sensors"} <= content.keys():
+        return ()
+    for label, variables, times_s, relative in cases:
+        varied: Any = {key: content[key] for key in ("truth", "sensors")}
+        for text, value in variables.items():
+            if text.partition(".")[0] in varied:
+                varied = replaced(varied, parse_path(text, varied), value)
+        try:
+            truth = TruthOptions.model_validate_json(json.dumps(varied["truth"]))
+            sensors = SensorsOptions.model_validate_json(json.dumps(varied["sensors"]))
+        except ValidationError:
+            said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
+            continue
+        said.append((label, sight_warnings(sensors, _flown(truth, sensors, times_s, relative))))
+    return _together(said)
+
+
+def _nominal_warnings(config: CaseConfig) -> list[str]:
+    clock, radar = config.clock, config.sensors.radar
+    every = 1 if radar is None else steps_per_reading(radar.period_s, clock.step_s)
+    every *= -(-clock.epochs // (every * MOST_EPOCHS))
+    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)))
+    at_start = trajectory.at([0.0])
+    truth = trajectory.at(np.arange(0, clock.epochs, every) * clock.step_s)
+    ended = [
+        f"In the nominal trajectory {reason}; every run ends about then." for reason in trajectory.failures.values()
+    ]
+    sentences = sight_warnings(config.sensors, truth)
+    fix = radar is None or reading_probability(config.sensors, at_start, 0, clock.step_s).any()
+    if isinstance(config.start, FirstFixStart) and not fix:
+        sentences.append(
+            "The radar gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
+        )
+    return [*ended, *sentences]
+
+
+def _flown(options: TruthOptions, sensors: SensorsOptions, times_s: Array, relative: Array) -> Truth:
+    """Return the true states of both craft, from the relative ones and the nominal chief.
+
+    A radar on the chief sees the relative position in axes that turn with the chief: where the chief is does not
+    matter then, and it may stay where it starts. A radar on the deputy turns with the deputy's own orbit.
+    """
+    alone = sensors.radar is None or sensors.radar.carrier == "chief"
+    trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
+    chief = trajectory.at(times_s[:1] if alone else times_s).chief
+    chief = np.broadcast_to(chief, (*relative.shape[:2], 6))
+    deputy = eci_from_rtn(chief, relative, trajectory.force.normal_acceleration(chief))
+    return Truth(times_s, chief, deputy, relative)
+
+
+def _together(said: Sequence[tuple[str, Sequence[str]]]) -> tuple[str, ...]:
+    """Return the sentences of all cases, each once, with the cases it holds for where these are not all."""
+    holds: dict[str, list[int]] = {}
+    for number, (_, sentences) in enumerate(said):
+        for sentence in sentences:
+            holds.setdefault(sentence, []).append(number)
+    return tuple(
+        sentence if len(cases) == len(said) else f"{_cases([said[i][0] for i in cases], len(said))}: {sentence}"
+        for sentence, cases in holds.items()
+    )
+
+
+def _cases(labels: Sequence[str], total: int) -> str:
+    first = labels[0] if len(labels[0]) <= _LABEL_SHOWN else f"{labels[0][:_LABEL_SHOWN]}..."
+    which = f"case {first}" if len(labels) == 1 else f"{len(labels)} of {total} cases, as {first}"
+    return f"In {which}"

@@ -1,0 +1,56 @@
+"""Warnings of whole campaigns: from the nominal trajectory before the run, from the flown truth after it."""
+
+import numpy as np
+import pytest
+
+from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.campaign.warnings import campaign_warnings, flown_warnings
+
+ELLIPSE = """
+name: ellipse
+seed: 1
+runs: 2
+clock: {duration_s: 2400, step_s: 1, store_every_s: 10}
+truth:
+  chief: {orbit: {a_km: 6978.137, e: 0, i_deg: 50}, mass_kg: 1, area_m2: 1}
+  deputy: {relative: {position_m: [200, 0, 0], velocity_m_s: [0, -0.43324, 0.21662]}, mass_kg: 1, area_m2: 1}
+  forces: {zonals: 0, drag: none}
+sensors:
+  radar: {range_sigma_m: 1, angle_sigma_deg: 0.05, carrier: CARRIER}
+filters:
+  ekf: {kind: ekf, process_noise: {acceleration_psd_m2_s3: 1.0e-9}}
+"""
+
+
+@pytest.mark.parametrize("carrier", ["chief", "deputy"])
+def test_the_safety_ellipse_leaves_the_axis_when_it_should(carrier):
+    """x = 200 cos nt, y = -400 sin nt, z = 200 sin nt: 5 deg from x where sqrt(5) tan nt = tan 5 deg, at 36 s."""
+    campaign = parse_campaign(ELLIPSE.replace("CARRIER", carrier))
+    (sentence,) = campaign_warnings(campaign)
+    assert "azimuth axis from 0 to 36 s, nearest 0 deg" in sentence
+    n, t = 1.0831e-3, np.arange(0, 2401, 10.0)
+    c, s = np.cos(n * t), np.sin(n * t)
+    flown = np.stack([200 * c, -400 * s, 200 * s, -200 * n * s, -400 * n * c, 200 * n * c], axis=-1)[None]
+    (after,) = flown_warnings(campaign.content, [("base", {}, t, flown)])
+    assert "azimuth axis from 0 to 30 s, nearest 0 deg" in after
+
+
+def test_cases_are_named_where_they_differ():
+    text = ELLIPSE.replace("CARRIER", "chief") + "grid: {sensors.radar.range_sigma_m: [1, 500]}\n"
+    found = campaign_warnings(parse_campaign(text))
+    assert found[0].startswith("The line of sight is within 5 deg")
+    assert found[1].startswith("In case sensors.radar.range_sigma_m=500: About ")
+    campaign = parse_campaign(text)
+    t, flown = np.array([0.0, 10.0]), np.tile([200.0, 0, 0, 0, -0.43, 0.2], (1, 2, 1))
+    cases = [(case.label, case.variables, t, flown) for case in campaign.cases]
+    assert [sentence[:40] for sentence in flown_warnings(campaign.content, cases)] == [s[:40] for s in found]
+
+
+def test_a_start_without_a_reading_and_a_fall_are_said_before_the_run():
+    text = ELLIPSE.replace("CARRIER", "chief, range_limits_m: [210, 900]")
+    assert [s for s in campaign_warnings(parse_campaign(text)) if "first_fix" in s] == [
+        "The radar gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
+    ]
+    down = "  manoeuvres: {down: {time_s: 60, delta_v_m_s: [0, -200, 0]}}\nsensors:"
+    found = campaign_warnings(parse_campaign(ELLIPSE.replace("CARRIER", "chief").replace("sensors:", down)))
+    assert found[0].startswith("In the nominal trajectory the deputy falls to the Earth at ")
