@@ -24,6 +24,7 @@ def validate(
 ) -> None:
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
+    from relnav_sim.statistics.convergence_seen import convergence_warnings
 
     campaign = load_campaign(file, changes or [])
     check_tuning(campaign)
@@ -46,6 +47,8 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
+    for sentence in convergence_warnings(campaign):
+        typer.echo(f"warning: {sentence}", err=True)
 
 
 def check_tuning(campaign: Campaign) -> None:
