@@ -16,7 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from relnav_sim import open_results
-from relnav_sim.statistics.intervals import bootstrap_interval, paired_difference
+from relnav_sim.statistics.intervals import mean_interval, paired_difference
 
 path = sys.argv[1] if len(sys.argv) > 1 else "results/demo.h5"
 picture = sys.argv[2] if len(sys.argv) > 2 else "analysis.png"
@@ -34,7 +34,7 @@ print(one["error"].dims, one["error"].attrs["units"])
 for filter in results.filters:
     ds = tree[f"case_000/{filter}"].ds
     rms = ds["rms"].sel(span="settled", quantity="r").where(ds["failed"] == 0).dropna("run")
-    found = bootstrap_interval(rms.values)
+    found = mean_interval(rms.values)
     print(f"{filter}: {found.estimate:.3f} m [{found.low:.3f}, {found.high:.3f}] over {found.runs} runs")
 
 # %% Two filters on the same random numbers: xarray matches their runs by number

@@ -79,6 +79,10 @@ def run(
         from relnav_sim.results.block import RefusedError
         from relnav_sim.runner.run import run_campaign
         from relnav_sim.runner.single import run_single
+        from relnav_sim.statistics.convergence_seen import convergence_warnings
+
+        for sentence in convergence_warnings(campaign):
+            typer.echo(f"warning: {sentence}", err=True)
 
         try:
             if only is not None:

@@ -25,6 +25,7 @@ def validate(
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
     from relnav_sim.campaign.warnings import campaign_warnings
+    from relnav_sim.statistics.convergence_seen import convergence_warnings
 
     campaign = load_campaign(file, changes or [])
     check_tuning(campaign)
@@ -47,8 +48,8 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
-    for sentence in campaign_warnings(campaign):
-        typer.echo(f"warning: {sentence}")
+    for sentence in (*campaign_warnings(campaign), *convergence_warnings(campaign)):
+        typer.echo(f"warning: {sentence}", err=True)
 
 
 def check_tuning(campaign: Campaign) -> None:

@@ -9,8 +9,11 @@ import numpy as np
 from relnav_sim.report.axes import describe_axes
 from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.report.figures.data import drawn_step
+from relnav_sim.report.layouts import not_judged
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.wording import counted, figure
+
+_BOUND = "A bound, where stored, is one on the root mean square over runs, which is above the mean drawn here."
 
 
 def errors_caption(case: CaseFacts, name: str) -> str:
@@ -73,6 +76,7 @@ def boxes_caption(case: CaseFacts) -> str:
     )
     never = [f"{item.name} {item.never_converged} of {item.completed}" for item in case.filters if item.never_converged]
     parts = [f"Never converged, not drawn: {', '.join(never)}."] if never else []
+    parts = parts if case.shows_convergence else [not_judged(case)]
     return " ".join([text, *parts, *_left_out(case.filters)])
 
 
@@ -92,7 +96,7 @@ def accuracy_caption(cases: Sequence[CaseFacts]) -> str:
     """Return the caption of ``figures.accuracy_by_case``."""
     return (
         f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. The table "
-        "says which case a number is."
+        f"says which case a number is. {_BOUND}"
     )
 
 
@@ -144,7 +148,7 @@ def cost_caption(case: CaseFacts) -> str:
     """Return the caption of ``figures.cost_against_accuracy``."""
     return (
         f"Position RMS ({case.when}, with its 95 % interval) against CPU time per filter step: down and left is "
-        "better. Grey line: filters that no other beats in both."
+        f"better. Grey line: filters that no other beats in both. {_BOUND}"
     )
 
 
@@ -200,7 +204,7 @@ def sweep_caption(path: str, case: CaseFacts) -> str:
     """Return the caption of ``figures.sweep_trend``."""
     return (
         f"Position and velocity RMS ({case.when}) against {path}, mean over runs with 95 % intervals. Other varied "
-        f"values are those of case {case.number}."
+        f"values are those of case {case.number}. {_BOUND}"
     )
 
 

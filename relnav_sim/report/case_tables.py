@@ -10,20 +10,21 @@ import numpy as np
 from relnav_sim.report.axes import Array
 from relnav_sim.report.extra_table import extra_table
 from relnav_sim.report.facts import CaseFacts, FilterFacts, span_index
-from relnav_sim.report.layouts import INTERVALS, numbers, worst_runs_table
+from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, not_judged, numbers, ratio_cells, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words
-from relnav_sim.report.wording import figure, listed
+from relnav_sim.report.wording import counted, figure, listed
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
     Band,
     Comparison,
     Interval,
-    bootstrap_interval,
     chi_square_band,
     effective_samples,
+    fewest_runs_to_decide,
     lag1_band,
+    mean_interval,
     median_interval,
     wilson_interval,
 )
@@ -73,8 +74,10 @@ def comparison_table(ranking: Ranking) -> Table:
         name=f"case_{case.number:03d}_comparison",
         title=f"Comparison of filters ({case.when})",
         caption="First minus second on their common runs: mean over runs with its 95 % interval. The verdict is the "
-        "first's, at 95 % for all pairs of the case together (p after Holm). Decided at: runs at which a difference of "
-        "this size would be told apart with a probability of 0.8.",
+        "first's. Verdicts, intervals and p (sign-flip test, after Holm) hold at 95 % for all pairs of the case "
+        "together: zero lies in an interval where the verdict is undecided. Decided at: runs at which a difference of "
+        "this size would be told apart with a probability of 0.8. "
+        f"{fewest_in_words(len(ranking.position), 'pair')}",
         corner="filters",
         columns=tuple(columns),
         rows=tuple(rows),
@@ -85,7 +88,8 @@ def consistency_table(case: CaseFacts) -> Table:
     """Return whether the errors and innovations of each filter match its covariances."""
     span = span_index(case.span)
     rows = [
-        _row(case, "ANEES, whole state", lambda item: _mean(item.figure("anees", span, 0)), opens=False),
+        *_bound_rows(case),
+        _row(case, "ANEES, whole state", lambda item: _mean(item.figure("anees", span, 0)), opens=True),
         _bands(case, "95 % band if consistent", lambda item: _anees_band(case, item)),
         _row(case, "ANEES, position", lambda item: _mean(item.figure("anees", span, 1))),
         _row(case, "ANEES, velocity", lambda item: _mean(item.figure("anees", span, 2))),
@@ -103,9 +107,11 @@ def consistency_table(case: CaseFacts) -> Table:
         case,
         "consistency",
         f"Consistency ({case.when})",
-        f"{INTERVALS} ANEES: 1 for a consistent filter; its band counts the epochs as as many independent ones as the "
-        "correlation of the NEES leaves. NIS: the dimension of the measurement, 3, and no correlation between updates. "
-        "Ellipsoids: as many percent of the epochs as they are named for."
+        f"{INTERVALS} RMS / bound: of the error and of the Cramér-Rao bound over all runs and stored epochs; at the "
+        "bound of its own model a filter is as good as it expects to be. ANEES: 1 for a consistent filter; its band "
+        "counts the epochs as as many independent ones as the correlation of the NEES leaves. NIS: the dimension of "
+        "the measurement, 3, and no correlation between updates. Ellipsoids: as many percent of the epochs as they are "
+        "named for."
         f"{no_band_note(case)}",
         rows,
     )
@@ -132,11 +138,14 @@ def convergence_table(case: CaseFacts) -> Table:
     )
     rows = []
     for label, name in named:
+        if name != "convergence_final" and not case.shows_convergence:
+            rows.append(Row(label, (Words(NOT_JUDGED),) * len(case.filters)))
+            continue
         rows.append(_row(case, label, _median_time(name), "s"))
         reached = [int(np.isfinite(item.figure(name)).sum()) for item in case.filters]
         cells = tuple(_rate(count, item.completed) for count, item in zip(reached, case.filters, strict=True))
         rows.append(Row("… reached by", cells, "% of runs"))
-    for place, threshold in enumerate(layout.THRESHOLDS_M):
+    for place, threshold in enumerate(layout.THRESHOLDS_M if case.shows_convergence else ()):
         time = _median_time("convergence_level", place)
         rows.append(_row(case, f"below {threshold:g} m {held}", time, "s", opens=place == 0))
     return _table(
@@ -144,7 +153,8 @@ def convergence_table(case: CaseFacts) -> Table:
         "convergence",
         "Convergence of the position error",
         "First time from which the position error stays below a size: median over the completed runs, ∞ where fewer "
-        "than half of them get there, with its exact 95 % interval. Shares of runs with their Wilson interval.",
+        "than half of them get there, with its exact 95 % interval. Shares of runs with their Wilson interval."
+        f"{'' if case.shows_convergence else ' ' + not_judged(case)}",
         rows,
     )
 
@@ -207,6 +217,19 @@ def _row(case: CaseFacts, label: str, of: Figure, unit: str = "", opens: bool = 
     return Row(label, numbers([of(item) for item in case.filters]), unit, opens_block=opens)
 
 
+def _bound_rows(case: CaseFacts) -> list[Row]:
+    """Return how many times the bounds each filter's position RMS is, as far as the result holds them."""
+    named = {
+        "perfect model": [item.times_bound[case.span] for item in case.filters],
+        "own model": [item.times_own_bound[case.span] for item in case.filters],
+    }
+    return [
+        Row(f"position RMS / bound, {model}", ratio_cells(case, ratios))
+        for model, ratios in named.items()
+        if any(math.isfinite(ratio.estimate) for ratio in ratios)
+    ]
+
+
 def _bands(case: CaseFacts, label: str, of: Callable[[FilterFacts], Band | None]) -> Row:
     return Row(label, tuple(_band_cell(of(item)) for item in case.filters))
 
@@ -233,6 +256,11 @@ def _turned(found: Interval, sign: float) -> Interval:
     if sign > 0:
         return found
     return Interval(-found.estimate, -found.high, -found.low, found.level, found.runs)
+
+
+def fewest_in_words(comparisons: int, noun: str) -> str:
+    """Return how many runs a family of comparisons needs at least."""
+    return f"{counted(comparisons, noun)}: it takes {fewest_runs_to_decide(comparisons)} runs or more to decide any."
 
 
 def p_number(p_value: float) -> Number:
@@ -265,29 +293,29 @@ def _equal_in_all(comparison: Comparison) -> bool:
 
 
 def _mean(values: Array) -> Interval:
-    return bootstrap_interval(values)
+    return mean_interval(values)
 
 
 def _percent_of(span: int, block: int, level: int) -> Figure:
-    return lambda item: bootstrap_interval(100 * item.figure("coverage", span, block, level))
+    return lambda item: mean_interval(100 * item.figure("coverage", span, block, level), most=100)
 
 
 def _quantile(span: int, norm: int, place: int) -> Figure:
-    return lambda item: bootstrap_interval(item.figure("quantile", span, norm, place))
+    return lambda item: mean_interval(item.figure("quantile", span, norm, place))
 
 
 def _largest(span: int, quantity: int, over: Callable[[Array], float]) -> Figure:
     def of(item: FilterFacts) -> Interval:
         values = item.figure("max", span, quantity)
         if over is np.mean or not len(values):
-            return bootstrap_interval(values)
+            return mean_interval(values)
         return Interval(float(over(values)), math.nan, math.nan, 0.95, len(values))
 
     return of
 
 
 def _diagnostic(name: str) -> Figure:
-    return lambda item: bootstrap_interval(item.diagnostics.get(name, np.full(len(item.runs), np.nan))[item.ok])
+    return lambda item: mean_interval(item.diagnostics.get(name, np.full(len(item.runs), np.nan))[item.ok])
 
 
 def _median_time(name: str, *place: int) -> Figure:

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.report.axes import Array
-from relnav_sim.report.case_tables import decided_at, p_number, verdict_in_words
+from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number, verdict_in_words
 from relnav_sim.report.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.layouts import numbers
-from relnav_sim.report.ranking import guarded, in_percent
+from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
-from relnav_sim.statistics.intervals import Comparison, Interval, bootstrap_interval
+from relnav_sim.statistics.intervals import Comparison, Interval, mean_interval, paired_differences
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -64,7 +64,7 @@ class Compared:
 
 
 def compare(first: Side, second: Side) -> Compared:
-    """Return the differences between two sides, first minus second, each verdict guarded for all of them."""
+    """Return the differences between two sides, first minus second, each verdict adjusted for all of them."""
     a, b = first.results, second.results
     notes = different_code(a.provenance, b.provenance) if a.path.resolve() != b.path.resolve() else []
     if first.filter == second.filter and same_numbers(a, b):
@@ -150,7 +150,7 @@ def _figure(item: FilterFacts, case: CaseFacts, figure: str) -> Array:
 
 
 def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) -> Table:
-    compared = guarded({key: one - other for key, (one, other) in found.items()})
+    compared = paired_differences({key: one - other for key, (one, other) in found.items()})
     rows = []
     for key, (one, other) in found.items():
         rows.append(
@@ -159,7 +159,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
                 (
                     Words(" against ".join(dict.fromkeys(key.filters))),
                     Words(key.figure),
-                    *numbers([bootstrap_interval(one), bootstrap_interval(other)]),
+                    *numbers([mean_interval(one), mean_interval(other)]),
                     *_cells(compared[key], float(other.mean())),
                 ),
                 unit=_UNITS[key.figure],
@@ -172,7 +172,9 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
         name="comparison",
         title=f"{first.name} against {second.name}",
         caption="First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
-        "verdict is the first's, at 95 % for all rows together (p after Holm).",
+        "verdict is the first's. Verdicts, intervals of differences and p (sign-flip test, after Holm) hold at 95 % "
+        "for all rows together: zero lies in an interval where the verdict is undecided. "
+        f"{fewest_in_words(len(found), 'row')}",
         corner="case",
         columns=tuple(Column(heading, numeric=heading not in words) for heading in headings),
         rows=tuple(rows),

@@ -32,11 +32,11 @@ _READING = (
     "Error is estimate minus truth. Mean and std are taken over the time of each run, as in Table 2 of Shi et al. "
     "(2025); a table shows their means over runs. The rows r and v are those of the error's size.",
     "RMS is taken over the time of each run, then averaged over runs.",
-    "Intervals are 95 % bootstrap intervals over runs (BCa, widened for small samples after Hesterberg 2015; Student's "
-    "below 6 runs), because epochs of one run are correlated and runs are not.",
-    "Filters of a campaign share their random numbers. They are compared run by run, and a verdict holds at 95 % for "
-    "all pairs of its case together (Holm 1979); cases are not guarded against each other. The intervals themselves "
-    "are not widened for the number of comparisons.",
+    "Intervals are 95 % intervals over runs (Student's, or Hall's of 1992 for skewed samples, whichever reaches "
+    "farther), because epochs of one run are correlated and runs are not.",
+    "Filters of a campaign share their random numbers. They are compared run by run (sign-flip test), and verdicts and "
+    "intervals of differences hold at 95 % for all pairs of a case together (Holm 1979); cases are not adjusted for "
+    "each other.",
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
     "more where it claims too much, less where it claims too little.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",

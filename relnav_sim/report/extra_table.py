@@ -12,7 +12,7 @@ from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.report.layouts import INTERVALS, numbers
 from relnav_sim.report.tables import Column, Row, Table
 from relnav_sim.results.block import ExtraStates
-from relnav_sim.statistics.intervals import bootstrap_interval
+from relnav_sim.statistics.intervals import mean_interval
 
 _SETTLED = 1
 _SHOWN_UNITS = {"rad": ("deg", degrees(1.0)), "m/s^2": ("um/s^2", 1e6)}
@@ -38,7 +38,7 @@ def extra_table(case: CaseFacts) -> Table | None:
             ("stated sigma at the end", lambda extra: extra.sigma[:, -1]),
         )
         for place, (what, of) in enumerate(figures):
-            cells = numbers([bootstrap_interval(factor * _of_state(item, name, of)) for item in case.filters])
+            cells = numbers([mean_interval(factor * _of_state(item, name, of)) for item in case.filters])
             rows.append(Row(f"{name}, {what}", cells, shown, opens_block=place == 0 and bool(rows)))
     return Table(
         name=f"case_{case.number:03d}_extra",

@@ -17,8 +17,12 @@ from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.report.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.settings import case_setting
+from relnav_sim.statistics.bound_ratio import ratio_to_bound
+from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
+from relnav_sim.statistics.intervals import Interval
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -58,6 +62,9 @@ class FilterFacts:
         diagnostics: What the filter reports of its own working, by name (n,).
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
+        times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
+            the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
+        times_own_bound: The same of the bound of the filter's own model.
         extra: What it found out about its extra states; None where it has none.
         nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
             Gaussians as noise, under which only the mean of the NIS is known.
@@ -75,6 +82,8 @@ class FilterFacts:
     diagnostics: Mapping[str, Array]
     diverged: NDArray[np.bool_]
     nees_time_s: float
+    times_bound: Mapping[Span, Interval]
+    times_own_bound: Mapping[Span, Interval]
     extra: ExtraStates | None = None
     nis_is_chi_square: bool = True
 
@@ -92,6 +101,16 @@ class FilterFacts:
     def never_converged(self) -> int:
         """Number of completed runs that never converged."""
         return int((self.ok & np.isnan(self.convergence_s)).sum())
+
+    @property
+    def diverged_completed(self) -> int:
+        """Number of runs that diverged without failing, and so count in every mean."""
+        return int((self.ok & self.diverged).sum())
+
+    @property
+    def mostly_diverged(self) -> bool:
+        """Whether at least half of the completed runs diverged: how good the filter is cannot be read from them."""
+        return self.completed > 0 and 2 * self.diverged_completed >= self.completed
 
     def errors(self, statistic: Statistic, span: Span, component: str) -> Array:
         """Return a statistic of one component, one figure for each computed run (n,)."""
@@ -138,14 +157,14 @@ class CaseFacts:
         settle_s: Start of the span ``settled``, s.
         convergence_m: A run has converged once its position error stays below this, m ...
         hold_s: ... for this long, s.
+        convergence_until_s: The latest time at which a run of this length can be seen to converge, s; NaN where the
+            result does not say.
         planned_runs: Runs that the campaign asked for.
         filters: The filters that have runs.
         waiting: Names of the filters that have none yet.
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
-        bounds_m: Cramér-Rao bound of a perfect model on the RMS of the position error over each span, m; NaN where the
-            result holds none.
     """
 
     number: int
@@ -156,13 +175,13 @@ class CaseFacts:
     settle_s: float
     convergence_m: float
     hold_s: float
+    convergence_until_s: float
     planned_runs: int
     filters: tuple[FilterFacts, ...]
     waiting: tuple[str, ...]
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
-    bounds_m: Mapping[Span, float]
 
     def trace_command(self, run: int) -> str:
         """Return the command that computes one run of the case again and stores every step."""
@@ -175,9 +194,9 @@ class CaseFacts:
         return "settled" if settled else "whole"
 
     @property
-    def bound_m(self) -> float:
-        """The bound over the headline span, m; NaN without one."""
-        return self.bounds_m[self.span]
+    def shows_convergence(self) -> bool:
+        """Whether a run is long enough to converge at all."""
+        return not self.convergence_until_s <= 0
 
     @property
     def when(self) -> str:
@@ -228,6 +247,7 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
         settle_s=settle_s,
         convergence_m=float(case_setting(results, index, "statistics.convergence_m", np.nan)),
         hold_s=float(case_setting(results, index, "statistics.convergence_hold_s", np.nan)),
+        convergence_until_s=seen_until_s(results, index),
         planned_runs=results.planned_runs,
         filters=tuple(_filter_facts(results, index, name, axes, times_s >= settle_s) for name in held),
         waiting=tuple(name for name in header.filters if name not in held),
@@ -237,32 +257,12 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results),
-        bounds_m=_bounds(results, index, times_s, settle_s),
     )
 
 
 def span_index(span: Span) -> int:
     """Return where a span stands along the layout's dimension of that name."""
     return _SPANS[span]
-
-
-def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
-    """Return a setting of a case: the varied value if the campaign varies it, else the campaign's own."""
-    keys = path.split(".")
-    varied = results.headers[index].variables
-    for length in range(len(keys), 0, -1):
-        start = ".".join(keys[:length])
-        if start in varied:
-            return _inside(varied[start], keys[length:], default)
-    return _inside(results.campaign_content, keys, default)
-
-
-def _inside(value: Any, keys: list[str], default: Any) -> Any:
-    for key in keys:
-        if not isinstance(value, Mapping) or value.get(key) is None:
-            return default
-        value = value[key]
-    return value
 
 
 def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: NDArray[np.bool_]) -> FilterFacts:
@@ -273,10 +273,16 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
 
     times_s = results.time_s(index)
     whole_state = layout.BLOCKS.index("full")
+    ok = statistic("failed") == 0
+    bounds = results.bound(index), results.bound(index, name)
+    r = np.full((int(ok.sum()), len(times_s)), np.nan)
+    if any(bound is not None for bound in bounds):
+        r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
+    spans: dict[Span, NDArray[np.bool_]] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
     return FilterFacts(
         name=name,
         runs=results.case_runs(index, name),
-        ok=statistic("failed") == 0,
+        ok=ok,
         statistics={
             "mean": _in_axes(statistic("mean"), axes, signed=True),
             "std": _in_axes(statistic("std"), axes, signed=False),
@@ -290,6 +296,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         diagnostics=results.diagnostics(index, name),
         diverged=diverged_runs(results, index, name),
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
+        times_bound=_ratios_to_bound(r, bounds[0], spans),
+        times_own_bound=_ratios_to_bound(r, bounds[1], spans),
         extra=results.extra(index, name),
         nis_is_chi_square=not _assumes_mixture(results, index, name),
     )
@@ -307,13 +315,10 @@ def _assumes_mixture(results: Results, index: int, name: str) -> bool:
     return "mixture" in [*kinds, case_setting(results, index, "sensors.radar.noise.kind", None)]
 
 
-def _bounds(results: Results, index: int, times_s: Array, settle_s: float) -> dict[Span, float]:
-    stored = results.bound(index)
-    if stored is None:
-        return {"whole": np.nan, "settled": np.nan}
-    squares = np.square(stored[:, layout.QUANTITIES.index("r")])
-    spans: dict[Span, NDArray[np.bool_]] = {"whole": times_s > 0, "settled": (times_s > 0) & (times_s >= settle_s)}
-    return {span: float(np.sqrt(squares[chosen].mean())) if chosen.any() else np.nan for span, chosen in spans.items()}
+def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, NDArray[np.bool_]]) -> dict[Span, Interval]:
+    """Return the ratio over each span, from the position error of the completed runs at the stored epochs."""
+    limit = np.full(r.shape[1], np.nan) if bound is None else bound[:, layout.QUANTITIES.index("r")]
+    return {span: ratio_to_bound(r[:, chosen], limit[chosen]) for span, chosen in spans.items()}
 
 
 def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:

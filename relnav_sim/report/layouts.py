@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from relnav_sim.report.axes import COMPONENTS, describe_axes
 from relnav_sim.report.facts import CaseFacts, FilterFacts, Span
-from relnav_sim.report.tables import Column, Number, Row, Table, Words, decimals_for
-from relnav_sim.report.wording import figure
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words, decimals_for
+from relnav_sim.report.wording import counted, figure
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
-INTERVALS = "Figures are means over runs; in brackets their 95 % interval (bootstrap over runs)."
+INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
 _NO_RUN = "No run was completed: there are no figures."
 WORST_RUNS = 2
+NOT_JUDGED = "cannot be judged"
+_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
 
@@ -32,23 +35,19 @@ def case_table(case: CaseFacts, span: Span) -> Table:
     rows = []
     for component in COMPONENTS:
         figures = [
-            bootstrap_interval(item.errors(statistic, span, component)[item.ok])
+            mean_interval(item.errors(statistic, span, component)[item.ok])
             for item in case.filters
             for statistic in ("mean", "std")
         ]
         unit = "m/s" if component.startswith("v") else "m"
         cells = numbers(figures)
         rows.append(Row(_HEADINGS.get(component, component), cells, unit, opens_block=component == "vx"))
-    times = [bootstrap_interval(item.convergence_s[item.ok]) for item in case.filters]
-    notes = [converged_note(item) for item in case.filters]
     rows += [
-        Row("convergence time", numbers(times, 2, notes), "s", opens_block=True),
-        Row(
-            "ANEES", numbers([bootstrap_interval(item.consistency("anees", span)[item.ok]) for item in case.filters], 2)
-        ),
+        Row("convergence time", convergence_cells(case, 2), "s", opens_block=True),
+        Row("ANEES", numbers([mean_interval(item.consistency("anees", span)[item.ok]) for item in case.filters], 2)),
         Row(
             "mean NIS",
-            numbers([bootstrap_interval(item.consistency("nis", span)[item.ok]) for item in case.filters], 2),
+            numbers([mean_interval(item.consistency("nis", span)[item.ok]) for item in case.filters], 2),
         ),
         Row("CPU per step", numbers([mean_cost(item) for item in case.filters], 2), "µs"),
         Row("failed runs", tuple(failed_cell(item, span=2) for item in case.filters)),
@@ -121,6 +120,26 @@ def numbers(figures: Sequence[Interval], span: int = 1, notes: Sequence[str] = (
     )
 
 
+def ratio_cells(case: CaseFacts, ratios: Sequence[Interval]) -> tuple[Cell, ...]:
+    """Return each filter's ratio to a bound, with how many of its runs diverged; no number where most of them did."""
+    shown = numbers(
+        [_NOTHING if item.mostly_diverged else ratio for item, ratio in zip(case.filters, ratios, strict=True)]
+    )
+    return tuple(
+        cell
+        if not item.diverged_completed
+        else Words(diverged_note(item), math.inf, mark="failed")
+        if item.mostly_diverged
+        else replace(cell, note=f"({diverged_note(item)})", mark="failed")
+        for item, cell in zip(case.filters, shown, strict=True)
+    )
+
+
+def diverged_note(item: FilterFacts) -> str:
+    """Return in how many of its runs a filter diverged, those that failed left out."""
+    return f"diverged in {item.diverged_completed} of {counted(item.completed, 'run')}"
+
+
 def mean_cost(item: FilterFacts) -> Interval:
     """Return the mean CPU time per filter step, microseconds.
 
@@ -136,7 +155,20 @@ def failed_cell(item: FilterFacts, span: int = 1) -> Words:
     return Words(f"{item.failed} of {total}", item.failed / total, span, mark="failed" if item.failed else "")
 
 
-def converged_note(item: FilterFacts) -> str:
+def convergence_cells(case: CaseFacts, span: int = 1) -> tuple[Cell, ...]:
+    """Return each filter's convergence time, where a run is long enough to show one."""
+    if not case.shows_convergence:
+        return (Words(NOT_JUDGED, math.inf, span),) * len(case.filters)
+    times = [mean_interval(item.convergence_s[item.ok]) for item in case.filters]
+    return numbers(times, span, [_converged_note(item) for item in case.filters])
+
+
+def not_judged(case: CaseFacts) -> str:
+    """Return why convergence cannot be judged."""
+    return f"Convergence cannot be judged: it is to last {case.hold_s:g} s, and no run is longer than that."
+
+
+def _converged_note(item: FilterFacts) -> str:
     """Return in how many runs a filter converged, where not in all."""
     return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
 
@@ -149,7 +181,8 @@ def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     notes.append(INTERVALS if most > 1 else _ONE_RUN if most else _NO_RUN)
     if failed := sum(item.failed for item in filters):
         notes.append(f"{failed} failed run{'s are' if failed > 1 else ' is'} counted, and left out of every mean.")
-    levels = {(case.convergence_m, case.hold_s) for case in cases}
+    notes += list(dict.fromkeys(not_judged(case) for case in cases if not case.shows_convergence))
+    levels = {(case.convergence_m, case.hold_s) for case in cases if case.shows_convergence}
     if len(levels) == 1 and np.isfinite(next(iter(levels))).all():
         size, hold = levels.pop()
         notes.append(f"Converged: position error below {size:g} m for {hold:g} s.")

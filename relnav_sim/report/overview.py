@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from relnav_sim.report.layouts import converged_note, failed_cell, mean_cost, numbers, reading_notes
-from relnav_sim.report.ranking import Ranking, times_bound
+from relnav_sim.report.layouts import convergence_cells, failed_cell, mean_cost, numbers, ratio_cells, reading_notes
+from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.report.wording import short_labels
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 _LIMIT = "position RMS / bound"
 _FIGURES = (
@@ -29,7 +29,7 @@ _NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 def overview_table(rankings: Sequence[Ranking]) -> Table:
     """Return one row per case and filter with the headline figures; without a column of cases if there is one."""
     cases = [ranking.case for ranking in rankings]
-    bounded = any(math.isfinite(case.bound_m) for case in cases)
+    bounded = any(math.isfinite(item.times_bound[case.span].estimate) for case in cases for item in case.filters)
     figures = [label for label in _FIGURES if bounded or label != _LIMIT]
     columns = [*(Column(label) for label in figures), Column("failed runs", numeric=False)]
     if len(cases) > 1:
@@ -53,7 +53,12 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     spans = {case.when for case in cases}
     over = spans.pop() if len(spans) == 1 else "the settled span"
     above = "Above the best: relative difference on the same runs."
-    above += " Bound: Cramér-Rao, of a perfect model." if bounded else ""
+    above += (
+        " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound of "
+        "a perfect model; none for a filter that diverged in half of its runs or more."
+        if bounded
+        else ""
+    )
     return Table(
         name="overview",
         title="All cases and filters" if len(cases) > 1 else "All filters",
@@ -73,13 +78,10 @@ def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
         numbers([_NOTHING if standing is None else standing.position for standing in standings]),
         numbers([_NOTHING if standing is None else standing.velocity for standing in standings]),
         [_above_best(ranking, item.name) for item in case.filters],
-        *([numbers([_of_bound(ranking, item.name) for item in case.filters])] if bounded else []),
-        numbers(
-            [bootstrap_interval(item.convergence_s[item.ok]) for item in case.filters],
-            notes=[converged_note(item) for item in case.filters],
-        ),
-        numbers([bootstrap_interval(item.consistency("anees", case.span)[item.ok]) for item in case.filters]),
-        numbers([bootstrap_interval(item.consistency("nis", case.span)[item.ok]) for item in case.filters]),
+        *([ratio_cells(case, [item.times_bound[case.span] for item in case.filters])] if bounded else []),
+        convergence_cells(case),
+        numbers([mean_interval(item.consistency("anees", case.span)[item.ok]) for item in case.filters]),
+        numbers([mean_interval(item.consistency("nis", case.span)[item.ok]) for item in case.filters]),
         numbers([mean_cost(item) for item in case.filters]),
         [failed_cell(item) for item in case.filters],
     )
@@ -90,11 +92,6 @@ def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
     ]
     waiting = Words("no run yet", span=len(columns))
     return rows + [Row(name, (waiting,), key=key, order=case.number) for name in case.waiting]
-
-
-def _of_bound(ranking: Ranking, name: str) -> Interval:
-    standing = ranking.of(name)
-    return _NOTHING if standing is None else times_bound(standing.position, ranking.case.bound_m)
 
 
 def _above_best(ranking: Ranking, name: str) -> Cell:
@@ -109,7 +106,7 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
         return Words("no common run", math.inf)
     note, mark = "", ""
     if math.isnan(standing.percent.low):
-        note = "undecided"
+        note = "too few runs to decide"
     elif not standing.told_apart:
         note, mark = "not told apart", "best"
     return replace(numbers([standing.percent])[0], note=note, mark=mark)

@@ -4,17 +4,16 @@ The headline figure is the RMS over time of the position error of each run. Filt
 random numbers, so they are compared run by run: the interval of the mean difference decides, not whether
 two intervals overlap.
 
-All pairs of a case are one family of comparisons, guarded together by Holm's procedure: the best filter is chosen from
-the same figures, so to compare only with it would count a lucky filter's luck against the others.
+All pairs of a case are one family of comparisons, adjusted for multiplicity: the best filter is chosen from the same
+figures, so to compare only with it would count a lucky filter's luck against the others.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -23,14 +22,12 @@ from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.statistics.intervals import (
     Comparison,
     Interval,
-    bootstrap_interval,
-    paired_difference,
-    runs_to_decide,
+    fewest_runs_to_decide,
+    mean_interval,
+    paired_differences,
 )
-from relnav_sim.statistics.multiple import holm
 
 LEVEL = 0.95
-Key = TypeVar("Key", bound=Hashable)
 _NOTHING = Interval(math.nan, math.nan, math.nan, LEVEL, 0)
 
 
@@ -41,7 +38,7 @@ class Pair:
     Attributes:
         first: The filter with the larger mean.
         second: The other.
-        comparison: First minus second; its verdict and its p-value are guarded for all pairs of the case.
+        comparison: First minus second; verdict, p-value and interval are adjusted for all pairs of the case.
         percent: The difference in percent of the second's mean on those runs.
     """
 
@@ -59,8 +56,8 @@ class Standing:
         facts: The filter.
         position: Position RMS, mean over its completed runs, m.
         velocity: Velocity RMS, mean over its completed runs, m/s.
-        against_best: Its position RMS minus the best filter's on the same runs, m; None for the best itself
-            and where no run is common.
+        against_best: Its position RMS minus the best filter's on the same runs, m, as in the case's pairs; None for
+            the best itself and where no run is common.
         percent: The same in percent of the best filter's mean on those runs; NaN likewise.
     """
 
@@ -107,6 +104,21 @@ class Ranking:
         """The filters that can't be told apart from the best."""
         return tuple(item for item in self.standings[1:] if not item.told_apart)
 
+    @property
+    def compared_runs(self) -> int:
+        """The most runs that two of the filters have in common."""
+        return max((pair.comparison.difference.runs for pair in self.position), default=0)
+
+    @property
+    def fewest_runs(self) -> int:
+        """The number of runs below which no pair can be decided, however large its difference."""
+        return fewest_runs_to_decide(len(self.position), LEVEL)
+
+    @property
+    def has_too_few_runs(self) -> bool:
+        """Whether no pair can be decided, however large its difference."""
+        return len(self.standings) > 1 and self.compared_runs < self.fewest_runs
+
     def of(self, name: str) -> Standing | None:
         """Return a filter's standing, None where it has no completed run."""
         return next((item for item in self.standings if item.name == name), None)
@@ -115,7 +127,7 @@ class Ranking:
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
     held = [item for item in case.filters if item.completed]
-    position = {item.name: bootstrap_interval(_completed(item, case, "r")) for item in held}
+    position = {item.name: mean_interval(_completed(item, case, "r")) for item in held}
     # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
     order = sorted(position, key=lambda name: (not np.isfinite(position[name].estimate), position[name].estimate))
     pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
@@ -123,29 +135,10 @@ def rank(case: CaseFacts) -> Ranking:
     standings = []
     for name in order:
         facts, pair = case.filter(name), against.get(name)
-        velocity = bootstrap_interval(_completed(facts, case, "v"))
+        velocity = mean_interval(_completed(facts, case, "v"))
         comparison, percent = (pair.comparison, pair.percent) if pair else (None, _NOTHING)
         standings.append(Standing(facts, position[name], velocity, comparison, percent))
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
-
-
-def guarded(differences: Mapping[Key, Array]) -> dict[Key, Comparison]:
-    """Return the comparisons of a family, each verdict and p-value guarded for all of them.
-
-    An undecided pair is told how many runs would decide it at the level that the number of pairs asks for.
-
-    Args:
-        differences: First minus second on each common run, by whatever tells the comparisons apart.
-    """
-    found = {pair: paired_difference(values, np.zeros(len(values)), LEVEL) for pair, values in differences.items()}
-    adjusted = holm([comparison.p_value for comparison in found.values()])
-    level = 1 - (1 - LEVEL) / max(len(found), 1)
-    kept = {}
-    for (pair, comparison), p_value in zip(found.items(), adjusted, strict=True):
-        decided = comparison.verdict if p_value <= 1 - LEVEL else "undecided"
-        needed = runs_to_decide(differences[pair], level)
-        kept[pair] = replace(comparison, verdict=decided, p_value=p_value, runs_to_decide=needed)
-    return kept
 
 
 def in_percent(difference: Interval, reference: float) -> Interval:
@@ -158,11 +151,6 @@ def in_percent(difference: Interval, reference: float) -> Interval:
     )
 
 
-def times_bound(size: Interval, bound: float) -> Interval:
-    """Return an RMS in multiples of its bound; NaN where there is no bound."""
-    return replace(size, estimate=size.estimate / bound, low=size.low / bound, high=size.high / bound)
-
-
 def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair, ...]:
     """Return the pairs of a case, the later of the order first."""
     differences, references = {}, {}
@@ -172,7 +160,7 @@ def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair,
             differences[first, second], references[first, second] = a - b, float(b.mean())
     return tuple(
         Pair(first, second, comparison, in_percent(comparison.difference, references[first, second]))
-        for (first, second), comparison in guarded(differences).items()
+        for (first, second), comparison in paired_differences(differences, LEVEL).items()
     )
 
 

@@ -22,7 +22,7 @@ from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.report.wording import figure, listed, short_labels
 from relnav_sim.results.block import ResultsError
-from relnav_sim.statistics.requirements import Judgement, Verdict, judge, overall
+from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, Verdict, judge, overall
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -116,6 +116,7 @@ def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
             for wanted, words in _said_of(several=len({item.case for item in mine}) > 1)
             if wanted in verdicts.values()
         ]
+        said += [CANNOT_BE_JUDGED] if any(item.basis == CANNOT_BE_JUDGED for item in mine) else []
         sentences.append(f"Requirement {name} ({requirement_in_words(mine[0].requirement)}): {'; '.join(said)}.")
     return tuple(sentences)
 

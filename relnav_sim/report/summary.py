@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.report.facts import FilterFacts, Span
-from relnav_sim.report.layouts import WORST_RUNS
-from relnav_sim.report.ranking import Ranking, Standing, times_bound
+from relnav_sim.report.layouts import WORST_RUNS, diverged_note, not_judged
+from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.report.wording import between, counted, figure, listed, short_labels
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 _MOST_CASES_IN_WORDS = 6
 _SMALLEST_PERCENT = 0.1
@@ -47,17 +47,16 @@ def verdict(ranking: Ranking) -> str:
     """Return which filter of a case has the smallest position error, by how much, and whether that is decided."""
     best, runs = ranking.best, ranking.best.position.runs
     size = f"{figure(best.position.estimate)} m{between(best.position.low, best.position.high)}"
-    lost = (
-        f" ({best.facts.failed} of its {len(best.facts.runs)} runs failed and do not count)"
-        if best.facts.failed
-        else ""
-    )
+    lost = _lost(best.facts)
     if len(ranking.standings) == 1:
         velocity = f"velocity RMS {figure(best.velocity.estimate)} m/s"
         return f"{best.name}: position RMS {size}, {velocity} over {counted(runs, 'run')}{lost}."
     if runs == 1:
         sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in ranking.standings])
         return f"One run decides nothing. Its position RMS: {sizes}."
+    if ranking.has_too_few_runs:
+        sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in ranking.standings])
+        return f"{_too_few_runs(ranking)} Position RMS: {sizes}."
     told_apart = [item for item in ranking.standings[1:] if item.told_apart]
     behind = f"; {_behind(told_apart)}" if told_apart else ""
     if not ranking.undecided:
@@ -67,6 +66,18 @@ def verdict(ranking: Ranking) -> str:
     sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in tied])
     undecided = f"{names} can't be told apart in position error at {counted(runs, 'run')}"
     return f"{undecided}: RMS {sizes}{_largest_difference(ranking)}{behind}."
+
+
+def _lost(item: FilterFacts) -> str:
+    """Return how many runs of a filter failed or diverged, or nothing."""
+    failed = f"{item.failed} of its {len(item.runs)} runs failed and do not count" if item.failed else ""
+    parts = [part for part in (failed, diverged_note(item) if item.diverged_completed else "") if part]
+    return f" ({'; '.join(parts)})" if parts else ""
+
+
+def _too_few_runs(ranking: Ranking) -> str:
+    runs, filters = counted(ranking.compared_runs, "run"), counted(len(ranking.standings), "filter")
+    return f"{runs} in common can't decide between {filters}: it takes {ranking.fewest_runs} or more."
 
 
 def _largest_difference(ranking: Ranking) -> str:
@@ -100,6 +111,8 @@ def _across_cases(rankings: Sequence[Ranking]) -> str:
         sizes = [ranking.best.position.estimate for ranking in rankings]
         name, low, high = rankings[0].best.name, figure(min(sizes)), figure(max(sizes))
         return f"{name}: position RMS between {low} and {high} m over {counted(total, 'case')}."
+    if all(ranking.has_too_few_runs for ranking in rankings):
+        return _too_few_runs(max(rankings, key=lambda ranking: ranking.compared_runs))
     winners: dict[tuple[str, ...], list[Ranking]] = {}
     for ranking in rankings:
         ahead = {ranking.best.name, *(item.name for item in ranking.undecided)}
@@ -130,23 +143,34 @@ def _of_all(count: int, total: int) -> str:
 
 
 def _limit(rankings: Sequence[Ranking]) -> list[str]:
-    """Return how far the best filter of each case is from the bound."""
-    found = [times_bound(item.best.position, item.case.bound_m) for item in rankings]
-    known = sorted((item for item in found if math.isfinite(item.estimate)), key=lambda item: item.estimate)
-    if not known:
+    """Return how far the best filter of each case is from the bound; where it diverged, no distance is worth a word."""
+    best = [(ranking.best.facts, ranking.best.facts.times_bound[ranking.case.span]) for ranking in rankings]
+    bounded = [(item, ratio) for item, ratio in best if math.isfinite(ratio.estimate)]
+    known = sorted((ratio for item, ratio in bounded if not item.mostly_diverged), key=lambda ratio: ratio.estimate)
+    diverged = [item for item, _ in bounded if item.diverged_completed]
+    if not bounded:
         return []
+    if not known:
+        notes = listed(list(dict.fromkeys(f"{item.name} {diverged_note(item)}" for item in diverged)))
+        return [f"Limit: no distance from the Cramér-Rao bound: {notes}."]
     low, high = known[0], known[-1]
     size = f"{figure(low.estimate)}{between(low.low, low.high)}"
     size = size if len(known) == 1 else f"{figure(low.estimate)} to {figure(high.estimate)}"
     each = "the best filter's" if len(known) == 1 else "in each case the best filter's"
-    return [f"Limit: {each} position RMS is {size} times the Cramér-Rao bound of a perfect model."]
+    text = f"Limit: {each} position RMS is {size} times the Cramér-Rao bound of a perfect model"
+    if not diverged:
+        return [f"{text}."]
+    where = (
+        f"it {diverged_note(diverged[0])}" if len(rankings) == 1 else f"it diverged in {counted(len(diverged), 'case')}"
+    )
+    return [f"{text}; {where}{', left out where in half of the runs' if len(known) < len(bounded) else ''}."]
 
 
 def _consistency(rankings: Sequence[Ranking]) -> list[str]:
     """Return whether the errors match the covariances: sqrt(ANEES) is how many times too small a sigma is."""
     said: dict[tuple[str, str], list[str]] = {}
     for name, parts in _per_filter(rankings):
-        intervals = [bootstrap_interval(item.consistency("anees", span)[item.ok]) for item, span in parts]
+        intervals = [mean_interval(item.consistency("anees", span)[item.ok]) for item, span in parts]
         known = [found for found in intervals if math.isfinite(found.estimate) and found.estimate > 0]
         if not known:
             continue
@@ -186,6 +210,8 @@ def _factor(factors: Sequence[float], digits: int = 3) -> str:
 
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
+    untold = list(dict.fromkeys(not_judged(item.case) for item in rankings if not item.case.shows_convergence))
+    rankings = [ranking for ranking in rankings if ranking.case.shows_convergence]
     medians: dict[str, list[str]] = {}
     never = []
     for name, parts in _per_filter(rankings):
@@ -196,12 +222,12 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
         if reached.size < times.size:
             never.append(f"{name} in {times.size - reached.size} of {counted(times.size, 'run')}")
     if not medians and not never:
-        return []
+        return untold
     level = f"a position error below {rankings[0].case.convergence_m:g} m"
     if not medians:
-        return [f"No run reached {level}."]
+        return [f"No run reached {level}.", *untold]
     text = f"Median time to {level}: {listed([f'{listed(names)} {time}' for time, names in medians.items()])}"
-    return [f"{text}; never reached by {listed(never)}." if never else f"{text}."]
+    return [f"{text}; never reached by {listed(never)}." if never else f"{text}.", *untold]
 
 
 def _cost(rankings: Sequence[Ranking]) -> list[str]:

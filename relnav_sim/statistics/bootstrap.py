@@ -1,4 +1,4 @@
-"""Resampling of runs: replicates of a statistic, the tails of its interval, and how improbable a value is.
+"""Resampling of runs: replicates of a statistic, and the tails of its interval.
 
 The resamples of a sample of n runs depend on n and the seed alone, so they are drawn once and kept, as the number of
 times that each run was drawn: a mean over all resamples is then one product.
@@ -7,7 +7,6 @@ times that each run was drawn: a mean over all resamples is then one product.
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Iterator
 from typing import Literal
 
@@ -16,11 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Statistic = Literal["mean", "median", "rms", "std"]
-Method = Literal["expanded", "bca", "percentile"]
+Method = Literal["bca", "percentile"]
 
 RESAMPLES = 2000
-FEWEST = 6
-"""Below this the resamples of n runs cannot hold 95 %: all differences have one sign with probability 2^(1 - n)."""
 _PIECE = 2_000_000
 _TIED = 16  # in smaller samples a resample often is the sample in another order, and rounding must not part the two
 _KEPT = 4_000_000  # counts of one set of resamples that are worth keeping, 32 MB
@@ -68,10 +65,8 @@ def tails(
 ) -> tuple[float, float]:
     """Return the probabilities at which the interval takes the quantiles of the replicates.
 
-    ``bca`` is bias-corrected and accelerated (Efron 1987; Efron and Tibshirani 1993, eqs. 14.9-14.15). ``expanded``
-    replaces its normal quantiles by Student's times sqrt(n / (n - 1)), which mends the narrowness of the bootstrap in
-    small samples (Hesterberg 2015, section 3.2). Where the replicates all lie on one side of the estimate neither is
-    defined, and the plain percentiles are returned.
+    ``bca`` is bias-corrected and accelerated (Efron 1987; Efron and Tibshirani 1993, eqs. 14.9-14.15). Where the
+    replicates all lie on one side of the estimate it is not defined, and the plain percentiles are returned.
     """
     from scipy.special import ndtr, ndtri
 
@@ -82,52 +77,10 @@ def tails(
     if found is None:
         return plain
     bias, acceleration = found
-    quantile = student_quantile(len(sample), level) if method == "expanded" else float(ndtri(plain[1]))
+    quantile = float(ndtri(plain[1]))
     shifted = bias + np.array([-quantile, quantile])
     corrected = ndtr(bias + shifted / (1 - acceleration * shifted))
     return (float(corrected[0]), float(corrected[1])) if np.isfinite(corrected).all() else plain
-
-
-def p_value(sample: Array, drawn: Array) -> float:
-    """Return the two-sided p-value of a mean of zero: 1 minus the level at which the interval just reaches zero.
-
-    Below `FEWEST` runs it is that of Student's t test, as the interval is; beyond the resolution of the replicates too,
-    where that is smaller.
-    """
-    from scipy.special import ndtri, stdtr
-
-    n = len(sample)
-    by_student = student_p_value(sample)
-    share = float(((drawn < 0).mean() + (drawn <= 0).mean()) / 2)
-    found = _bias_and_acceleration(sample, "mean", float(sample.mean()), drawn)
-    if n < FEWEST or found is None:
-        return by_student
-    bias, acceleration = found
-    finest = 0.5 / (len(drawn) + 1)
-    away = float(ndtri(min(max(share, finest), 1 - finest))) - bias
-    z = away / (1 + acceleration * away) - bias
-    p = min(1.0, 2 * float(stdtr(n - 1, -abs(z) * math.sqrt((n - 1) / n))))
-    return min(p, by_student) if share in (0.0, 1.0) else p
-
-
-def student_p_value(sample: Array) -> float:
-    """Return the two-sided p-value of Student's t test of a mean of zero; 1 below two runs or without a difference."""
-    from scipy.special import stdtr
-
-    n = len(sample)
-    if n < 2:
-        return 1.0
-    mean, spread = float(sample.mean()), float(sample.std(ddof=1))
-    if spread == 0:
-        return 1.0 if mean == 0 else 0.0
-    return min(1.0, 2 * float(stdtr(n - 1, -abs(mean) / spread * math.sqrt(n))))
-
-
-def student_quantile(n: int, level: float) -> float:
-    """Return the quantile of Student's t for an interval over n runs, times sqrt(n / (n - 1))."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(n - 1, (1 + level) / 2)) * math.sqrt(n / (n - 1))
 
 
 def without_each(sample: Array, statistic: Statistic) -> Array:

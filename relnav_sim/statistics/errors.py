@@ -17,6 +17,7 @@ from relnav_sim.results import layout
 from relnav_sim.results.block import Failure, FilterResult
 from relnav_sim.statistics import consistency, moments, quantiles
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE, Convergence
+from relnav_sim.statistics.convergence_seen import hold_epochs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -99,8 +100,8 @@ class ErrorAccumulator:
         self._spans = {"early": empty, "settled": empty}
         self._late = np.zeros((2, runs), dtype=np.int64)
         self._extras: dict[str, Array] = {}
-        hold_epochs = max(0, int(np.ceil(rules.convergence_hold_s / rules.step_s - 1e-9)))
-        self._convergence = Convergence(runs, rules.convergence_m, hold_epochs)
+        held = hold_epochs(rules.convergence_hold_s, rules.step_s)
+        self._convergence = Convergence(runs, rules.convergence_m, held)
         lengths = layout.sizes(runs, len(rules.stored_s))
         self._series = {
             spec.name: np.full(layout.shape(spec, lengths), np.nan, dtype=spec.dtype) for spec in layout.SERIES

@@ -1,4 +1,4 @@
-"""How sure is a figure over runs? Bootstrap intervals, paired comparison, rates, chi-square bands.
+"""How sure is a figure over runs? Intervals of means, medians and rates, paired comparison, chi-square bands.
 
 The runs are the sample: epochs of one run are correlated, runs are not.
 """
@@ -6,18 +6,23 @@ The runs are the sample: epochs of one run are correlated, runs are not.
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.statistics import bootstrap
-from relnav_sim.statistics.bootstrap import FEWEST, RESAMPLES, Method, Statistic
+from relnav_sim.statistics.bootstrap import RESAMPLES, Method, Statistic
 from relnav_sim.statistics.consistency import chi_square_quantile
+from relnav_sim.statistics.means import mean_limits
+from relnav_sim.statistics.multiple import holm
+from relnav_sim.statistics.sign_flip import SignFlips, fewest_runs, sign_flips
 
 Array = NDArray[np.float64]
 Verdict = Literal["better", "worse", "undecided"]
+Key = TypeVar("Key", bound=Hashable)
 
 _POWER = 0.8
 
@@ -28,8 +33,8 @@ class Interval:
 
     Attributes:
         estimate: The figure; NaN where no run has one.
-        low: Lower end; NaN where fewer than two runs leave it unknown.
-        high: Upper end.
+        low: Lower end; NaN where too few runs leave it unknown.
+        high: Upper end; likewise.
         level: Confidence.
         runs: Runs that count: those with a number.
     """
@@ -50,7 +55,7 @@ class Comparison:
         verdict: ``better``: the first is, the whole interval is on its good side; ``worse``; else ``undecided``.
         runs_to_decide: Runs at which a difference of the size seen would be told apart with a probability of
             0.8; None where the difference is zero or unknown.
-        p_value: 1 minus the level at which the interval just reaches zero; 1 where nothing is known.
+        p_value: Of a mean difference of zero, by the sign-flip test; 1 where nothing is known.
     """
 
     difference: Interval
@@ -68,23 +73,44 @@ class Band:
     level: float
 
 
+def mean_interval(values: ArrayLike, level: float = 0.95, most: float = math.inf) -> Interval:
+    """Return the mean over runs with its interval; see `means` for the method.
+
+    The mean of figures none of which is negative has no interval below zero.
+
+    Args:
+        values: One figure per run (runs,); NaN: the run has none and is left out.
+        level: Confidence.
+        most: The largest value that the figure can have, as 100 for a percentage.
+    """
+    sample = _known(values)
+    if len(sample) == 0:
+        return Interval(math.nan, math.nan, math.nan, level, 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = float(sample.mean())
+    if len(sample) == 1 or not math.isfinite(mean):
+        return Interval(mean, math.nan, math.nan, level, len(sample))
+    low, high = mean_limits(sample, level)
+    return Interval(mean, max(low, 0.0) if sample.min() >= 0 else low, min(high, most), level, len(sample))
+
+
 def bootstrap_interval(
     values: ArrayLike,
     statistic: Statistic = "mean",
     level: float = 0.95,
-    method: Method = "expanded",
+    method: Method = "bca",
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> Interval:
     """Return a statistic over runs with its bootstrap interval; see `bootstrap.tails` for the methods.
 
-    A mean of fewer than `bootstrap.FEWEST` runs has Student's interval with the default method.
+    For a mean `mean_interval` keeps its promise in smaller samples.
 
     Args:
         values: One figure per run (runs,); NaN: the run has none and is left out.
         statistic: What is taken over the runs.
         level: Confidence.
-        method: ``expanded``, ``bca`` or ``percentile``.
+        method: ``bca`` or ``percentile``.
         resamples: Number of resamples.
         seed: Seed of the resampling; the same for all filters pairs their resamples.
     """
@@ -94,9 +120,6 @@ def bootstrap_interval(
     estimate = float(bootstrap.over_runs(sample[None], statistic)[0])
     if len(sample) == 1:
         return Interval(estimate, math.nan, math.nan, level, 1)
-    if method == "expanded" and statistic == "mean" and len(sample) < FEWEST and np.isfinite(sample).all():
-        half = bootstrap.student_quantile(len(sample), level) * float(sample.std()) / math.sqrt(len(sample))
-        return Interval(estimate, estimate - half, estimate + half, level, len(sample))
     drawn = bootstrap.replicates(sample, statistic, resamples, seed)
     tails = bootstrap.tails(sample, statistic, estimate, drawn, level, method)
     with np.errstate(invalid="ignore"):
@@ -124,13 +147,7 @@ def median_interval(values: ArrayLike, level: float = 0.95) -> Interval:
 
 
 def paired_difference(
-    first: ArrayLike,
-    second: ArrayLike,
-    level: float = 0.95,
-    smaller_is_better: bool = True,
-    method: Method = "expanded",
-    resamples: int = RESAMPLES,
-    seed: int = 0,
+    first: ArrayLike, second: ArrayLike, level: float = 0.95, smaller_is_better: bool = True
 ) -> Comparison:
     """Compare two filters by the mean of their differences on common random numbers.
 
@@ -139,9 +156,6 @@ def paired_difference(
         second: The other filter's figures for the same runs in the same order. A run counts if both are numbers.
         level: Confidence.
         smaller_is_better: True for errors, times and cost.
-        method: As in `bootstrap_interval`.
-        resamples: Number of resamples.
-        seed: Seed of the resampling.
 
     Raises:
         ValueError: The two do not have the same length.
@@ -149,15 +163,50 @@ def paired_difference(
     a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
     if a.shape != b.shape or a.ndim != 1:
         raise ValueError(f"paired figures need the same runs; shapes are {a.shape} and {b.shape}")
-    differences = _known(a - b)
-    interval = bootstrap_interval(differences, "mean", level, method, resamples, seed)
-    verdict: Verdict = "undecided"
-    if interval.high < 0 or interval.low > 0:
-        verdict = "better" if (interval.high < 0) == smaller_is_better else "worse"
-    p_value = 1.0
-    if len(differences) > 1 and np.isfinite(differences).all():
-        p_value = bootstrap.p_value(differences, bootstrap.replicates(differences, "mean", resamples, seed))
-    return Comparison(interval, verdict, runs_to_decide(differences, level), p_value)
+    with np.errstate(invalid="ignore"):
+        return paired_differences({"": a - b}, level, smaller_is_better)[""]
+
+
+def paired_differences(
+    differences: Mapping[Key, ArrayLike], level: float = 0.95, smaller_is_better: bool = True
+) -> dict[Key, Comparison]:
+    """Compare several pairs so that with a probability of ``level`` no verdict is wrong.
+
+    Each pair has the sign-flip test, all together Holm's procedure. The intervals are widened for the u pairs that stay
+    undecided, to 1 - (1 - level) / u: zero lies in them exactly where the verdict is undecided. That of a decided pair
+    leaves zero out, because Holm's procedure asked it for a smaller p-value than the undecided ones.
+
+    Args:
+        differences: First minus second on each common run (runs,), by whatever tells the comparisons apart. NaN: the
+            run has none and is left out.
+        level: Confidence in all verdicts together.
+        smaller_is_better: True for errors, times and cost.
+    """
+    samples = {key: _known(values) for key, values in differences.items()}
+    family, alpha = len(samples), 1 - level
+    tests: dict[Key, SignFlips] = {}
+    for runs in sorted({len(sample) for sample in samples.values()} - {0, 1}):
+        alike = [key for key, sample in samples.items() if len(sample) == runs and np.isfinite(sample).all()]
+        if alike:
+            tests |= zip(alike, sign_flips(np.stack([samples[key] for key in alike]), level, family), strict=True)
+    p_values = dict(zip(samples, holm([tests[key].p_value if key in tests else 1.0 for key in samples]), strict=True))
+    undecided = sum(p_value > alpha for p_value in p_values.values())
+    found = {}
+    for key, sample in samples.items():
+        interval = _of_differences(sample, tests.get(key), 1 - alpha / max(1, undecided))
+        verdict: Verdict = "undecided"
+        if p_values[key] <= alpha:
+            verdict = "better" if (interval.estimate < 0) == smaller_is_better else "worse"
+        needed = runs_to_decide(sample, 1 - alpha / family)
+        if needed is not None:
+            needed = max(needed, fewest_runs_to_decide(family, level))
+        found[key] = Comparison(interval, verdict, needed, p_values[key])
+    return found
+
+
+def fewest_runs_to_decide(pairs: int, level: float = 0.95) -> int:
+    """Return the number of runs below which no pair of a family can be decided, however large its difference."""
+    return fewest_runs((1 - level) / max(1, pairs))
 
 
 def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Interval:
@@ -214,6 +263,18 @@ def lag1_band(samples: int, level: float = 0.95) -> Band:
     """Return where the lag-1 autocorrelation of white noise lies (Bartlett 1946), samples >> 1."""
     half = _normal_quantile((1 + level) / 2) / math.sqrt(max(1, samples))
     return Band(-half, half, level)
+
+
+def _of_differences(sample: Array, test: SignFlips | None, level: float) -> Interval:
+    """Return the mean of differences with the interval of their test; runs that never differ are surely equal."""
+    if len(sample) == 0:
+        return Interval(math.nan, math.nan, math.nan, level, 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mean = float(sample.mean())
+    low, high = (math.nan, math.nan) if test is None else test.limits(level)
+    if len(sample) > 1 and not sample.any():
+        low, high = 0.0, 0.0
+    return Interval(mean, low, high, level, len(sample))
 
 
 def _known(values: ArrayLike) -> Array:

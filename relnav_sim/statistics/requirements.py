@@ -1,14 +1,14 @@
 """Does a filter meet what the campaign requires of it? Pass, fail or undecided, by the interval over runs.
 
 A requirement passes once the whole interval of its figure lies on the good side of the limit, fails once it lies on the
-other, and is undecided in between. Shares have exact intervals (`proportions`), means those of the bootstrap.
+other, and is undecided in between. Shares have exact intervals (`proportions`), means that of every mean (`means`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -24,9 +24,10 @@ from relnav_sim.campaign.requirements import (
     RmsRequirement,
 )
 from relnav_sim.results import layout
-from relnav_sim.statistics import bootstrap
+from relnav_sim.statistics import means
+from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.divergence import diverged_runs
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval, runs_to_decide
+from relnav_sim.statistics.intervals import Interval, mean_interval, runs_to_decide
 from relnav_sim.statistics.proportions import Share, runs_for_share, share_of_epochs, share_of_runs
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 Verdict = Literal["pass", "fail", "undecided"]
 
 EVERY_EPOCH = "every epoch"
+CANNOT_BE_JUDGED = "cannot be judged: the run is not longer than the hold time"
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def on_a_mean(values: Array, low: float, high: float, confidence: float) -> Find
         high: Upper limit.
         confidence: Of the interval.
     """
-    figure = bootstrap_interval(values, level=confidence)
+    figure = mean_interval(values, level=confidence)
     inside = low <= figure.low and figure.high <= high
     outside = figure.high < low or figure.low > high
     verdict: Verdict = "pass" if inside else "fail" if outside else "undecided"
@@ -132,7 +134,7 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
         case NeesRequirement():
             finding, basis = _nees(results, requirement, case, filter), EVERY_EPOCH
         case ConvergedRequirement():
-            finding, basis = _converged(results, requirement, case, filter), EVERY_EPOCH
+            finding, basis = _converged(results, requirement, case, filter)
         case FailedRequirement() | DivergedRequirement():
             finding, basis = _lost(results, requirement, case, filter)
     if finding is None and basis == EVERY_EPOCH:
@@ -181,15 +183,27 @@ def _nees(results: Results, rule: NeesRequirement, case: int, filter: str) -> Fi
     return on_a_mean(values, low, high, rule.confidence) if len(values) else None
 
 
-def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: str) -> Finding:
+def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
     if rule.below_m is None:
         times = results.statistic(case, filter, "convergence")
     else:
         times = results.statistic(case, filter, "convergence_level")[:, layout.THRESHOLDS_M.index(rule.below_m)]
     sound = results.statistic(case, filter, "failed") == 0
     with np.errstate(invalid="ignore"):
-        reached = int((sound & (times <= rule.within_s)).sum())
-    return on_a_share(share_of_runs(reached, len(times)), rule.share, rule.confidence)
+        reached = sound & (times <= rule.within_s)
+    finding = on_a_share(share_of_runs(int(reached.sum()), len(times)), rule.share, rule.confidence)
+    seen_s = seen_until_s(results, case)
+    if not seen_s < rule.within_s:
+        return finding, EVERY_EPOCH
+    # The others may have converged in time: the run ends before the hold time has passed.
+    possible = on_a_share(share_of_runs(int(sound.sum()), len(times)), rule.share, rule.confidence)
+    basis = f"{EVERY_EPOCH}; converging after {seen_s:g} s cannot be judged" if seen_s > 0 else CANNOT_BE_JUDGED
+    if finding.verdict == "pass" or possible.verdict == "fail":
+        return (finding if finding.verdict == "pass" else possible), basis
+    if seen_s <= 0:
+        return None, CANNOT_BE_JUDGED
+    figure = replace(finding.figure, high=possible.figure.high)
+    return Finding(figure, "undecided", math.nan, None), basis
 
 
 def _lost(
@@ -220,5 +234,5 @@ def _certainty_beyond(values: Array) -> float:
     """Return the one-sided confidence that the mean of the values is positive."""
     if len(values) < 2 or not np.isfinite(values).all():
         return 1.0 if np.isposinf(values).all() else 0.0
-    one_sided = bootstrap.p_value(values, bootstrap.replicates(values, "mean", bootstrap.RESAMPLES, 0)) / 2
+    one_sided = means.p_value(values) / 2
     return 1 - one_sided if values.mean() > 0 else one_sided

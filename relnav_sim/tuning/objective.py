@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign.models import TuneObjective
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Score:
     @property
     def interval(self) -> Interval:
         """The value with its 95 % interval over runs."""
-        return bootstrap_interval(self.per_run)
+        return mean_interval(self.per_run)
 
 
 def objective(figures: Figures, kind: TuneObjective, weight: float) -> Score:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from relnav_sim import __version__
 from relnav_sim.campaign.models import TuneOptions
 from relnav_sim.campaign.problems import listed
-from relnav_sim.statistics.intervals import Comparison
+from relnav_sim.statistics.intervals import Comparison, fewest_runs_to_decide
 from relnav_sim.tuning.edit import number_text
 from relnav_sim.tuning.objective import Figures, mean_log
 from relnav_sim.tuning.result import FilterTuning, Tuning
@@ -126,6 +126,8 @@ def _objective_words(options: TuneOptions) -> str:
 def _difference_words(comparison: Comparison, options: TuneOptions) -> str:
     """Return a difference of the objective: per cent where it is a logarithm of an error, else as it is."""
     interval = comparison.difference
+    if math.isnan(interval.low):
+        return f"not decided: {interval.runs} runs in common, it takes {fewest_runs_to_decide(1)} or more"
     ends = (interval.estimate, interval.low, interval.high)
     if options.objective in ("position", "velocity"):
         middle, low, high = (f"{100 * math.expm1(end):+.1f}" for end in ends)

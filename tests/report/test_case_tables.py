@@ -22,11 +22,12 @@ from relnav_sim.report.case_tables import (
 from relnav_sim.report.facts import CaseFacts, case_facts
 from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_table
 from relnav_sim.report.overview import overview_table
-from relnav_sim.report.ranking import guarded, rank
+from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
 from relnav_sim.report.tables import MISSING, Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
+from relnav_sim.statistics.intervals import paired_differences
 
 ResultMaker = Callable[..., Path]
 RUNS = 20
@@ -44,19 +45,19 @@ def cells(table: Table, label: str) -> list[Any]:
 def with_p_value(p: float, rng: np.random.Generator) -> np.ndarray:
     """Return differences whose Student's t test of a mean of zero has this p-value."""
     half = rng.normal(size=RUNS // 2)
-    noise = np.concatenate([half, -half])  # no skew, with which the bootstrap would rightly disagree
+    noise = np.concatenate([half, -half])
     noise /= noise.std(ddof=1)
     return noise + stats.t.isf(p / 2, RUNS - 1) / math.sqrt(RUNS)
 
 
 def test_a_difference_decided_alone_is_not_among_several() -> None:
     rng = np.random.default_rng(0)
-    alone = guarded({"one": with_p_value(0.03, rng)})["one"]
+    alone = paired_differences({"one": with_p_value(0.03, rng)})["one"]
     assert alone.verdict == "worse" and alone.p_value == pytest.approx(0.03, rel=0.4)
-    three = guarded({n: with_p_value(0.03, rng) for n in range(3)})
+    three = paired_differences({n: with_p_value(0.03, rng) for n in range(3)})
     assert {item.verdict for item in three.values()} == {"undecided"}
     assert min(item.p_value for item in three.values()) == pytest.approx(0.09, rel=0.4)
-    after_two = guarded({n: with_p_value(p, rng) for n, p in enumerate((1e-5, 1e-5, 0.03))})
+    after_two = paired_differences({n: with_p_value(p, rng) for n, p in enumerate((1e-5, 1e-5, 0.03))})
     assert {item.verdict for item in after_two.values()} == {"worse"}
     level, ratio = 0.05 / 3, stats.t.isf(0.015, RUNS - 1) / math.sqrt(RUNS)
     needed = math.ceil(((stats.norm.isf(level / 2) + stats.norm.ppf(0.8)) / ratio) ** 2)
@@ -180,18 +181,63 @@ def test_the_stopping_rule_is_in_the_report(make_result: ResultMaker) -> None:
     assert "every filter 0.0412, wanted 0.05; looked at 6, 12 runs." in text
 
 
-def test_how_far_from_the_bound(make_result: ResultMaker, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = make_result(runs=6, filters={"ekf": 1.0})
-    assert "position RMS / bound" not in [column.label for column in overview_table([rank(facts_of(path))]).columns]
+def with_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give every case a bound of a root mean square of 0.5 m for t >= 500 s, and that of every filter's model 1 m."""
     bound = np.full((61, 8), 99.0)
-    bound[5:, 6] = np.where(np.arange(56) % 2, 0.1, 0.7)  # t >= 500 s: RMS 0.5
-    monkeypatch.setattr("relnav_sim.results.read.Results.bound", lambda self, case, filter=None: bound)
+    bound[5:, 6] = np.where(np.arange(56) % 2, 0.1, 0.7)
+    own = np.full((61, 8), 1.0)
+    monkeypatch.setattr(
+        "relnav_sim.results.read.Results.bound", lambda self, case, filter=None: own if filter else bound
+    )
+
+
+def test_how_far_from_the_bound(make_result: ResultMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = make_result(runs=6, filters={"ekf": 1.0}, failed={"ekf": [2]})
+    assert "position RMS / bound" not in [column.label for column in overview_table([rank(facts_of(path))]).columns]
+    with_bound(monkeypatch)
+    with open_results(path) as results:
+        square = float(np.square(results.error(0, "ekf")[[0, 1, 3, 4, 5], 5:, :3]).sum(axis=-1).mean())
     ranking = rank(facts_of(path))
     table = overview_table([ranking])
     place = [column.label for column in table.columns].index("position RMS / bound")
     cell = table.rows[0].cells[place]
-    assert isinstance(cell, Number) and cell.value == pytest.approx(ranking.best.position.estimate / 0.5)
+    assert isinstance(cell, Number) and cell.value == pytest.approx(math.sqrt(square) / 0.5, rel=1e-6)
     assert any(sentence.startswith("Limit: the best filter's position RMS is") for sentence in summarise([ranking]))
+    consistency = consistency_table(ranking.case)
+    assert cells(consistency, "position RMS / bound, perfect model")[0].value == pytest.approx(cell.value)
+    assert cells(consistency, "position RMS / bound, own model")[0].value == pytest.approx(cell.value / 2)
+
+
+@pytest.mark.parametrize(("lost", "number"), [(2, True), (6, False), (12, False)])
+def test_the_ratio_of_diverged_runs_never_looks_good(
+    make_result: ResultMaker, monkeypatch: pytest.MonkeyPatch, lost: int, number: bool
+) -> None:
+    with_bound(monkeypatch)
+    outside = np.where(np.arange(12) < lost, 0.2, 0.0)
+    path = make_result(runs=12, filters={"ekf": 1.0}, summaries={"ekf": {"outside_late": outside}})
+    ranking = rank(facts_of(path))
+    note = f"diverged in {lost} of 12 runs"
+    (cell,) = cells(consistency_table(ranking.case), "position RMS / bound, perfect model")
+    assert isinstance(cell, Number) == number and note in cell.text and cell.mark == "failed"
+    (said,) = [sentence for sentence in summarise([ranking]) if sentence.startswith("Limit")]
+    assert note in said and ("times the" in said) == number
+    assert note in summarise([ranking])[0]
+
+
+def test_convergence_that_no_run_is_long_enough_for(make_result: ResultMaker) -> None:
+    never = {"convergence": np.full(8, np.nan), "convergence_level": np.full((8, 7), np.nan)}
+    path = make_result(
+        runs=8,
+        filters={"ekf": 1.0},
+        summaries={"ekf": never},
+        variables=[{"statistics.convergence_hold_s": 6000.0}],
+    )
+    ranking = rank(facts_of(path))
+    assert cells(convergence_table(ranking.case), "below 10 m for 6000 s")[0].text == "cannot be judged"
+    assert "cannot be judged" in [cell.text for cell in overview_table([ranking]).rows[0].cells]
+    sentences = summarise([ranking])
+    assert not any("No run reached" in sentence for sentence in sentences)
+    assert sum(sentence.startswith("Convergence cannot be judged") for sentence in sentences) == 1
 
 
 def test_a_filter_that_is_told_of_a_mixture_has_no_chi_square_band(make_result: ResultMaker) -> None:

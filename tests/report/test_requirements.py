@@ -77,6 +77,44 @@ def test_converged_by_both_thresholds(make_result: ResultMaker) -> None:
     assert found.finding is not None and found.finding.figure.estimate == 0.4 and found.verdict == "fail"
 
 
+@pytest.mark.parametrize(
+    ("converged", "failed", "verdict"), [(99, 0, "pass"), (30, 0, "undecided"), (60, 0, "undecided"), (30, 40, "fail")]
+)
+def test_converged_where_the_run_ends_within_the_hold_time(
+    make_result: ResultMaker, converged: int, failed: int, verdict: str
+) -> None:
+    """Runs are seen to converge up to 20 s. One that does not may have done so later; one that failed has not."""
+    summary = {"ekf": {"convergence": np.where(np.arange(RUNS) < converged, 10.0, np.nan)}}
+    found = one(
+        make_result,
+        {"kind": "converged", "within_s": 60, "share": 0.8},
+        summaries=summary,
+        variables=[{"statistics.convergence_hold_s": 5980.0}],
+        failed={"ekf": range(RUNS - failed, RUNS)} if failed else {},
+    )
+    assert found.verdict == verdict and "after 20 s cannot be judged" in found.basis
+    early = {"kind": "converged", "within_s": 20, "share": 0.8}
+    known = one(make_result, early, summaries=summary, variables=[{"statistics.convergence_hold_s": 5980.0}])
+    assert known.verdict == ("pass" if converged == 99 else "fail") and known.basis == "every epoch"
+
+
+def test_converged_where_no_run_is_longer_than_the_hold_time(make_result: ResultMaker) -> None:
+    path = make_result(
+        runs=20,
+        filters={"ekf": 1.0},
+        requirements={"quick": {"kind": "converged", "within_s": 60, "share": 0.5}},
+        summaries={"ekf": {"convergence": np.full(20, np.nan)}},
+        variables=[{"statistics.convergence_hold_s": 6000.0}],
+    )
+    (found,) = judged(path)
+    assert found.finding is None and found.verdict == "undecided" and found.basis.startswith("cannot be judged")
+    assert in_sentences([found])[0].endswith(
+        "undecided for ekf; cannot be judged: the run is not longer than the hold time."
+    )
+    said = CliRunner().invoke(app, ["report", str(path), "--check", "--format", "md"])
+    assert said.exit_code == 5 and "cannot be judged" in said.output
+
+
 def test_lost_runs(make_result: ResultMaker) -> None:
     outside = np.where(np.arange(RUNS) < 7, 0.2, 0.0)
     options: dict[str, Any] = {"summaries": {"ekf": {"outside_late": outside}}, "failed": {"ekf": [5, 50]}}

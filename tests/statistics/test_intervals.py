@@ -10,7 +10,6 @@ from relnav_sim.statistics.intervals import (
     chi_square_band,
     effective_samples,
     lag1_band,
-    paired_difference,
     wilson_interval,
 )
 
@@ -82,43 +81,6 @@ def test_runs_without_a_figure_and_samples_without_spread() -> None:
     assert infinite.estimate == np.inf and not infinite.high < np.inf
 
 
-def test_paired_difference_sees_what_separate_intervals_hide() -> None:
-    rng = np.random.default_rng(4)
-    common = rng.gamma(2, 1, 60)
-    a, b = common + rng.normal(0, 0.05, 60), common + 0.1 + rng.normal(0, 0.05, 60)
-    assert bootstrap_interval(a).high > bootstrap_interval(b).low
-    found = paired_difference(a, b)
-    assert found.verdict == "better"
-    assert found.difference.low < -0.1 < found.difference.high
-    assert paired_difference(b, a).verdict == "worse"
-    assert paired_difference(a, b, smaller_is_better=False).verdict == "worse"
-    assert paired_difference(a, a).verdict == "undecided"
-    assert paired_difference(a, a).runs_to_decide is None
-    assert paired_difference(a[:1], b[:1]).verdict == "undecided"
-    hole = a.copy()
-    hole[:10] = np.nan
-    assert paired_difference(hole, b).difference.runs == 50
-    with pytest.raises(ValueError, match="same runs"):
-        paired_difference(a, b[1:])
-
-
-def test_runs_to_decide_do_decide() -> None:
-    """At the number of runs it names, a difference of that size is told apart about 8 times of 10."""
-    rng = np.random.default_rng(5)
-    runs = paired_difference(*_standardised(rng, 0.3)).runs_to_decide
-    assert runs == np.ceil(((stats.norm.ppf(0.975) + stats.norm.ppf(0.8)) / 0.3) ** 2)
-    told = sum(
-        paired_difference(rng.normal(0.3, 1, runs), np.zeros(runs), resamples=400).verdict == "worse"
-        for _ in range(200)
-    )
-    assert abs(told / 200 - 0.8) < 4.5 * np.sqrt(0.8 * 0.2 / 200)
-
-
-def _standardised(rng: np.random.Generator, mean: float) -> tuple[np.ndarray, np.ndarray]:
-    x = rng.standard_normal(50)
-    return (x - x.mean()) / x.std(ddof=1) + mean, np.zeros(50)
-
-
 @pytest.mark.parametrize(
     ("successes", "trials", "low", "high"),
     # Newcombe 1998, Statistics in Medicine 17, table I, method 3
@@ -162,51 +124,6 @@ def test_counted_resamples_give_the_figures_of_the_resamples_themselves(statisti
     sample = np.random.default_rng(size).lognormal(1, 1, size)
     slow = bootstrap._one_by_one(sample, statistic, 300, 7)
     np.testing.assert_allclose(bootstrap.replicates(sample, statistic, 300, 7), slow, rtol=1e-12)
-
-
-def test_expanded_intervals_keep_their_promise_in_small_samples() -> None:
-    """Ten skewed runs: of 1000 intervals at 95 %, 93 % hold the truth; plain BCa holds it in 88 %."""
-    rng = np.random.default_rng(2)
-    hits = {"expanded": 0, "bca": 0}
-    for trial in range(1000):
-        sample = rng.chisquare(3, 10)
-        for method in hits:
-            found = bootstrap_interval(sample, method=method, resamples=500, seed=trial)
-            hits[method] += found.low <= 3 <= found.high
-    sigma = np.sqrt(0.93 * 0.07 / 1000)
-    assert hits["expanded"] / 1000 > 0.93 - 3 * sigma > hits["bca"] / 1000
-
-
-def test_below_six_runs_the_interval_is_that_of_student() -> None:
-    sample = np.array([1.0, 4.0, 2.0, 7.0, 5.0])
-    theirs = stats.ttest_1samp(sample, 0)
-    found = bootstrap_interval(sample)
-    assert (found.low, found.high) == pytest.approx(tuple(theirs.confidence_interval(0.95)), rel=1e-12)
-    assert paired_difference(sample, np.zeros(5)).p_value == pytest.approx(theirs.pvalue, rel=1e-12)
-
-
-@pytest.mark.parametrize("runs", [2, 5, 6, 12, 50])
-def test_p_values_say_when_the_interval_reaches_zero(runs: int) -> None:
-    rng = np.random.default_rng(runs)
-    for _ in range(40):
-        a = rng.normal(0.3, 1, runs)
-        found = paired_difference(a, np.zeros(runs))
-        if abs(found.p_value - 0.05) > 0.005:  # quantiles of the replicates are interpolated
-            assert (found.p_value < 0.05) == (found.verdict != "undecided")
-
-
-def test_p_values_of_no_difference_are_uniform() -> None:
-    rng = np.random.default_rng(3)
-    p = [paired_difference(rng.normal(size=30), np.zeros(30), resamples=500).p_value for _ in range(400)]
-    assert stats.kstest(p, "uniform").pvalue > 1e-3
-
-
-def test_p_values_beyond_the_resamples_are_those_of_student() -> None:
-    sample = np.random.default_rng(1).normal(1, 0.1, 20)
-    found = paired_difference(sample, np.zeros(20)).p_value
-    assert found == pytest.approx(stats.ttest_1samp(sample, 0).pvalue, rel=1e-9) and found < 1e-12
-    assert paired_difference(np.full(9, 2.0), np.full(9, 1.0)).p_value == 0
-    assert paired_difference(np.ones(9), np.ones(9)).p_value == 1
 
 
 @pytest.mark.parametrize("size", [1, 5, 6, 7, 60, 61])

@@ -34,7 +34,7 @@ from relnav_sim.report.style import (
     new_figure,
     shown_name,
 )
-from relnav_sim.statistics.intervals import bootstrap_interval
+from relnav_sim.statistics.intervals import mean_interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +61,7 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
     styles = line_styles(facts.all_filters)
     costs = np.array([np.nanmean(item.cpu_us[item.ok]) if np.isfinite(item.cpu_us[item.ok]).any() else np.nan
                       for item in items])  # fmt: skip
-    found = [bootstrap_interval(item.errors("rms", facts.span, "r")[item.ok]) for item in items]
+    found = [mean_interval(item.errors("rms", facts.span, "r")[item.ok]) for item in items]
     values = np.array([one.estimate for one in found])
     limit = settled_bound(results, facts, "position")
     labels = [shown_name(item.name) for item in items] + (["bound"] if np.isfinite(limit) else [])

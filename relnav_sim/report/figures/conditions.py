@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.report.axes import Array
-from relnav_sim.report.facts import CaseFacts, FilterFacts, case_setting
+from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.report.figures.data import (
     Case,
     chosen_filters,
@@ -35,6 +35,7 @@ from relnav_sim.report.style import (
     shown_name,
 )
 from relnav_sim.results.block import ResultsError
+from relnav_sim.results.settings import case_setting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

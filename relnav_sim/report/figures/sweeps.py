@@ -26,7 +26,7 @@ from relnav_sim.report.style import (
     new_figure,
     shown_name,
 )
-from relnav_sim.statistics.intervals import Interval, bootstrap_interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -288,7 +288,7 @@ def _over_runs(point: Point, statistic: Statistic, quantity: str) -> Interval:
     if point.filter not in point.case.names:
         return _NOTHING
     item = point.case.filter(point.filter)
-    return bootstrap_interval(item.errors(statistic, point.case.span, _NORM[quantity])[item.ok])
+    return mean_interval(item.errors(statistic, point.case.span, _NORM[quantity])[item.ok])
 
 
 def _scaled(found: Interval, factor: float) -> Interval:

@@ -1,0 +1,28 @@
+"""Settings of a result's cases, as the campaign gave them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+
+def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
+    """Return a setting of a case: the varied value if the campaign varies it, else the campaign's own."""
+    keys = path.split(".")
+    varied = results.headers[index].variables
+    for length in range(len(keys), 0, -1):
+        start = ".".join(keys[:length])
+        if start in varied:
+            return _inside(varied[start], keys[length:], default)
+    return _inside(results.campaign_content, keys, default)
+
+
+def _inside(value: Any, keys: list[str], default: Any) -> Any:
+    for key in keys:
+        if not isinstance(value, Mapping) or value.get(key) is None:
+            return default
+        value = value[key]
+    return value
