@@ -39,7 +39,7 @@ def figure(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Draw one figure of a result, for a paper or a closer look: relnav figure results/demo.h5 errors --filter ekf."""
-    from relnav_sim.report.figures import FIGURE_KINDS
+    from relnav_sim.report.figures import FIGURE_KINDS, FigureError
     from relnav_sim.report.figures import figure as drawn
 
     if result is None or kind is None:
@@ -65,7 +65,7 @@ def figure(
             axes=axes.value if axes is not None else None,
             **options,
         )
-    except ValueError as error:
+    except FigureError as error:
         raise UserError(str(error)) from None
     from relnav_sim.report.style import write_figure
 

@@ -58,7 +58,8 @@ def report(
     with readable(path) as file:
         target = out if out is not None else path.with_suffix("")
         verdict = _checked(file) if check else None
-        typer.echo(f"wrote {write_report(file, target, formats=words, axes=axes.value)}")
+        page = write_report(file, target, formats=words, axes=axes.value, say=lambda words: typer.echo(words, err=True))
+        typer.echo(f"wrote {page}")
     if verdict is not None:
         typer.echo(f"requirements: {verdict}")
     if verdict == "fail":

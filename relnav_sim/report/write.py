@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from relnav_sim.report import html, markdown
@@ -24,6 +24,7 @@ def write_report(
     axes: str = "rtn",
     most_figures: int = MOST_FIGURES,
     workers: int = 2,
+    say: Callable[[str], object] | None = None,
 ) -> Path:
     """Write the report of a result.
 
@@ -39,6 +40,8 @@ def write_report(
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
             the functions of ``relnav_sim.report.figures``.
         workers: Processes that draw the cases of a large campaign.
+        say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
+            the places of those parts.
 
     Returns:
         The HTML file; without ``html`` the first of the others: ``report.md`` or the folder ``tables``.
@@ -56,6 +59,9 @@ def write_report(
     with open_results(path) as results:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         page = compose(results, folder / "figures", turned, most_figures, workers)
+    if say is not None:
+        for sentence in page.all_missing:
+            say(sentence)
     written: dict[str, Path] = {}
     if "html" in wanted:
         written["html"] = _write(folder / "index.html", html.render(page))

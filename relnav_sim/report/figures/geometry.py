@@ -11,6 +11,7 @@ from relnav_sim.report.axes import Array, Axes, axis_names, turned_states
 from relnav_sim.report.facts import CaseFacts
 from relnav_sim.report.figures.data import (
     Case,
+    FigureError,
     Window,
     chosen_filters,
     errors_of,
@@ -228,13 +229,13 @@ def _flight(
     """Return the truth (epochs, 3), the estimates by filter, and the number of the run."""
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     if not items:
-        raise ValueError(f"no filter of case {facts.label!r} completed a run")
+        raise FigureError(f"no filter of case {facts.label!r} completed a run")
     if run is None:
         best = facts.filter(leading_filter(facts))
         run = (best if best in items else items[0]).median_run(facts.span)
     items = [item for item in items if run in item.runs[item.ok]]
     if not items:
-        raise ValueError(f"run {run} failed or has not been computed")
+        raise FigureError(f"run {run} failed or has not been computed")
     series = results.series(facts.index, items[0].name, run)
     truth = turned_states(series.truth, facts.axes)[view.rows, :3]
     return (
