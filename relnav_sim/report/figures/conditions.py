@@ -163,7 +163,8 @@ def error_around_events(
 def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:
     """Return the events of a filter's completed runs by kind: rows of (run, stored epoch), at most 20 000 of a kind."""
     known = np.isfinite(results.nis(case.index, item.name)[item.ok])
-    known[:, :1] |= known[:, 1:2]  # the start has no measurement of its own: filters begin there
+    if known.shape[1] > 1:
+        known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
     steps = [np.diff(np.flatnonzero(row)) for row in known]
     usual = np.median(np.concatenate(steps)) if any(part.size for part in steps) else 1.0
     lost, begun = [], []

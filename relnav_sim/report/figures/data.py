@@ -158,6 +158,12 @@ def rms_over_runs(parts: Array) -> Array:
     return np.where(found > 0, found, np.nan)
 
 
+def largest(values: Array) -> float:
+    """Return the largest number that is known; NaN where none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else np.nan
+
+
 def speed_unit(largest_m_s: float) -> tuple[float, str]:
     """Return the factor and the unit of an axis of velocity: mm/s where all is slow."""
     return (1e3, "mm/s") if largest_m_s < _SLOW_M_S else (1.0, "m/s")

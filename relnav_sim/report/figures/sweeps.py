@@ -9,7 +9,16 @@ import numpy as np
 
 from relnav_sim.report.axes import Array
 from relnav_sim.report.facts import CaseFacts, Statistic, case_facts
-from relnav_sim.report.figures.data import Case, FigureError, bound_of, errors_of, leading_filter, sizes, speed_unit
+from relnav_sim.report.figures.data import (
+    Case,
+    FigureError,
+    bound_of,
+    errors_of,
+    largest,
+    leading_filter,
+    sizes,
+    speed_unit,
+)
 from relnav_sim.report.figures.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
 from relnav_sim.report.panels import log_axis, say, upright_boxes
 from relnav_sim.report.style import (
@@ -132,8 +141,8 @@ def sweep_trend(
                 for line in lines
                 for statistic in statistics
             }
-            largest = np.nanmax([figure.estimate for group in found.values() for figure in group] or [0.0])
-            factor, unit = (1.0, "m") if quantity == "position" else speed_unit(float(largest))
+            fastest = largest(np.array([figure.estimate for group in found.values() for figure in group]))
+            factor, unit = (1.0, "m") if quantity == "position" else speed_unit(fastest)
             drawn = []
             for order, line in enumerate(lines):
                 for place, statistic in enumerate(statistics):
