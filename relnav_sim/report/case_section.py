@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -51,7 +52,7 @@ def compose_case(
         curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
         section = replace(section, curves=curves, missing=tuple(missing))
         if not drawn:
-            note = _NOT_DRAWN.format(result=result_path.name, case=results.headers[index].id)
+            note = _NOT_DRAWN.format(result=shlex.quote(result_path.name), case=results.headers[index].id)
             return ranking, replace(section, notes=(*section.notes, note))
         pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
         return ranking, replace(section, pictures=tuple(pictures))

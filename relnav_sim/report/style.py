@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.report.isolation import isolated
+from relnav_sim.visible_text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -170,7 +171,8 @@ def legend_height(labels: Sequence[str]) -> float:
 
 
 def shown_name(name: str, longest: int = 22) -> str:
-    """Return a name as figure text: shortened, and a dollar sign is a dollar sign, not a formula."""
+    """Return a name as figure text: shortened, all signs visible, and a dollar sign is no formula."""
+    name = visible(name)
     short = name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
     return short.replace("$", r"\$")
 

@@ -12,6 +12,7 @@ from relnav_sim.report.latex import latex
 from relnav_sim.report.page import page_tables
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
+from relnav_sim.visible_text import visible
 
 FORMATS = ("html", "md", "csv", "latex")
 USUAL = ("html", "md", "csv")
@@ -87,5 +88,5 @@ def _checked_formats(formats: Iterable[str]) -> tuple[str, ...]:
 
 def _write(path: Path, text: str) -> Path:
     with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_text(visible(text), encoding="utf-8", newline="\n")
     return path

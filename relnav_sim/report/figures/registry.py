@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.problems import no_such
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.figures import choice, conditions, errors, geometry, over_time, spread, sweeps
 from relnav_sim.report.figures.data import FigureError
@@ -121,7 +122,7 @@ def figure(
         ResultsError: The result can't be read, or holds no such case.
     """
     if kind not in FIGURE_KINDS:
-        raise FigureError(f"no figure {kind!r}; there are {', '.join(FIGURE_KINDS)}")
+        raise FigureError(no_such("figure", kind, FIGURE_KINDS))
     chosen = FIGURE_KINDS[kind]
     given: dict[str, Any] = {"case": case, "run": run, "axes": axes, **options}
     if filter is not None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.problems import no_such
 from relnav_sim.report.facts import CaseFacts, case_facts
 from relnav_sim.report.figures.data import FigureError
 
@@ -61,7 +62,7 @@ def trends(
     """
     names = tuple(results.filters if filters is None else filters)
     if unknown := [name for name in names if name not in results.filters]:
-        raise FigureError(f"no filter {unknown[0]!r}; there are {', '.join(results.filters)}")
+        raise FigureError(no_such("filter", unknown[0], results.filters))
     over_cases = varied_paths(results)
     numeric = {path: values for path, values in over_cases.items() if _all_numbers(values)}
     over_filters = _filter_options(results, names)
