@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
     from relnav_sim.results.read import Results
 
+_UNKNOWN = "no error is known"
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
 
@@ -171,6 +172,8 @@ def axis_errors(
                 say(panel, "no filter completed this run")
             elif (reach := 1.1 * factor * largest(np.abs(whole[:, view.settled, axis]))) > 0:
                 panel.set_ylim(-reach, reach)
+            elif np.isnan(reach):
+                say(panel, _UNKNOWN)
             panel.set_ylabel(f"{AXIS_COMPONENTS[axis + 3 * velocity]} [{unit_of}]")
             heading(panel, axis_names(facts.axes)[axis] + (" velocity" if velocity else ""))
         if lines:
@@ -206,6 +209,8 @@ def _envelope(
         panel.plot(times, -3 * bound, color=BOUND, linewidth=1.0, linestyle=":")
     if reach > 0 and np.isfinite(reach):
         panel.set_ylim(-reach, reach)
+    elif np.isnan(reach):
+        say(panel, _UNKNOWN)
     return handles
 
 
