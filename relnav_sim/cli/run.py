@@ -83,13 +83,17 @@ def run(
         changed = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
         campaign = load_campaign(existing(file, CAMPAIGNS), changed)
 
-        result = None if out is None else target_file(out, f"{campaign.name}.h5")
+        from relnav_sim.runner.single import case_number, run_single, single_out
+
+        usual = Path(f"{campaign.name}.h5")
+        if only is not None:
+            usual = single_out(usual, case_number(campaign, case), number)
+        result = None if out is None else target_file(out, usual.name)
         if result is not None and result.exists() and result.samefile(file):
             raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
 
         from relnav_sim.results.block import RefusedError
         from relnav_sim.runner.run import run_campaign
-        from relnav_sim.runner.single import run_single
 
         try:
             if only is not None:

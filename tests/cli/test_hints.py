@@ -86,6 +86,8 @@ def test_out_may_be_a_folder_and_hints_are_quoted(here):
     assert done.exit_code == 0, done.output
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("wrote")]
     assert shlex.split(line.partition("next: ")[2]) == ["relnav", "report", "my results/demo.h5"]
+    one = invoke("run", "demo.yaml", "--out", "my results/", "--only", "0:0", *SHORT[:6], *SHORT[8:])
+    assert "wrote my results/demo.case_000.run_0.h5;" in one.stdout
     made = invoke("figure", "my results/demo.h5", "rms", "--out", "new figures/")
     assert made.exit_code == 0, made.output
     assert (here / "new figures" / "rms.pdf").is_file()
