@@ -28,6 +28,8 @@ from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
 from relnav_sim.truth import TruthOptions
 
+# What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
+_MISSING = frozenset({"na", "nan", "null", "none"})
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 
 
@@ -35,10 +37,12 @@ def check_name(name: str) -> str:
     """Return a name of a campaign or a filter.
 
     Raises:
-        ValueError: The name would not serve as part of a file's name.
+        ValueError: The name would not serve as part of a file's name, or spreadsheets and data frames take it for none.
     """
     if not re.fullmatch(NAME_PATTERN, name):
         raise ValueError("a name has 1 to 64 letters, digits, '_', '-' or '.', and begins with a letter or a digit")
+    if name.casefold() in _MISSING:
+        raise ValueError(f"pandas and R read {name!r} in a CSV file as a missing value; take another name")
     return name
 
 

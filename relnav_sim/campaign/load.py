@@ -19,7 +19,7 @@ from relnav_sim.campaign.messages import unknown_key
 from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
-from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem
+from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement
 
 
@@ -110,7 +110,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
         raise _error(problems, source)
     validator = PartValidator()
     problems += [
-        Problem((key,), unknown_key(key, validator.whole, validator.whole))
+        Problem((key,), unknown_key(key, data[key], validator.whole, validator.whole))
         for key in itertools.islice((key for key in data if key not in TOP_KEYS), SHOWN + 1)
     ]
     settings, found = validator.settings(data)
@@ -130,8 +130,7 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     if repeated := _same_cases(cases):
         raise _error(repeated, source)
     if settings.stop is not None and settings.stop.filter not in (None, *(names := cases[0].config.filters)):
-        sentence = f"no filter is named {settings.stop.filter!r}; there are {', '.join(names)}"
-        raise _error([Problem(("stop", "filter"), sentence)], source)
+        raise _error([Problem(("stop", "filter"), no_such("filter", settings.stop.filter or "", names))], source)
     if unmeant := [*_unknown_filters(settings, cases[0].config.filters), *_too_late(settings, cases)]:
         raise _error(unmeant, source)
     content = _content(settings, valid, cases)
@@ -187,7 +186,7 @@ def _unknown_filters(settings: Settings, filters: Iterable[str]) -> list[Problem
     """Return the filters that requirements ask for and the campaign does not have."""
     known = list(filters)
     return [
-        Problem(("requirements", name, "filters"), f"no filter is named {one!r}; there are {', '.join(known)}")
+        Problem(("requirements", name, "filters"), no_such("filter", one, known))
         for name, requirement in settings.requirements.items()
         for one in requirement.filters or ()
         if one not in known

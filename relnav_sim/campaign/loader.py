@@ -15,6 +15,7 @@ from yaml import events
 
 from relnav_sim.campaign.problems import Path, Problem, quoted
 from relnav_sim.campaign.scalars import RefusedScalarError, resolve
+from relnav_sim.visible_text import acts
 
 MOST_BYTES = 250_000
 MOST_VALUES = 10_000
@@ -233,8 +234,8 @@ class _Builder:
 
     def scalar(self, event: events.ScalarEvent, line: int) -> None:
         text = event.value
-        if any((ord(letter) < 32 and letter not in "\n\t") or 0xD800 <= ord(letter) < 0xE000 for letter in text):
-            self.refuse("the text holds control characters or half a surrogate pair", line)
+        if not text.isprintable() and any(map(acts, text)):
+            self.refuse("the text holds control characters, marks of direction or half a surrogate pair", line)
             text = ""
         plain = event.style is None
         if self.expects_key():

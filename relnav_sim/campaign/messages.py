@@ -13,8 +13,10 @@ from pydantic_core import ErrorDetails
 from relnav_sim.campaign.paths import has, inside, value_at
 from relnav_sim.campaign.problems import SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
 from relnav_sim.campaign.shape import Shape, places_of
+from relnav_sim.campaign.units import meant_key, meant_value
 
 MOST_KEYS_NAMED = 14
+_PLAIN = 1e12  # numbers from here on are shown with an exponent
 
 
 def explain(error: ValidationError, data: Any, shape: Shape, path: Path, whole: Shape) -> list[Problem]:
@@ -61,9 +63,9 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     if kind == "extra_forbidden":
         section = shape.at(parent, data)
         if section is None:
-            return unknown_key(str(place[-1]), whole, whole)
+            return unknown_key(str(place[-1]), value, whole, whole)
         others = [form.kind for form in section.alternatives if form.kind and place[-1] in form.keys]
-        return unknown_key(str(place[-1]), section.chosen(value_at(data, parent)), whole, others)
+        return unknown_key(str(place[-1]), value, section.chosen(value_at(data, parent)), whole, others)
     if kind == "missing" and isinstance(detail["loc"][-1], str):
         return "this key is missing" + (f": {known.description}" if known and known.description else "")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
@@ -73,19 +75,20 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     expected = listed(list(dict.fromkeys(word for detail in details for word in _expected(detail, known))))
     if value is None:
         return f"has no value; it must be {expected}"
-    return f"must be {expected}, not {_shown(value)}{_hint(value, details)}"
+    return f"must be {expected}, not {_shown(value)}{_hint(place, value, details)}"
 
 
-def unknown_key(key: str, section: Shape, whole: Shape, kinds: Sequence[str] = ()) -> str:
+def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Sequence[str] = ()) -> str:
     """Return the sentence for a key that a section does not know.
 
     Args:
         key: The key.
+        value: What it is given.
         section: What may stand in the section.
         whole: What the whole file may hold.
         kinds: Other kinds of the section that know the key.
     """
-    hint = did_you_mean(key, section.keys)
+    hint = meant_key(key, value, section.keys) or did_you_mean(key, section.keys)
     if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
         hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
     homes = list(dict.fromkeys(places_of(key, whole))) if not hint else []
@@ -132,7 +135,7 @@ def _expected(detail: ErrorDetails, known: Shape | None) -> list[str]:
         return [_TYPES[kind]]
     if kind in _BOUNDS:
         words, key = _BOUNDS[kind]
-        return [f"{words} {context[key]:g}"]
+        return [f"{words} {context[key]:.12g}"]
     if kind == "literal_error":
         # Numbers stand in pydantic's text without quotes.
         return [quoted(word) for word in _literals(detail)] or [context["expected"]]
@@ -156,6 +159,8 @@ def _shown(value: Any) -> str:
     match value:
         case bool():
             return str(value).lower()
+        case float() if value.is_integer() and abs(value) < _PLAIN:
+            return f"{value:.1f}"
         case int() | float():
             return f"{value:.12g}"
         case str():
@@ -168,10 +173,12 @@ def _shown(value: Any) -> str:
             return "nothing"
 
 
-def _hint(value: Any, details: list[ErrorDetails]) -> str:
+def _hint(place: Path, value: Any, details: list[ErrorDetails]) -> str:
     wanted = {detail["type"] for detail in details}
-    if isinstance(value, float) and wanted & {"int_type", "int_from_float"} and value == int(value):
-        return f"; write {int(value)}"
+    if isinstance(value, float) and wanted & {"int_type", "int_from_float"} and value.is_integer():
+        return f"; write {int(value)}" if abs(value) < _PLAIN else ""
+    if place and (most := [detail["ctx"]["le"] for detail in details if detail["type"] == "less_than_equal"]):
+        return meant_value(str(place[-1]), value, most[0])
     if not isinstance(value, str):
         return ""
     if wanted & {"float_type", "int_type"} and re.match(r"[-+.]?[0-9]", value):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+
+from relnav_sim.near_names import nearest
 
 Path = tuple[str | int, ...]
 """Where a value stands in the file: keys and list positions from the top."""
@@ -54,11 +55,15 @@ def dotted(path: Path) -> str:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest known word, or nothing."""
+    near = nearest(word, known)
+    return f"; did you mean {quoted(near)}?" if near else ""
+
+
+def no_such(what: str, word: str, known: Iterable[str]) -> str:
+    """Return the sentence that nothing of a kind has this name, with the nearest name or all of them."""
     known = list(known)
-    begun = [name for name in known if len(word) > 2 and name.startswith(word)]
-    # Keys share their units' endings; a lower cutoff would offer i_deg for raan_deg.
-    near = begun or difflib.get_close_matches(word[:60], known, n=1, cutoff=0.65)
-    return f"; did you mean {quoted(near[0])}?" if near else ""
+    hint = did_you_mean(word, known) or f"; there are {', '.join(known)}"
+    return f"no {what} is named {quoted(word)}{hint}"
 
 
 def quoted(word: object) -> str:

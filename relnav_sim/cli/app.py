@@ -11,6 +11,7 @@ from relnav_sim.cli.compare import compare
 from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import guarded
 from relnav_sim.cli.figure import figure
+from relnav_sim.cli.group import Commands
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
@@ -25,6 +26,7 @@ from relnav_sim.cli.validate import validate
 
 app = typer.Typer(
     name="relnav",
+    cls=Commands,
     help="Monte Carlo campaigns that tell which relative-navigation filter to fly.",
     epilog="Start with: relnav new my.yaml, relnav run my.yaml, relnav report",
     no_args_is_help=True,

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.output import print_table
+from relnav_sim.cli.output import print_table, say
 from relnav_sim.cli.source import readable
 
 
@@ -28,7 +28,7 @@ def compare(
     filter: Annotated[
         str | None, typer.Option(help="The filter of both.", show_default="every filter that both have")
     ] = None,
-    form: Annotated[Form, typer.Option("--format", help="How to print.")] = Form.TEXT,
+    form: Annotated[Form, typer.Option("--format", case_sensitive=False, help="How to print.")] = Form.TEXT,
 ) -> None:
     """Compare two results, or two filters across results, on the runs that they have in common.
 
@@ -53,7 +53,7 @@ def compare(
         names = _names(path, other_path, one, other)
         found = compared(Side(a, names[0], one or filter), Side(b, names[1], other or filter))
     for sentence in (*found.notes, *found.reasons):
-        typer.echo(sentence, err=True)
+        say(sentence, err=True)
     if found.table is None:
         raise UserError("nothing can be compared run by run")
     if form is Form.TEXT:
@@ -64,13 +64,13 @@ def compare(
             rows.append((row.label, *words, percent.text.partition(" ")[0], verdict.text, runs.text))
         headings = [found.table.corner, *(column.label for column in found.table.columns if column.label != "p")]
         print_table(rows, headings)
-        typer.echo(found.table.caption)
+        say(found.table.caption)
         return
     from relnav_sim.report.latex import latex
     from relnav_sim.report.tables import comma_separated, markdown
 
     made = {Form.MD: markdown, Form.CSV: comma_separated, Form.LATEX: latex}[form]
-    typer.echo(made(found.table), nl=False)
+    say(made(found.table), nl=False)
 
 
 def _parts(text: str) -> tuple[Path, str | None]:

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.output import new_file
+from relnav_sim.cli.files import RESULTS, existing, target_file
+from relnav_sim.cli.output import new_file, say
 
 
 class Format(StrEnum):
@@ -27,22 +28,33 @@ class Part(StrEnum):
 
 def export(
     result: Annotated[Path, typer.Argument(metavar="RESULT", help="The result file.")],
-    to: Annotated[Format, typer.Option("--to", help="The format.")] = Format.CSV,
+    to: Annotated[Format, typer.Option("--to", case_sensitive=False, help="The format.")] = Format.CSV,
     part: Annotated[
-        Part, typer.Option(help="summary: a row for each case, filter and run; series: for each stored epoch too.")
+        Part,
+        typer.Option(
+            case_sensitive=False,
+            help="summary: a row for each case, filter and run; series: for each stored epoch too.",
+        ),
     ] = Part.SUMMARY,
-    out: Annotated[Path | None, typer.Option(help="The file.", show_default="beside the result, NAME_PART.csv")] = None,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH", help="The file, or a folder for it.", show_default="beside the result, NAME_PART.csv"
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write the numbers of a result to a file that other programs read."""
     from relnav_sim.results import open_results
     from relnav_sim.results.export import export_series, export_summary
 
-    path = out if out is not None else result.with_name(f"{result.stem}_{part.value}.{to.value}")
+    existing(result, RESULTS)
+    name = f"{result.stem}_{part.value}.{to.value}"
+    path = target_file(out, name) if out is not None else result.with_name(name)
     if path.exists() and path.samefile(result):
         raise UserError(f"{path} is the result itself; give another --out")
     new_file(path, overwrite)
     write = export_series if part is Part.SERIES else export_summary
     with open_results(result) as results:
         write(results, path)
-    typer.echo(f"wrote {path}")
+    say(f"wrote {path}")

@@ -11,6 +11,8 @@ from typing import Any
 
 import typer
 
+from relnav_sim.visible_text import visible
+
 
 class Exit(IntEnum):
     """Exit codes of every command."""
@@ -45,7 +47,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             command(*args, **kwargs)
         except CampaignError as error:
             for problem in error.problems:
-                typer.echo(problem, err=True)
+                typer.echo(visible(problem), err=True)
             raise typer.Exit(Exit.BAD_INPUT) from None
         except (UserError, RefusedError) as error:
             _stop(str(error), Exit.BAD_INPUT)
@@ -64,7 +66,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _stop(sentence: str, code: Exit) -> None:
-    typer.echo(f"relnav: {sentence}", err=True)
+    typer.echo(visible(f"relnav: {sentence}"), err=True)
     raise typer.Exit(code) from None
 
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.output import new_file, print_table
+from relnav_sim.cli.files import RESULTS, existing, target_file
+from relnav_sim.cli.output import new_file, print_table, say
 from relnav_sim.cli.report import ReportAxes
 
 _SUFFIXES = (".pdf", ".png", ".svg")
@@ -27,29 +28,35 @@ def figure(
         typer.Option("--filter", help="A filter; repeat for several.", show_default="all, or the most accurate one"),
     ] = None,
     run: Annotated[int | None, typer.Option(help="The run.", show_default="the one with the median error")] = None,
-    axes: Annotated[ReportAxes | None, typer.Option(help="Axes of the panels.", show_default="rtn")] = None,
+    axes: Annotated[
+        ReportAxes | None, typer.Option(case_sensitive=False, help="Axes of the panels.", show_default="rtn")
+    ] = None,
     from_s: Annotated[float | None, typer.Option("--from", help="Start of the time axis, s.")] = None,
     until_s: Annotated[float | None, typer.Option("--until", help="End of the time axis, s.")] = None,
     along: Annotated[
         list[str] | None, typer.Option(help="What a sweep is drawn along, as alpha; twice for a heat map.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="The file: .pdf, .svg (vectors) or .png.", show_default="KIND.pdf")
+        str | None,
+        typer.Option(
+            metavar="PATH", help="The file: .pdf, .svg (vectors) or .png; or a folder for it.", show_default="KIND.pdf"
+        ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Draw one figure of a result, for a paper or a closer look: relnav figure results/demo.h5 errors --filter ekf."""
-    from relnav_sim.report.figures import FIGURE_KINDS
+    from relnav_sim.report.figures import FIGURE_KINDS, FigureError
     from relnav_sim.report.figures import figure as drawn
 
     if result is None or kind is None:
         if result is not None:
-            typer.echo(f"which figure of {result}? There are:\n", err=True)
+            say(f"which figure of {result}? There are:\n", err=True)
         print_table(
             [(each.name, each.shows, each.papers) for each in FIGURE_KINDS.values()], ("kind", "shows", "as in")
         )
         return
-    path = out if out is not None else Path(f"{kind}.pdf")
+    existing(result, RESULTS)
+    path = target_file(out if out is not None else Path(), f"{kind}.pdf")
     if path.suffix not in _SUFFIXES:
         raise UserError(f"--out takes a name that ends in {', '.join(_SUFFIXES)}, not {path.name!r}")
     options: dict[str, Any] = {"from_s": from_s, "until_s": until_s}
@@ -65,9 +72,9 @@ def figure(
             axes=axes.value if axes is not None else None,
             **options,
         )
-    except ValueError as error:
+    except FigureError as error:
         raise UserError(str(error)) from None
     from relnav_sim.report.style import write_figure
 
     write_figure(picture, new_file(path, overwrite))
-    typer.echo(f"wrote {path}")
+    say(f"wrote {path}")

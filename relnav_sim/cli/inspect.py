@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from relnav_sim.cli.output import count_in_words, in_words, print_table
+from relnav_sim.cli.output import count_in_words, in_words, print_table, say
 from relnav_sim.cli.source import readable
 
 if TYPE_CHECKING:
@@ -36,13 +36,13 @@ def inspect(
 
     with readable(result) as file, open_results(file) as results:
         if campaign:
-            typer.echo(results.campaign_text, nl=not results.campaign_text.endswith("\n"))
+            say(results.campaign_text, nl=not results.campaign_text.endswith("\n"))
             return
         _show(results)
         if other is None:
             return
         with readable(other) as other_file, open_results(other_file) as second:
-            typer.echo(f"\n{other}")
+            say(f"\n{other}")
             _show(second)
             _compare(results, second)
 
@@ -78,14 +78,14 @@ def _show(results: Results) -> None:
         rows.insert(4, ("stopped", stopping_in_words(results.stopping)))
     print_table(rows)
     if failures:
-        typer.echo()
+        say("")
         shown = [
             (label, str(failure.run), failure.filter or "all", str(failure.epoch), failure.reason)
             for label, failure in failures[:FAILURES_SHOWN]
         ]
         print_table(shown, headings=("case", "run", "filter", "epoch", "reason"))
     if len(failures) > FAILURES_SHOWN:
-        typer.echo(f"and {len(failures) - FAILURES_SHOWN} more; relnav export RESULT has them all")
+        say(f"and {len(failures) - FAILURES_SHOWN} more; relnav export RESULT has them all")
 
 
 def _runs_in_words(results: Results) -> str:
@@ -99,14 +99,14 @@ def _runs_in_words(results: Results) -> str:
 def _compare(first: Results, second: Results) -> None:
     from relnav_sim.results.comparable import comparable, same_numbers
 
-    typer.echo()
+    say("")
     if same_numbers(first, second):
-        typer.echo("identical: the same cases, filters, runs and numbers, bit for bit")
+        say("identical: the same cases, filters, runs and numbers, bit for bit")
         return
     reasons = comparable(first, second)
     if not reasons:
-        typer.echo("comparable: same problem, same random numbers, same code")
+        say("comparable: same problem, same random numbers, same code")
         return
-    typer.echo("not comparable:")
+    say("not comparable:")
     for reason in reasons:
-        typer.echo(f"  {reason}")
+        say(f"  {reason}")

@@ -2,39 +2,36 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from relnav_sim.cli.output import print_table
+from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.output import print_table, say
 
-
-class What(StrEnum):
-    """What can be listed."""
-
-    FILTERS = "filters"
-    SENSORS = "sensors"
-    DYNAMICS = "dynamics"
-    NOISE = "noise"
-    CAMPAIGNS = "campaigns"
+LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns")
 
 
 def list_names(
-    what: Annotated[What, typer.Argument(help="filters, sensors, dynamics, noise or campaigns.")],
+    what: Annotated[str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise or campaigns.")],
 ) -> None:
     """List the filters, sensors, dynamics, kinds of noise, or the campaigns of this folder."""
-    if what is What.CAMPAIGNS:
+    what = f"{what}s" if f"{what}s" in LISTS else what
+    if what not in LISTS:
+        from relnav_sim.campaign.problems import no_such
+
+        raise UserError(no_such("list", what, LISTS))
+    if what == "campaigns":
         rows = [(str(path), _first_words(path)) for path in campaign_files(Path())]
     else:
         from relnav_sim.cli.catalogue import entries
 
-        rows = [(entry.name, entry.summary) for entry in entries(what.value)]
+        rows = [(entry.name, entry.summary) for entry in entries(what)]
     if rows:
         print_table(rows)
     else:
-        typer.echo("there are none here; write one with: relnav new FILE")
+        say("there are none here; write one with: relnav new FILE")
 
 
 def campaign_files(folder: Path) -> list[Path]:

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import Exit
-from relnav_sim.cli.output import count_in_words
+from relnav_sim.cli.files import RESULTS, existing, regular
+from relnav_sim.cli.output import command, count_in_words, say
 
 
 def merge(
@@ -25,10 +26,10 @@ def merge(
     from relnav_sim.results import open_results
     from relnav_sim.runner.merging import merge_results
 
-    path = merge_results(out, parts)
+    path = merge_results(regular(out), [existing(part, RESULTS) for part in parts])
     with open_results(path) as results:
         failed = len(results.failures())
-    typer.echo(f"wrote {path}; next: relnav report {path}")
+    say(f"wrote {path}; next: {command('relnav', 'report', path)}")
     if failed:
-        typer.echo(f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed", err=True)
+        say(f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed", err=True)
         raise typer.Exit(Exit.SOME_RUNS_FAILED)

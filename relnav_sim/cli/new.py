@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.output import command, say
 
 
 def new(
@@ -28,7 +29,7 @@ def new(
         raise UserError(f"{file} exists already; nothing was written") from None
     if not schema.exists():
         schema.write_text(schema_text(), encoding="utf-8")
-    typer.echo(f"wrote {file}; next: relnav validate {file}, then: relnav run {file}")
+    say(f"wrote {file}; next: {command('relnav', 'validate', file)}, then: {command('relnav', 'run', file)}")
 
 
 def _name_of(file: Path) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.files import regular
+from relnav_sim.visible_text import visible
 
 _PIPED_WIDTH = 120
 
@@ -18,7 +21,7 @@ def print_table(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> 
     from rich.markup import escape
     from rich.table import Table
 
-    rows = [[escape(cell) for cell in row] for row in rows]
+    rows = [[escape(visible(cell)) for cell in row] for row in rows]
     table = Table(box=None, show_header=bool(headings), header_style="bold", padding=(0, 2, 0, 0), pad_edge=False)
     for position, heading in enumerate(headings or [""] * max(map(len, rows), default=0)):
         table.add_column(heading, overflow="fold", no_wrap=position == 0)
@@ -33,6 +36,22 @@ def print_table(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> 
         console.print(table)
     for line in text.get().splitlines():
         typer.echo(line.rstrip())
+
+
+def say(text: str, err: bool = False, nl: bool = True) -> None:
+    """Print text on the terminal, what is no sign in it escaped: it may come from a file or an exception.
+
+    Args:
+        text: The text.
+        err: To standard error instead of standard output.
+        nl: End with a new line.
+    """
+    typer.echo(visible(text), err=err, nl=nl)
+
+
+def command(*words: object) -> str:
+    """Return a command as a shell takes it: names with spaces in quotes."""
+    return shlex.join(map(str, words))
 
 
 def in_words(seconds: float) -> str:
@@ -60,10 +79,6 @@ def new_file(path: Path, overwrite: bool) -> Path:
     Raises:
         UserError: Something stands there already and may not be replaced, or the path names no file.
     """
-    if path.name in ("", ".", ".."):
-        raise UserError(f"'{path}' names no file")
-    if path.exists() and not path.is_file():
-        raise UserError(f"{path} is no regular file; give another name")
-    if path.exists() and not overwrite:
+    if regular(path).exists() and not overwrite:
         raise UserError(f"{path} exists already; give another name, or --overwrite to replace it")
     return path

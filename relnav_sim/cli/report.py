@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import Exit, UserError
-from relnav_sim.cli.output import print_table
+from relnav_sim.cli.output import print_table, say
 from relnav_sim.cli.source import newest_result, readable
 
 
@@ -36,7 +36,9 @@ def report(
     ] = "html,md,csv",
     axes: Annotated[
         ReportAxes,
-        typer.Option(help="rtn: radial, along-track, normal; shi2025: along-track, minus normal, nadir."),
+        typer.Option(
+            case_sensitive=False, help="rtn: radial, along-track, normal; shi2025: along-track, minus normal, nadir."
+        ),
     ] = ReportAxes.RTN,
     check: Annotated[
         bool,
@@ -51,16 +53,19 @@ def report(
     from relnav_sim.report import FORMATS, write_report
 
     path = result if result is not None else newest_result(Path("results"))
-    words = [word.strip() for word in formats.split(",") if word.strip()]
+    words = [word.strip().lower() for word in formats.split(",") if word.strip()]
     unknown = [word for word in words if word not in FORMATS]
     if unknown or not words:
         raise UserError(f"--format takes {', '.join(FORMATS)}, not {(unknown or [formats])[0]!r}")
     with readable(path) as file:
         target = out if out is not None else path.with_suffix("")
+        if target.exists() and not target.is_dir():
+            raise UserError(f"{target} is a file; give --out the name of a folder")
         verdict = _checked(file) if check else None
-        typer.echo(f"wrote {write_report(file, target, formats=words, axes=axes.value)}")
+        page = write_report(file, target, formats=words, axes=axes.value, say=lambda words: say(words, err=True))
+        say(f"wrote {page}")
     if verdict is not None:
-        typer.echo(f"requirements: {verdict}")
+        say(f"requirements: {verdict}")
     if verdict == "fail":
         raise typer.Exit(Exit.REQUIREMENT_MISSED)
     if verdict == "undecided":

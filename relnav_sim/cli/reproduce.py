@@ -9,7 +9,7 @@ import typer
 
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.interrupts import ending_promptly
-from relnav_sim.cli.output import print_table
+from relnav_sim.cli.output import print_table, say
 
 if TYPE_CHECKING:
     from relnav_sim.replication.plan import Size
@@ -61,6 +61,8 @@ def reproduce(
         raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
     size: Size = "full" if full else "trial" if trial else "usual"
     folder = out or Path("results") / ("reproduce" if size == "usual" else f"reproduce-{size}")
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"{folder} is a file; give --out the name of a folder")
     with ending_promptly("interrupted; what is finished is kept, and the same command continues"):
         from relnav_sim.replication.pages import verdict_lines
         from relnav_sim.replication.reproduce import SUMMARY_FILE, reproduce
@@ -68,7 +70,7 @@ def reproduce(
         larger = (in_full or Path("results/reproduce-full")) if size == "usual" else None
         summary = reproduce(size, campaigns, folder, workers, docs, larger, progress=True, say=_say)
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
-        typer.echo(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
+        say(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
 
 
 def _beside_the_committed(summary: Summary) -> str:
@@ -89,4 +91,4 @@ def _beside_the_committed(summary: Summary) -> str:
 
 
 def _say(sentence: str) -> None:
-    typer.echo(sentence, err=True)
+    say(sentence, err=True)

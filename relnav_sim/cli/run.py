@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
-from relnav_sim.cli.output import count_in_words
+from relnav_sim.cli.output import command, count_in_words, say
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -28,7 +29,12 @@ class Backend(StrEnum):
 def run(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign, a YAML file.")],
     out: Annotated[
-        Path | None, typer.Option(help="The result file.", show_default="results/NAME.h5 in this folder")
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="The result file; in a folder, which is there or ends in /, it is called NAME.h5.",
+            show_default="results/NAME.h5 in this folder",
+        ),
     ] = None,
     runs: Annotated[int | None, typer.Option(min=1, help="Runs of each case instead of the campaign's own.")] = None,
     changes: Annotated[
@@ -37,7 +43,10 @@ def run(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
     backend: Annotated[
-        Backend, typer.Option(help="loky: in worker processes; sequential: in this process, for debugging.")
+        Backend,
+        typer.Option(
+            case_sensitive=False, help="loky: in worker processes; sequential: in this process, for debugging."
+        ),
     ] = Backend.LOKY,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over: an existing result is moved aside, never deleted.")
@@ -66,19 +75,25 @@ def run(
     """
     with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
         _check_options(only, trace, shard, fresh, fail_fast, max_failures)
-        if out is not None and (out.is_dir() or (out.exists() and file.exists() and out.samefile(file))):
-            what = "a directory" if out.is_dir() else "the campaign itself"
-            raise UserError(f"--out {out} is {what}; give the name of a result file")
         part = _part(shard)
         case, number = _case_and_run(only)
 
         from relnav_sim.campaign import load_campaign
 
-        campaign = load_campaign(file, [*(changes or []), *([f"runs={runs}"] if runs is not None else [])])
+        changed = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
+        campaign = load_campaign(existing(file, CAMPAIGNS), changed)
+
+        from relnav_sim.runner.single import case_number, run_single, single_out
+
+        usual = Path(f"{campaign.name}.h5")
+        if only is not None:
+            usual = single_out(usual, case_number(campaign, case), number)
+        result = None if out is None else target_file(out, usual.name)
+        if result is not None and result.exists() and result.samefile(file):
+            raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
 
         from relnav_sim.results.block import RefusedError
         from relnav_sim.runner.run import run_campaign
-        from relnav_sim.runner.single import run_single
         from relnav_sim.statistics.convergence_seen import convergence_warnings
 
         for sentence in convergence_warnings(campaign):
@@ -86,12 +101,12 @@ def run(
 
         try:
             if only is not None:
-                target = _single_target(campaign, out, case, number)
+                target = _single_target(campaign, result, case, number)
                 path = run_single(campaign, case, number, target, trace, backend.value, timeout_s)
             else:
                 path = run_campaign(
                     campaign,
-                    out,
+                    result,
                     workers=workers,
                     backend=backend.value,
                     fresh=fresh,
@@ -99,7 +114,7 @@ def run(
                     max_failures=0 if fail_fast else max_failures,
                     timeout_s=timeout_s,
                     progress=True,
-                    say=lambda sentence: typer.echo(sentence, err=True),
+                    say=lambda sentence: say(sentence, err=True),
                 )
         except RefusedError as error:
             raise UserError(str(error)) from None
@@ -111,12 +126,12 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
 
     with open_results(path) as results:
         failed = len(results.failures())
-    following = f"relnav report {path}" if part == (1, 1) else "relnav merge OUT with all parts"
-    typer.echo(f"wrote {path}; next: {following}")
+    following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
+    say(f"wrote {path}; next: {following}")
     if failed:
-        typer.echo(
+        say(
             f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed; the report counts them, "
-            f"relnav inspect {path} lists them",
+            f"{command('relnav', 'inspect', path)} lists them",
             err=True,
         )
         raise typer.Exit(Exit.SOME_RUNS_FAILED)

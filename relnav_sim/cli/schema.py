@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from relnav_sim.cli.output import new_file
+from relnav_sim.cli.files import target_file
+from relnav_sim.cli.output import new_file, say
 
 
 def schema(
-    out: Annotated[Path | None, typer.Option(help="Write to this file instead of the terminal.")] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="PATH", help="Write to this file, or schema.json in this folder, instead.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Print the JSON schema of campaign files, from which editors complete and check keys."""
@@ -19,7 +21,8 @@ def schema(
 
     text = schema_text()
     if out is None:
-        typer.echo(text, nl=False)
+        say(text, nl=False)
     else:
-        new_file(out, overwrite).write_text(text, encoding="utf-8")
-        typer.echo(f"wrote {out}")
+        path = new_file(target_file(out, "schema.json"), overwrite)
+        path.write_text(text, encoding="utf-8")
+        say(f"wrote {path}")

@@ -2,45 +2,67 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.output import print_table
+from relnav_sim.cli.output import print_table, say
 
-
-class What(StrEnum):
-    """What can be shown."""
-
-    FILTER = "filter"
-    SENSOR = "sensor"
-    DYNAMICS = "dynamics"
-    NOISE = "noise"
+KINDS = ("filter", "sensor", "dynamics", "noise")
 
 
 def show(
-    what: Annotated[What, typer.Argument(help="filter, sensor, dynamics or noise.")],
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name; `relnav list` shows the names.")],
+    what: Annotated[str, typer.Argument(metavar="WHAT", help="filter, sensor, dynamics or noise; may be left out.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Its name; `relnav list` shows the names.", show_default=False)
+    ] = "",
 ) -> None:
     """Show what a filter, a sensor, dynamics or a noise is, where it comes from and its options."""
-    from relnav_sim.campaign.problems import did_you_mean
+    from relnav_sim.campaign.problems import no_such
     from relnav_sim.cli.catalogue import entries
 
-    known = {entry.name: entry for entry in entries(what.value)}
+    kind = what if what in KINDS else what.removesuffix("s")
+    if not name:
+        kind, name = _found(what)
+    if kind not in KINDS:
+        raise UserError(f"{no_such('kind', what, KINDS)}; write for example: relnav show filter ekf")
+    known = {entry.name: entry for entry in entries(kind)}
     if name not in known:
-        hint = did_you_mean(name, known) or f"; there are {', '.join(known)}"
-        raise UserError(f"there is no {what.value} {name!r}{hint}")
+        raise UserError(no_such(kind, name, known))
     entry = known[name]
-    typer.echo(f"{entry.name}: {entry.description}\n")
+    say(f"{entry.name}: {entry.description}\n")
     print_table(
         [(key.name, key.takes.replace("`", ""), key.default, key.meaning.replace("`", "")) for key in entry.keys],
         headings=("key", "takes", "default", "meaning"),
     )
-    if what is What.FILTER:
-        typer.echo("\nrelnav tune searches:")
+    if kind == "filter":
+        say("\nrelnav tune searches:")
         print_table(_tunable(name))
+
+
+def kinds_of(name: str) -> list[str]:
+    """Return what has this name: filters, sensors, dynamics, noises."""
+    from relnav_sim.cli.catalogue import entries
+
+    return [kind for kind in KINDS if any(entry.name == name for entry in entries(kind))]
+
+
+def _found(name: str) -> tuple[str, str]:
+    """Return the kind and the name of the one thing that is called so."""
+    from relnav_sim.campaign.problems import did_you_mean, listed
+    from relnav_sim.cli.catalogue import entries
+
+    names = {kind: [entry.name for entry in entries(kind)] for kind in KINDS}
+    kinds = kinds_of(name)
+    if len(kinds) == 1:
+        return kinds[0], name
+    if kinds:
+        raise UserError(f"{name!r} is several things: {listed([f'relnav show {kind} {name}' for kind in kinds])}")
+    if (kind := name if name in KINDS else name.removesuffix("s")) in KINDS:
+        raise UserError(f"give a name too, as relnav show {kind} {names[kind][0]}; there are {', '.join(names[kind])}")
+    everything = [one for kind in KINDS for one in names[kind]]
+    raise UserError(f"nothing is named {name!r}{did_you_mean(name, everything) or '; relnav list filters shows names'}")
 
 
 def _tunable(filter: str) -> list[tuple[str, str]]:

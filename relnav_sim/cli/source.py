@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import typer
-
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.files import RESULTS, existing, regular
+from relnav_sim.cli.output import say
 
 SHARDS = ".shards"
 """What the folder of a result's shards is called besides the result's own name."""
@@ -46,8 +46,9 @@ def readable(path: Path) -> Iterator[Path]:
     from relnav_sim.runner.unfinished import is_unfinished, results_so_far
 
     if not is_unfinished(path):
-        yield path
+        regular(path)
+        yield existing(path, RESULTS)
         return
-    typer.echo(f"{path} is not finished; this is about the runs that are", err=True)
+    say(f"{path} is not finished; this is about the runs that are", err=True)
     with results_so_far(path) as so_far:
         yield so_far

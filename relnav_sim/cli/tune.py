@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
-from relnav_sim.cli.output import new_file, print_table
+from relnav_sim.cli.output import command, new_file, print_table, say
 from relnav_sim.cli.validate import check_tuning
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def tune(
             show_default="those of the section, or all",
         ),
     ] = None,
-    objective: Annotated[Objective | None, typer.Option(help="What is made small.", show_default="both")] = None,
+    objective: Annotated[
+        Objective | None, typer.Option(case_sensitive=False, help="What is made small.", show_default="both")
+    ] = None,
     budget: Annotated[
         int | None, typer.Option(min=5, max=1000, help="Most candidates for each filter.", show_default="25")
     ] = None,
@@ -57,7 +60,10 @@ def tune(
         typer.Option(min=0, max=10_000, help="Further runs that compare start and tuned.", show_default="30"),
     ] = None,
     span: Annotated[
-        Span | None, typer.Option(help="Figures after settle_s, or from the first epoch.", show_default="settled")
+        Span | None,
+        typer.Option(
+            case_sensitive=False, help="Figures after settle_s, or from the first epoch.", show_default="settled"
+        ),
     ] = None,
     free: Annotated[
         list[str] | None,
@@ -81,9 +87,10 @@ def tune(
         ),
     ] = None,
     out: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            help="The tuned campaign; the curve goes beside it as _tuning.csv, .png and .pdf.",
+            metavar="PATH",
+            help="The tuned campaign, or a folder for it; the curve goes beside it as _tuning.csv, .png and .pdf.",
             show_default="NAME_tuned.yaml beside FILE",
         ),
     ] = None,
@@ -96,7 +103,9 @@ def tune(
     and is otherwise left as it is. The options not given here come from the campaign's `tune:` section.
     """
     with ending_promptly("interrupted; nothing was written"):
-        target = out if out is not None else file.with_name(f"{file.stem}_tuned.yaml")
+        existing(file, CAMPAIGNS)
+        name = f"{file.stem}_tuned.yaml"
+        target = target_file(out, name) if out is not None else file.with_name(name)
         if target.exists() and file.exists() and target.samefile(file):
             raise UserError(f"--out {target} is the campaign itself; give another name")
         table, picture, page = (target.with_name(f"{target.stem}_tuning{end}") for end in (".csv", ".png", ".pdf"))
@@ -143,7 +152,7 @@ def tune(
                 tuple(dict.fromkeys(cases or [])),
                 workers,
                 progress=True,
-                say=lambda sentence: typer.echo(sentence, err=True),
+                say=lambda sentence: say(sentence, err=True),
             )
         except TuningError as error:
             raise UserError(str(error)) from None
@@ -154,13 +163,13 @@ def tune(
             with written_whole(path) as temporary:
                 temporary.write_bytes(content)
     print_table(number_rows(tuning), NUMBERS)
-    typer.echo()
+    say("")
     print_table(figure_rows(tuning), FIGURES)
-    typer.echo()
+    say("")
     for sentence in sentences(tuning):
-        typer.echo(sentence)
-    typer.echo(f"wrote {target}; the curve is in {table}, {picture.name} and {page.name}")
-    typer.echo(f"next: relnav run {target} --out results/{target.stem}.h5")
+        say(sentence)
+    say(f"wrote {target}; the curve is in {table}, {picture.name} and {page.name}")
+    say(f"next: {command('relnav', 'run', target, '--out', f'results/{target.stem}.h5')}")
     if not all(found.found for found in tuning.filters.values()):
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 

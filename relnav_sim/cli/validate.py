@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from relnav_sim.cli.output import count_in_words, in_words, print_table, size_in_words
+from relnav_sim.cli.files import CAMPAIGNS, existing
+from relnav_sim.cli.output import count_in_words, in_words, print_table, say, size_in_words
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -27,10 +28,10 @@ def validate(
     from relnav_sim.campaign.warnings import campaign_warnings
     from relnav_sim.statistics.convergence_seen import convergence_warnings
 
-    campaign = load_campaign(file, changes or [])
+    campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
     check_tuning(campaign)
     plan = plan_campaign(campaign)
-    typer.echo(f"{file} is a valid campaign")
+    say(f"{file} is a valid campaign")
     config = campaign.cases[0].config
     labels = [case.label for case in campaign.cases]
     more = [f"and {len(labels) - CASES_SHOWN} more"] if len(labels) > CASES_SHOWN else []

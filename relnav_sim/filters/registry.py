@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
 import json
@@ -20,6 +19,7 @@ from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.models.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
+from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
 
 MeasurementKind = Literal["polar", "cartesian"]
@@ -146,8 +146,8 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
     """
     kinds = filter_kinds()
     if name not in kinds:
-        near = difflib.get_close_matches(name, kinds, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else f"; there are {', '.join(sorted(kinds))}"
+        near = nearest(name, kinds)
+        hint = f"; did you mean {near!r}?" if near else f"; there are {', '.join(sorted(kinds))}"
         raise ValueError(f"no filter is named {name!r}{hint}")
     kind = kinds[name]
     try:

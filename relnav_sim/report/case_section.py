@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from relnav_sim.report import layouts
+from relnav_sim.report.attempts import attempted
 from relnav_sim.report.axes import Axes
-from relnav_sim.report.case_tables import all_case_tables
+from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
 from relnav_sim.report.facts import case_facts
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import verdict
+from relnav_sim.report.tables import Table
 
 _MOST_CASES_WITH_WHOLE_SPAN = 20
 _NOT_DRAWN = (
@@ -43,9 +48,11 @@ def compose_case(
         section = _section(ranking, len(results.headers))
         if not ranking.case.filters:
             return ranking, section
-        section = replace(section, curves=case_curves(results, ranking.case, points, with_axes))
+        missing = list(section.missing)
+        curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
+        section = replace(section, curves=curves, missing=tuple(missing))
         if not drawn:
-            note = _NOT_DRAWN.format(result=result_path.name, case=results.headers[index].id)
+            note = _NOT_DRAWN.format(result=shlex.quote(result_path.name), case=results.headers[index].id)
             return ranking, replace(section, notes=(*section.notes, note))
         pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
         return ranking, replace(section, pictures=tuple(pictures))
@@ -58,15 +65,24 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
         notes.append(f"No run yet of {', '.join(case.waiting)}.")
     if not case.filters:
         return CaseSection(case.number, case.label, tuple(notes), None, (), ())
-    failures = [layouts.failures_table(case)] if case.failures else []
-    other = [*all_case_tables(ranking)] + ([layouts.case_table(case, "whole")] if case.span == "settled" else [])
+    missing: list[str] = []
+
+    def tables(makers: Mapping[str, Callable[[], Table | None]]) -> tuple[Table, ...]:
+        made = [attempted(f"The table of {what}", make, missing) for what, make in makers.items()]
+        return tuple(table for table in made if table is not None and table.rows)
+
+    table = attempted("The table of errors", partial(layouts.case_table, case, case.span), missing)
+    failures = tables({"failed runs": partial(layouts.failures_table, case)}) if case.failures else ()
+    whole = {"errors over the whole span": partial(layouts.case_table, case, "whole")} if case.span == "settled" else {}
+    other = tables({**case_table_makers(ranking), **whole})
     shown = cases <= _MOST_CASES_WITH_WHOLE_SPAN
     return CaseSection(
         number=case.number,
         label=case.label,
         notes=tuple(notes),
-        table=layouts.case_table(case, case.span),
+        table=table,
         pictures=(),
-        more_tables=(*failures, *(other if shown else [])),
-        file_tables=() if shown else tuple(other),
+        more_tables=(*failures, *(other if shown else ())),
+        file_tables=() if shown else other,
+        missing=tuple(missing),
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -357,17 +358,16 @@ def _updates(item: FilterFacts, span: int) -> int:
     return int(item.figure("updates", span).sum())
 
 
-def all_case_tables(ranking: Ranking) -> Iterable[Table]:
-    """Return every further table of a case that has runs."""
+def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]:
+    """Return what makes every further table of a case that has runs, by what it is about; None: nothing to show."""
     case = ranking.case
-    if len(ranking.standings) > 1:
-        yield comparison_table(ranking)
-    if (worst := worst_runs_table(case)).rows:
-        yield worst
-    yield consistency_table(case)
-    yield convergence_table(case)
-    yield spread_table(case)
-    extra = extra_table(case)
-    if extra is not None:
-        yield extra
-    yield reliability_table(case)
+    comparison = {"comparison": partial(comparison_table, ranking)} if len(ranking.standings) > 1 else {}
+    return {
+        **comparison,
+        "worst runs": partial(worst_runs_table, case),
+        "consistency": partial(consistency_table, case),
+        "convergence": partial(convergence_table, case),
+        "spread": partial(spread_table, case),
+        "extra states": partial(extra_table, case),
+        "reliability": partial(reliability_table, case),
+    }

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relnav_sim.report import campaign_facts, html
+from relnav_sim.report.attempts import attempted
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.commands import reproduce_commands
@@ -42,6 +44,7 @@ _READING = (
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
     "CPU time is measured while blocks of runs are filtered together; it depends on the machine.",
 )
+_NO_SUMMARY = "The summary could not be made; the reason stands below."
 _WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep this page small."
 
 
@@ -90,31 +93,32 @@ def _cases(
 def _without_pictures(
     results: Results, rankings: Sequence[Ranking], axes: Axes, sections: Sequence[CaseSection]
 ) -> Page:
-    judged = judgements(results)
+    missing: list[str] = []
+    judged = attempted("The judgement of the requirements", partial(judgements, results), missing) or ()
+    geometry = attempted("What the geometry explains", partial(campaign_facts.geometry, results), missing)
+    summary = attempted("The summary", lambda: (*summarise(rankings), *in_sentences(judged)), missing)
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
-        summary=(
-            *campaign_facts.geometry(results),
-            *summarise(rankings),
-            *in_sentences(judged),
-            *campaign_facts.leakage(results),
-            *_stopped(results),
-        ),
-        overview=overview_table(rankings),
-        requirements=requirements_table(results, judged) if judged else None,
+        summary=(*(geometry or ()), *(summary or (_NO_SUMMARY,)), *campaign_facts.leakage(results), *_stopped(results)),
+        overview=attempted("The overview", partial(overview_table, rankings), missing),
+        requirements=attempted("The table of requirements", partial(requirements_table, results, judged), missing)
+        if judged
+        else None,
         pictures=(),
         cases=tuple(sections),
         commands=reproduce_commands(results, axes),
         settings=campaign_facts.provenance_facts(results),
-        filters=campaign_facts.filters_table(results),
-        all_settings=campaign_facts.settings_table(results),
+        filters=attempted("The table of filters", partial(campaign_facts.filters_table, results), missing),
+        all_settings=attempted("The table of settings", partial(campaign_facts.settings_table, results), missing),
         campaign_text=results.campaign_text,
         reading=(*_READING, _WHOLE_SPAN) if any(section.file_tables for section in sections) else _READING,
         footer=f"Written by relnav from {results.path.name}, computed with relnav {version} on {finished}.",
         curves=embedded([section.curves for section in sections], results.filters),
+        filter_names=results.filters,
+        missing=tuple(missing),
     )
 
 

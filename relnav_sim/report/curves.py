@@ -18,6 +18,7 @@ from relnav_sim.report.axes import AXIS_COMPONENTS, Array, axis_names
 from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.report.figures.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.statistics.intervals import chi_square_band
+from relnav_sim.visible_text import visible
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -78,11 +79,11 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
     chi_square_counts = [item.completed for item in items if item.nis_is_chi_square]
     return {
         "number": case.number,
-        "label": case.label,
+        "label": visible(case.label),
         "time": packed(case.times_s[rows]),
         "kept": [len(rows), len(case.times_s)],
         "settle": case.settle_s,
-        "filters": {item.name: _filter_curves(results, case, item, rows, with_axes) for item in items},
+        "filters": {visible(item.name): _filter_curves(results, case, item, rows, with_axes) for item in items},
         "bound": {}
         if bound is None
         else {"position": packed(bound[:, 6], True), "velocity": packed(bound[:, 7], True)},
@@ -96,7 +97,9 @@ def embedded(cases: Sequence[Mapping[str, Any] | None], filters: Sequence[str]) 
     known = [case for case in cases if case and case["filters"]]
     if not known:
         return ""
-    text = json.dumps({"filters": list(filters), "cases": known}, separators=(",", ":"), ensure_ascii=True)
+    text = json.dumps(
+        {"filters": list(map(visible, filters)), "cases": known}, separators=(",", ":"), ensure_ascii=True
+    )
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relnav_sim.report import style
+from relnav_sim.report.attempts import attempted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +22,7 @@ _CSS_PIXELS_PER_INCH = 160
 class Picture:
     """A figure of the page: ``name`` is its file's, sizes are CSS pixels; without ``data_uri`` it is only linked.
 
-    ``filter`` is the one filter it shows, empty where it shows several.
+    ``filter`` is the one filter it shows, empty where it shows several; ``missing`` says why there is no figure.
     """
 
     name: str
@@ -31,20 +32,53 @@ class Picture:
     height: int
     data_uri: str
     filter: str = ""
+    missing: str = ""
 
 
-def draw(folder: Path, name: str, figure: Figure, caption: str, alt: str, filter: str = "") -> Picture:
-    """Write a figure as PNG and PDF, and return it for the page.
+@dataclass(frozen=True)
+class Drawing:
+    """A figure with its words."""
+
+    figure: Figure
+    caption: str
+    alt: str
+
+
+def draw(folder: Path, name: str, make: Callable[[], Drawing | None], filter: str = "") -> Picture | None:
+    """Draw a figure, write it as PNG and PDF, and return it for the page.
 
     The page gets the same pixels as lossless WebP, a quarter to two fifths smaller than the PNG. The SVG would be 4 to
     8 times as large (262 kB against 57 kB for six error panels), most of it coordinates and outlines of letters.
+
+    Args:
+        folder: Where the files go.
+        name: Their name without its ending.
+        make: Makes the figure; None: there is nothing to show.
+        filter: The one filter it shows.
+
+    Returns:
+        None where there is nothing to show; where the figure can't be drawn, a picture that says why.
     """
-    png = style.png(figure)
-    (folder / f"{name}.png").write_bytes(png)
-    (folder / f"{name}.pdf").write_bytes(style.pdf(figure))
-    width, height = (round(size * _CSS_PIXELS_PER_INCH) for size in figure.get_size_inches())
-    uri = f"data:image/webp;base64,{base64.b64encode(style.webp(png)).decode('ascii')}"
-    return Picture(name, caption, alt, width, height, uri, filter)
+
+    def picture() -> Picture | None:
+        drawing = make()
+        if drawing is None:
+            return None
+        png, pdf = style.png(drawing.figure), style.pdf(drawing.figure)
+        files[0].write_bytes(png)
+        files[1].write_bytes(pdf)
+        width, height = (round(size * _CSS_PIXELS_PER_INCH) for size in drawing.figure.get_size_inches())
+        uri = f"data:image/webp;base64,{base64.b64encode(style.webp(png)).decode('ascii')}"
+        return Picture(name, drawing.caption, drawing.alt, width, height, uri, filter)
+
+    files = [folder / f"{name}{suffix}" for suffix in (".png", ".pdf")]
+    missing: list[str] = []
+    made = attempted(f"The figure {name}", picture, missing)
+    if not missing:
+        return made
+    for file in files:
+        file.unlink(missing_ok=True)  # an earlier report's would pass for this one's
+    return Picture(name, "", "", 0, 0, "", filter, missing[0])
 
 
 def within(pictures: Iterable[Picture], most_bytes: int) -> tuple[tuple[Picture, ...], int]:

@@ -130,9 +130,13 @@ class FilterFacts:
         return rows[np.argsort(-self.errors("rms", span, "r")[rows], kind="stable")[:count]]
 
     def times_median(self, span: Span) -> Array:
-        """Return the position RMS of every computed run as a multiple of its median over the completed ones (n,)."""
+        """Return the position RMS of every computed run as a multiple of its median over the completed ones (n,).
+
+        NaN where there is no such median, or it is 0.
+        """
         sizes = self.errors("rms", span, "r")
-        return np.asarray(sizes / np.median(sizes[self.ok])) if self.completed else np.full(sizes.shape, np.nan)
+        median = float(np.median(sizes[self.ok])) if self.completed else np.nan
+        return np.asarray(sizes / (median if median > 0 else np.nan))
 
     def median_row(self, span: Span) -> int:
         """Return which of the completed runs has the median position RMS, the lower of two."""

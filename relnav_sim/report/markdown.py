@@ -6,33 +6,40 @@ from collections.abc import Sequence
 
 from relnav_sim.report.drawing import Picture
 from relnav_sim.report.page import Page
+from relnav_sim.report.tables import Table, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
-from relnav_sim.report.tables import plain_markdown
 
 
 def render(page: Page) -> str:
     """Return the report as Markdown; what the campaign's author wrote shows as written."""
     parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts)), "## Summary"]
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
+    parts += [plain_markdown(sentence) for sentence in page.missing]
     parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
-    parts += ["## Overview", table_markdown(page.overview), *_pictures(page.pictures)]
+    parts += ["## Overview", *_tables(page.overview), *_pictures(page.pictures)]
     for case in page.cases:
         parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")
-        parts += [plain_markdown(note) for note in case.notes]
-        parts += [table_markdown(case.table)] if case.table else []
+        parts += [plain_markdown(note) for note in (*case.notes, *case.missing)]
+        parts += _tables(case.table)
         parts += _pictures(case.pictures)
         parts += [table_markdown(table) for table in case.more_tables]
     parts += ["## Campaign", _code("\n".join(page.commands))]
     parts.append("\n".join(f"- {plain_markdown(name)}: {plain_markdown(value)}" for name, value in page.settings))
-    parts += [table_markdown(page.filters), table_markdown(page.all_settings), _code(page.campaign_text)]
+    parts += [*_tables(page.filters, page.all_settings), _code(page.campaign_text)]
     parts.append("## How to read the figures")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
     return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
 
 
+def _tables(*tables: Table | None) -> list[str]:
+    return [table_markdown(table) for table in tables if table is not None]
+
+
 def _pictures(pictures: Sequence[Picture]) -> list[str]:
     return [
-        f"![{plain_markdown(picture.alt)}](figures/{picture.name}.png)\n\n{plain_markdown(picture.caption)}"
+        plain_markdown(picture.missing)
+        if picture.missing
+        else f"![{plain_markdown(picture.alt)}](figures/{picture.name}.png)\n\n{plain_markdown(picture.caption)}"
         for picture in pictures
     ]
 

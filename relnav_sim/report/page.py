@@ -12,7 +12,10 @@ from relnav_sim.report.tables import Table
 
 @dataclass(frozen=True)
 class CaseSection:
-    """One case: its table, its figures, tables that are folded away at first, tables only for files, its curves."""
+    """One case: its table, its figures, tables that are folded away at first, tables only for files, its curves.
+
+    ``missing`` says of each part that could not be made why.
+    """
 
     number: int
     label: str
@@ -22,37 +25,42 @@ class CaseSection:
     more_tables: tuple[Table, ...]
     file_tables: tuple[Table, ...] = ()
     curves: Mapping[str, Any] | None = None
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report."""
+    """A whole report; ``missing`` says of each part outside the cases that could not be made why."""
 
     name: str
     facts: tuple[str, ...]
     summary: tuple[str, ...]
-    overview: Table
+    overview: Table | None
     pictures: tuple[Picture, ...]
     cases: tuple[CaseSection, ...]
     commands: tuple[str, ...]
     settings: tuple[tuple[str, str], ...]
-    filters: Table
-    all_settings: Table
+    filters: Table | None
+    all_settings: Table | None
     campaign_text: str
     reading: tuple[str, ...]
     footer: str
     requirements: Table | None = None
     curves: str = ""
+    filter_names: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
 
     @property
-    def filter_names(self) -> tuple[str, ...]:
-        """Names of all filters."""
-        return tuple(row.label for row in self.filters.rows)
+    def all_missing(self) -> tuple[str, ...]:
+        """What could not be made anywhere in the report, a sentence each."""
+        pictures = [*self.pictures, *(picture for case in self.cases for picture in case.pictures)]
+        parts = [f"Case {case.number}: {sentence}" for case in self.cases for sentence in case.missing]
+        return (*self.missing, *parts, *(picture.missing for picture in pictures if picture.missing))
 
 
 def page_tables(page: Page) -> Sequence[Table]:
     """Return every table of a report, each of which is a CSV file too."""
-    tables = [page.overview, *([page.requirements] if page.requirements else [])]
+    tables = [page.overview, page.requirements]
     for case in page.cases:
-        tables += [table for table in (case.table, *case.more_tables, *case.file_tables) if table is not None]
-    return [*tables, page.filters, page.all_settings]
+        tables += [case.table, *case.more_tables, *case.file_tables]
+    return [table for table in (*tables, page.filters, page.all_settings) if table is not None]

@@ -41,7 +41,8 @@ def heading(panel: Panel, words: str) -> None:
 def log_axis(panel: Panel, which: Literal["x", "y"]) -> None:
     """Make an axis logarithmic, with plain numbers and enough of them to read a value.
 
-    An axis that spans less than a factor of 4 stays linear: it would show a single power of ten.
+    An axis that spans less than a factor of 4 stays linear: it would show a single power of ten. A panel without
+    anything above zero says so.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -51,7 +52,11 @@ def log_axis(panel: Panel, which: Literal["x", "y"]) -> None:
     (panel.set_xscale if which == "x" else panel.set_yscale)("log")
     low, high = panel.get_xlim() if which == "x" else panel.get_ylim()
     axis = panel.xaxis if which == "x" else panel.yaxis
-    decades = np.log10(high / low)
+    if not 0 < low < high < np.inf:
+        (panel.set_xscale if which == "x" else panel.set_yscale)("linear")
+        say(panel, "no value above zero is known")
+        return
+    decades = np.log10(high) - np.log10(low)
     subs = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.3 else (1.0, 2.0, 5.0)
     axis.set_major_locator(LogLocator(subs=subs, numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -142,7 +142,8 @@ def rank(case: CaseFacts) -> Ranking:
 
 
 def in_percent(difference: Interval, reference: float) -> Interval:
-    """Return a difference in percent of a reference."""
+    """Return a difference in percent of a reference; NaN where that is 0."""
+    reference = reference or math.nan
     return replace(
         difference,
         estimate=100 * difference.estimate / reference,

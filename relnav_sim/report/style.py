@@ -2,17 +2,20 @@
 
 A figure is as wide as one column of a two-column page (89 mm), with 7 to 8 pt type at that size, so that
 it drops into an article or half a page of a review unscaled and is still readable on a telephone. Figures
-are plain ``matplotlib.figure.Figure`` objects on the Agg canvas: no window, no pyplot state.
+are ``matplotlib.figure.Figure`` objects on the Agg canvas: no window, no pyplot state.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
+
+from relnav_sim.report.isolation import isolated
+from relnav_sim.visible_text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,23 +107,20 @@ def key(colour: str, dashes: Any, width: float) -> Any:
     return Line2D([], [], color=colour, linestyle=dashes, linewidth=width)
 
 
-@contextmanager
-def house_style() -> Iterator[None]:
-    """Draw and save in the house style, leaving the caller's matplotlib settings as they were."""
-    from matplotlib import rc_context
+def house_style(more: Mapping[str, Any] | None = None) -> AbstractContextManager[None]:
+    """Draw and save in the house style whatever the caller's matplotlib settings say, and leave those as they were.
 
-    with rc_context(cast(Any, _SETTINGS)):  # newer stubs list every key
-        yield
+    Args:
+        more: Further ``rcParams``.
+    """
+    return isolated({**_SETTINGS, **(more or {})})
 
 
 def new_figure(height_inch: float, width_inch: float = WIDTH_INCH) -> Figure:
     """Return an empty figure on the Agg canvas; call inside ``house_style``."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    from relnav_sim.report.house_figure import HouseFigure
 
-    figure = Figure(figsize=(width_inch, height_inch), facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
+    return HouseFigure(figsize=(width_inch, height_inch), facecolor="white")
 
 
 def margins(figure: Figure, left: float, right: float, top: float, bottom: float, hspace: float, wspace: float) -> None:
@@ -171,7 +171,8 @@ def legend_height(labels: Sequence[str]) -> float:
 
 
 def shown_name(name: str, longest: int = 22) -> str:
-    """Return a name as figure text: shortened, and a dollar sign is a dollar sign, not a formula."""
+    """Return a name as figure text: shortened, all signs visible, and a dollar sign is no formula."""
+    name = visible(name)
     short = name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
     return short.replace("$", r"\$")
 
@@ -217,11 +218,9 @@ def write_figure(figure: Figure, path: Path) -> None:
     A PDF gets TrueType letters, which publishers ask for; cutting them out of the font takes half a second, so that
     the many figures of a report have Type 3 letters instead.
     """
-    from matplotlib import rc_context
-
     from relnav_sim.results.atomic import written_whole
 
-    with rc_context({"pdf.fonttype": 42}):
+    with house_style({"pdf.fonttype": 42}):
         data = {".pdf": pdf, ".svg": svg, ".png": png}[path.suffix](figure)
     with written_whole(path) as temporary:
         temporary.write_bytes(data)

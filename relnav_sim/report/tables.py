@@ -12,6 +12,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from relnav_sim.results.csv_cells import csv_cell
+
 MINUS = "\N{MINUS SIGN}"
 MISSING = "\N{EN DASH}"
 _LARGEST_PLAIN = 1e5
@@ -184,9 +186,9 @@ def comma_separated(table: Table) -> str:
         heads.append(column.full_label)
         if column.numeric:
             heads += [f"{column.full_label} low 95", f"{column.full_label} high 95"]
-    writer.writerow(heads)
+    writer.writerow(map(csv_cell, heads))
     for row in table.rows:
-        fields: list[str] = [row.record or row.label, row.unit]
+        fields: list[str] = [csv_cell(row.record or row.label), csv_cell(row.unit)]
         for column, cell in zip(table.columns, _spread(row.cells), strict=True):
             fields += _fields(cell, column.numeric)
         writer.writerow(fields)
@@ -219,7 +221,7 @@ def _fields(cell: Cell | None, numeric: bool) -> list[str]:
     if isinstance(cell, Number):
         figures = [cell.value, cell.low, cell.high] if numeric else [cell.value]
         return ["" if math.isnan(figure) else repr(float(figure)) for figure in figures]
-    text = "" if cell is None else cell.text
+    text = "" if cell is None else csv_cell(cell.text)
     return [text, "", ""] if numeric else [text]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from relnav_sim.report import html, markdown
@@ -12,6 +12,7 @@ from relnav_sim.report.latex import latex
 from relnav_sim.report.page import page_tables
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
+from relnav_sim.visible_text import visible
 
 FORMATS = ("html", "md", "csv", "latex")
 USUAL = ("html", "md", "csv")
@@ -24,6 +25,7 @@ def write_report(
     axes: str = "rtn",
     most_figures: int = MOST_FIGURES,
     workers: int = 2,
+    say: Callable[[str], object] | None = None,
 ) -> Path:
     """Write the report of a result.
 
@@ -39,6 +41,8 @@ def write_report(
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
             the functions of ``relnav_sim.report.figures``.
         workers: Processes that draw the cases of a large campaign.
+        say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
+            the places of those parts.
 
     Returns:
         The HTML file; without ``html`` the first of the others: ``report.md`` or the folder ``tables``.
@@ -56,6 +60,9 @@ def write_report(
     with open_results(path) as results:
         (folder / "figures").mkdir(parents=True, exist_ok=True)
         page = compose(results, folder / "figures", turned, most_figures, workers)
+    if say is not None:
+        for sentence in page.all_missing:
+            say(sentence)
     written: dict[str, Path] = {}
     if "html" in wanted:
         written["html"] = _write(folder / "index.html", html.render(page))
@@ -81,5 +88,5 @@ def _checked_formats(formats: Iterable[str]) -> tuple[str, ...]:
 
 def _write(path: Path, text: str) -> Path:
     with written_whole(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+        temporary.write_text(visible(text), encoding="utf-8", newline="\n")
     return path

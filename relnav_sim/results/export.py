@@ -11,6 +11,7 @@ import numpy as np
 
 from relnav_sim.results import layout
 from relnav_sim.results.atomic import written_whole
+from relnav_sim.results.csv_cells import csv_cell
 from relnav_sim.results.read import Results
 
 
@@ -59,4 +60,4 @@ def _write(path: Path, heading: list[str], rows: Iterable[Iterable[Any]]) -> Non
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(heading)
         for row in rows:
-            writer.writerow(["" if value != value else value for value in row])
+            writer.writerow(map(csv_cell, row))

@@ -133,6 +133,12 @@ class ForcesOptions(Options):
     )
 
 
+def _higher(a_km: float, surface_km: float) -> str:
+    if a_km >= surface_km:
+        return "raise a_km or lower e"
+    return f"a_km counts from the centre: for an altitude of {a_km:.12g} km write {a_km + surface_km:.12g}"
+
+
 class ConstantsOptions(Options):
     """The Earth's constants; stored with the results."""
 
@@ -146,6 +152,26 @@ class ConstantsOptions(Options):
     rotation_rad_s: float = Field(
         default=constants.ROTATION_RAD_S, description="Rotation rate of Earth and atmosphere, rad/s; default WGS 84"
     )
+
+    @field_validator("mu_m3_s2")
+    @classmethod
+    def _mu_in_metres(cls, mu: float) -> float:
+        return _in_metres(mu, constants.MU_M3_S2, 1e9)
+
+    @field_validator("radius_m")
+    @classmethod
+    def _radius_in_metres(cls, radius: float) -> float:
+        return _in_metres(radius, constants.RADIUS_M, 1e3)
+
+
+def _in_metres(value: float, of_the_earth: float, factor: float) -> float:
+    """Return a value that is not the Earth's in kilometres."""
+    if abs(factor * value / of_the_earth - 1) < _NEARLY_THE_EARTHS:
+        raise ValueError(f"{value:.12g} is the Earth's in kilometres; write {factor * value:.12g}")
+    return value
+
+
+_NEARLY_THE_EARTHS = 0.01
 
 
 class DispersionsOptions(Options):
@@ -211,7 +237,7 @@ class TruthOptions(Options):
             _problem(
                 (craft, "orbit"),
                 f"the perigee is {orbit.a_km * (1 - orbit.e):.6g} km from the Earth's centre, below the surface at "
-                f"{surface_km:.6g} km; raise a_km or lower e",
+                f"{surface_km:.6g} km; {_higher(orbit.a_km, surface_km)}",
             )
             for craft, orbit in (("chief", self.chief.orbit), ("deputy", self.deputy.orbit))
             if orbit is not None and orbit.a_km * (1 - orbit.e) <= surface_km

@@ -12,7 +12,7 @@ from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.entries import FilterEntry, entry_from
 from relnav_sim.campaign.models import TuneObjective
 from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
-from relnav_sim.campaign.problems import Path, did_you_mean, dotted, listed, quoted
+from relnav_sim.campaign.problems import Path, dotted, no_such, quoted
 from relnav_sim.models.gp import GpOptions
 from relnav_sim.options import Options, Tunable
 
@@ -115,8 +115,7 @@ def free_scalars(
     entries = campaign.cases[0].config.filters
     for name in filters:
         if name not in entries:
-            hint = did_you_mean(name, entries) or f"; there are {listed(list(entries), 'and')}"
-            raise TuningError(f"no filter is named {quoted(name)}{hint}")
+            raise TuningError(no_such("filter", name, entries))
     named: dict[str, list[Scalar]] = {}
     for text, bounds in (free or {}).items():
         filter, scalar = _named(text, bounds, campaign)
@@ -180,7 +179,7 @@ def _named(text: str, bounds: Bounds | None, campaign: Campaign) -> tuple[str, S
         raise TuningError(str(error)) from None
     entries = campaign.cases[0].config.filters
     if len(path) > 2 and path[0] == "filters" and path[1] not in entries:
-        raise TuningError(f"no filter is named {quoted(str(path[1]))}; there are {listed(list(entries), 'and')}")
+        raise TuningError(no_such("filter", str(path[1]), entries))
     if len(path) < 3 or path[0] != "filters":
         raise TuningError(f"{quoted(text)} is no number of a filter; write it as filters.NAME.alpha")
     if _overlaps(path, _varied_paths(campaign)):

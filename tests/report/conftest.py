@@ -56,6 +56,9 @@ def invented_result(
     requirements: Mapping[str, Any] | None = None,
     diagnostics: Mapping[str, Mapping[str, Array]] | None = None,
     stopping: Mapping[str, Any] | None = None,
+    duration_s: float = 6000.0,
+    dispersed: bool = False,
+    unknown: bool = False,
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -77,10 +80,13 @@ def invented_result(
         requirements: As a campaign file has them.
         diagnostics: What the filters report of their own working, by filter and name.
         stopping: The rule that ended the campaign.
+        duration_s: Length of the runs.
+        dispersed: Every run flies a truth of its own, the range of which varies; otherwise all fly one at rest.
+        unknown: Every error and sigma is NaN, though no run failed.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
-    time_s = np.linspace(0.0, 6000.0, times)
+    time_s = np.linspace(0.0, duration_s, times)
     names = (*sizes, *waiting)
     cases = tuple(
         CaseHeader(
@@ -99,11 +105,15 @@ def invented_result(
     )  # fmt: skip
     shards = []
     for index, case in enumerate(cases[:computed_cases]):
-        truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (1, times, 1))
+        truth = np.tile(np.array([0.0, 12000.0, 0.0, 0.0, 0.0, 0.0]), (runs if dispersed else 1, times, 1))
+        if dispersed:
+            truth[..., 1] += 100.0 * np.arange(runs)[:, None] - 1.9 * time_s
         results = {
             name: _filter_result(index, size, time_s, runs, failed.get(name, ()), settle_s)
             for name, size in sizes.items()
         }
+        if unknown:
+            results = {name: _all_nan(result) for name, result in results.items()}
         for filter_name, summary in (summaries or {}).items():
             results[filter_name] = _with_summary(results[filter_name], summary)
         for filter_name, reported in (diagnostics or {}).items():
@@ -113,7 +123,7 @@ def invented_result(
             for filter_name, lost in failed.items()
             for run in lost
         )
-        block = BlockResult(index, case.id, tuple(range(runs)), time_s, truth, results, failures, True)
+        block = BlockResult(index, case.id, tuple(range(runs)), time_s, truth, results, failures, not dispersed)
         shards.append(folder / f"shard{index}.h5")
         write_shard(shards[-1], block, header.seed, dict.fromkeys(sizes, "0"))
     out = folder / "invented.h5"
@@ -164,6 +174,15 @@ def _filter_result(
         for array in (empty["mean"], empty["std"], empty["rms"], empty["anees"]):
             array[run] *= 1e6
     return FilterResult(empty, error, sigma, nees / 2, nees)
+
+
+def _all_nan(result: FilterResult) -> FilterResult:
+    summary = {
+        name: np.full_like(values, np.nan) if values.dtype.kind == "f" else values
+        for name, values in result.summary.items()
+    }
+    nothing = np.full_like(result.error, np.nan)
+    return FilterResult(summary, nothing, nothing, nothing[..., 0], nothing[..., 0])
 
 
 def _with_summary(result: FilterResult, summary: Mapping[str, Array]) -> FilterResult:

@@ -306,14 +306,14 @@ def test_windows_thin_long_series_and_refuse_empty_ones(results: Results) -> Non
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"kind": "erors"}, "no figure 'erors'; there are errors, position_error"),
+        ({"kind": "erors"}, "no figure is named 'erors'; did you mean 'errors'"),
         ({"kind": "rms", "axes": "rtn"}, "figure 'rms' takes no axes, only case, filters"),
         ({"kind": "errors", "filter": ["kf", "ekf"]}, "shows one filter, not 2"),
         ({"kind": "errors", "filter": "nope"}, "filter 'nope' has no run"),
         ({"kind": "errors", "filter": "ekf", "run": 4}, "run 4 of ekf failed"),
         ({"kind": "errors", "run": 77}, r"run 77 of \w+ has not been computed"),
         ({"kind": "sweep", "along": "mass"}, "'mass' is none of these: sensors.radar.range_sigma_m"),
-        ({"kind": "sweep", "filter": "nope"}, "no filter 'nope'"),
+        ({"kind": "sweep", "filter": "nope"}, "no filter is named 'nope'; there are"),
     ],
 )
 def test_what_cannot_be_drawn_is_said(results: Results, arguments: dict[str, Any], words: str) -> None:

@@ -7,6 +7,7 @@ out of every figure.
 
 from relnav_sim.report.figures.choice import cost_against_accuracy, worst_runs
 from relnav_sim.report.figures.conditions import error_against_range, error_around_events
+from relnav_sim.report.figures.data import FigureError
 from relnav_sim.report.figures.errors import axis_errors, errors_with_envelope
 from relnav_sim.report.figures.geometry import error_ellipses, plane, trajectory
 from relnav_sim.report.figures.over_time import consistency_over_time, covariance_against_error, rms_over_time
@@ -16,6 +17,7 @@ from relnav_sim.report.figures.sweeps import accuracy_by_case, heat_map, sweep_b
 
 __all__ = [
     "FIGURE_KINDS",
+    "FigureError",
     "FigureKind",
     "accuracy_by_case",
     "axis_errors",

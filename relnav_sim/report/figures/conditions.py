@@ -65,9 +65,9 @@ def error_against_range(results: Results, case: Case = 0, filters: Sequence[str]
     view = window(facts)
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     rows = view.rows[view.settled]
-    truth = results.truth(facts.index)[:, rows, :3]
-    ranges = sizes(truth)
-    low, high = float(ranges.min()), float(ranges.max())
+    ranges = {item.name: results.distance(facts.index, item.name)[item.ok][:, rows] for item in items}
+    everywhere = np.concatenate([np.zeros((0, len(rows))), *ranges.values()])
+    low, high = (float(everywhere.min()), float(everywhere.max())) if everywhere.size else (1.0, 1.0)
     edges = (np.geomspace if high > _LOG_FROM_RATIO * low > 0 else np.linspace)(low, high * (1 + 1e-12), _BINS + 1)
     factor, unit = (1e-3, "km") if high > _KM_FROM_M else (1.0, "m")
     styles = line_styles(facts.all_filters)
@@ -77,9 +77,7 @@ def error_against_range(results: Results, case: Case = 0, filters: Sequence[str]
         panels = figure.subplots(2, 1, sharex=True)
         for panel, quantity, part in zip(panels, ("position", "velocity"), (slice(0, 3), slice(3, 6)), strict=True):
             drawn = [
-                _binned(
-                    sizes(errors_of(results, facts, item, rows)[..., part]), _own(ranges, item, results, facts), edges
-                )
+                _binned(sizes(errors_of(results, facts, item, rows)[..., part]), ranges[item.name], edges)
                 for item in items
             ]
             largest = max((float(np.nanmax(most, initial=0.0)) for _, _, most in drawn), default=0.0)
@@ -166,7 +164,8 @@ def error_around_events(
 def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:
     """Return the events of a filter's completed runs by kind: rows of (run, stored epoch), at most 20 000 of a kind."""
     known = np.isfinite(results.nis(case.index, item.name)[item.ok])
-    known[:, :1] |= known[:, 1:2]  # the start has no measurement of its own: filters begin there
+    if known.shape[1] > 1:
+        known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
     steps = [np.diff(np.flatnonzero(row)) for row in known]
     usual = np.median(np.concatenate(steps)) if any(part.size for part in steps) else 1.0
     lost, begun = [], []
@@ -211,13 +210,6 @@ def _aligned(squares: Array, events: NDArray[np.int64], offsets: NDArray[np.int6
     count = inside.sum(axis=0)
     with np.errstate(invalid="ignore"):
         return np.sqrt(np.where(inside, values, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan))
-
-
-def _own(ranges: Array, item: FilterFacts, results: Results, case: CaseFacts) -> Array:
-    """Return the ranges of a filter's completed runs; one row where all runs share the truth."""
-    if len(ranges) == 1:
-        return np.broadcast_to(ranges, (item.completed, ranges.shape[1]))
-    return np.stack([sizes(results.series(case.index, item.name, int(run)).truth[:, :3]) for run in item.runs[item.ok]])
 
 
 def _binned(errors: Array, ranges: Array, edges: Array) -> tuple[Array, Array, Array]:

@@ -22,6 +22,10 @@ _MOST_POINTS = 1200
 _SLOW_M_S = 0.2  # below this, axes of velocity are in mm/s
 
 
+class FigureError(ValueError):
+    """A figure that can't be drawn as it is asked for; the message says why."""
+
+
 @dataclass(frozen=True)
 class Window:
     """The stored epochs that a figure draws.
@@ -45,12 +49,12 @@ def window(case: CaseFacts, from_s: float | None = None, until_s: float | None =
     """Return the stored epochs between two times, every k-th where there are very many.
 
     Raises:
-        ValueError: There are fewer than two.
+        FigureError: There are fewer than two.
     """
     low, high = (-np.inf if from_s is None else from_s), (np.inf if until_s is None else until_s)
     rows = np.flatnonzero((case.times_s >= low) & (case.times_s <= high))
     if rows.size < 2 and (from_s is not None or until_s is not None):
-        raise ValueError(
+        raise FigureError(
             f"fewer than two stored epochs lie between {max(low, 0):g} and {high:g} s; the first is "
             f"{case.times_s[0]:g} s, the last {case.times_s[-1]:g} s"
             if len(case.times_s)
@@ -80,10 +84,10 @@ def leading_filter(case: CaseFacts) -> str:
     """Return the filter with the smallest mean position RMS, the first one where no run was completed.
 
     Raises:
-        ValueError: No filter has a run.
+        FigureError: No filter has a run.
     """
     if not case.filters:
-        raise ValueError(f"no run of case {case.label!r} has been computed yet")
+        raise FigureError(f"no run of case {case.label!r} has been computed yet")
     return min(case.filters, key=lambda item: _mean_rms(item, case)).name
 
 
@@ -96,14 +100,14 @@ def run_row(item: FilterFacts, case: CaseFacts, run: int | None) -> int:
     """Return which of the completed runs to draw alone: the one asked for, else the one with the median RMS.
 
     Raises:
-        ValueError: That run failed, or has not been computed.
+        FigureError: That run failed, or has not been computed.
     """
     if run is None:
         return item.median_row(case.span)
     rows = np.flatnonzero(item.runs[item.ok] == run)
     if not rows.size:
         why = "failed" if run in item.runs else "has not been computed"
-        raise ValueError(f"run {run} of {item.name} {why}")
+        raise FigureError(f"run {run} of {item.name} {why}")
     return int(rows[0])
 
 
@@ -133,11 +137,11 @@ def facts_of(results: Results, case: Case, axes: Axes = "rtn") -> CaseFacts:
     """Return the facts of a case that has runs.
 
     Raises:
-        ValueError: No run has been computed yet.
+        FigureError: No run has been computed yet.
     """
     facts = case_facts(results, case, axes)
     if not facts.filters:
-        raise ValueError(f"no run of case {facts.label!r} has been computed yet")
+        raise FigureError(f"no run of case {facts.label!r} has been computed yet")
     return facts
 
 
@@ -152,6 +156,12 @@ def rms_over_runs(parts: Array) -> Array:
         return np.full(parts.shape[1], np.nan)
     found: Array = np.sqrt(np.mean(np.sum(parts**2, axis=-1), axis=0))
     return np.where(found > 0, found, np.nan)
+
+
+def largest(values: Array) -> float:
+    """Return the largest number that is known; NaN where none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else np.nan
 
 
 def speed_unit(largest_m_s: float) -> tuple[float, str]:

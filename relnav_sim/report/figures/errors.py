@@ -16,6 +16,7 @@ from relnav_sim.report.figures.data import (
     chosen_filters,
     errors_of,
     facts_of,
+    largest,
     leading_filter,
     run_row,
     sigmas_of,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
     from relnav_sim.results.read import Results
 
+_UNKNOWN = "no error is known"
 SIGMA = "\N{GREEK SMALL LETTER SIGMA}"
 
 
@@ -150,7 +152,7 @@ def axis_errors(
     styles = line_styles(facts.all_filters)
     labels = [shown_name(item.name) for item in items]
     whole = np.stack([*lines.values()]) if lines else np.zeros((1, len(view.rows), 3))
-    factor, unit_of = speed_unit(float(np.nanmax(np.abs(whole)[:, view.settled]))) if velocity else (1.0, "m")
+    factor, unit_of = speed_unit(largest(np.abs(whole)[:, view.settled])) if velocity else (1.0, "m")
     with house_style():
         figure = new_figure(3.3 + legend_height(labels))
         panels = figure.subplots(3, 1, sharex=True)
@@ -168,8 +170,10 @@ def axis_errors(
             ]
             if not lines:
                 say(panel, "no filter completed this run")
-            elif (reach := 1.1 * factor * float(np.nanmax(np.abs(whole[:, view.settled, axis])))) > 0:
+            elif (reach := 1.1 * factor * largest(np.abs(whole[:, view.settled, axis]))) > 0:
                 panel.set_ylim(-reach, reach)
+            elif np.isnan(reach):
+                say(panel, _UNKNOWN)
             panel.set_ylabel(f"{AXIS_COMPONENTS[axis + 3 * velocity]} [{unit_of}]")
             heading(panel, axis_names(facts.axes)[axis] + (" velocity" if velocity else ""))
         if lines:
@@ -205,6 +209,8 @@ def _envelope(
         panel.plot(times, -3 * bound, color=BOUND, linewidth=1.0, linestyle=":")
     if reach > 0 and np.isfinite(reach):
         panel.set_ylim(-reach, reach)
+    elif np.isnan(reach):
+        say(panel, _UNKNOWN)
     return handles
 
 
@@ -213,4 +219,4 @@ def _reach(error: Array, claimed: Array, settled: NDArray[np.bool_]) -> float:
     done = np.abs(error).max(axis=0)
     if len(error) > 2:
         done = np.abs(error.mean(axis=0)) + 3 * error.std(axis=0, ddof=1)
-    return float(1.08 * np.nanmax(np.maximum(done, 3 * claimed)[settled]))
+    return 1.08 * largest(np.maximum(done, 3 * claimed)[settled])

@@ -11,10 +11,12 @@ from relnav_sim.report.axes import Array, Axes, axis_names, turned_states
 from relnav_sim.report.facts import CaseFacts
 from relnav_sim.report.figures.data import (
     Case,
+    FigureError,
     Window,
     chosen_filters,
     errors_of,
     facts_of,
+    largest,
     leading_filter,
     run_row,
     sigmas_of,
@@ -173,14 +175,16 @@ def error_ellipses(
     epoch = len(facts.times_s) - 1 if at_s is None else int(np.argmin(np.abs(facts.times_s - at_s)))
     rows = np.array([epoch])
     errors = errors_of(results, facts, item, rows)[:, 0, :3]
-    claimed = np.sqrt(np.mean(sigmas_of(results, facts, item, rows)[:, 0, :3] ** 2, axis=0)) if len(errors) else None
+    known = np.isfinite(errors).all(axis=1)
+    errors, sigmas = errors[known], sigmas_of(results, facts, item, rows)[known, 0, :3]
+    claimed = np.sqrt(np.mean(sigmas**2, axis=0)) if len(errors) else None
     colour = line_styles(facts.all_filters)[item.name].colour
     with house_style():
         figure = new_figure(3.3)
         panels = figure.subplots(2, 2)
         for panel, (across, up) in zip(panels.flat, _PLANES, strict=False):
             if claimed is None:
-                say(panel, "every run failed")
+                say(panel, "no error is known" if item.completed else "every run failed")
             else:
                 _ellipse_panel(panel, errors[:, [across, up]], claimed[[across, up]], colour)
             panel.set_xlabel(f"{'xyz'[across]} error [m]")
@@ -217,7 +221,7 @@ def _ellipse_panel(panel: Panel, errors: Array, claimed: Array, colour: str) -> 
         outlines.append(ellipse(np.cov(errors.T), errors.mean(axis=0)))
         panel.plot(*outlines[1].T, color=colour, linewidth=1.2)
     panel.plot(0, 0, "+", color=INK, markersize=6)
-    reach = 1.1 * np.abs(np.concatenate([errors, *outlines])).max(initial=1e-12)
+    reach = 1.1 * max(largest(np.abs(np.concatenate([errors, *outlines]))), 1e-12)
     panel.set_xlim(-reach, reach)
     panel.set_ylim(-reach, reach)
 
@@ -228,13 +232,13 @@ def _flight(
     """Return the truth (epochs, 3), the estimates by filter, and the number of the run."""
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     if not items:
-        raise ValueError(f"no filter of case {facts.label!r} completed a run")
+        raise FigureError(f"no filter of case {facts.label!r} completed a run")
     if run is None:
         best = facts.filter(leading_filter(facts))
         run = (best if best in items else items[0]).median_run(facts.span)
     items = [item for item in items if run in item.runs[item.ok]]
     if not items:
-        raise ValueError(f"run {run} failed or has not been computed")
+        raise FigureError(f"run {run} failed or has not been computed")
     series = results.series(facts.index, items[0].name, run)
     truth = turned_states(series.truth, facts.axes)[view.rows, :3]
     return (

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.problems import no_such
 from relnav_sim.report.axes import Axes
 from relnav_sim.report.figures import choice, conditions, errors, geometry, over_time, spread, sweeps
+from relnav_sim.report.figures.data import FigureError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -116,21 +118,21 @@ def figure(
         A figure 89 mm wide; ``figure.savefig("name.pdf")`` writes it as a vector file.
 
     Raises:
-        ValueError: An unknown kind, an option that the kind does not take, or nothing to draw for it.
+        FigureError: An unknown kind, an option that the kind does not take, or nothing to draw for it.
         ResultsError: The result can't be read, or holds no such case.
     """
     if kind not in FIGURE_KINDS:
-        raise ValueError(f"no figure {kind!r}; there are {', '.join(FIGURE_KINDS)}")
+        raise FigureError(no_such("figure", kind, FIGURE_KINDS))
     chosen = FIGURE_KINDS[kind]
     given: dict[str, Any] = {"case": case, "run": run, "axes": axes, **options}
     if filter is not None:
         names = [filter] if isinstance(filter, str) else list(filter)
         if "filter" in chosen.takes and len(names) != 1:
-            raise ValueError(f"figure {kind!r} shows one filter, not {len(names)}")
+            raise FigureError(f"figure {kind!r} shows one filter, not {len(names)}")
         given |= {"filter": names[0]} if "filter" in chosen.takes else {"filters": names}
     given = {name: value for name, value in given.items() if value is not None}
     if unknown := [name for name in given if name not in chosen.takes]:
-        raise ValueError(f"figure {kind!r} takes no {unknown[0]}, only {', '.join(chosen.takes)}")
+        raise FigureError(f"figure {kind!r} takes no {unknown[0]}, only {', '.join(chosen.takes)}")
     if isinstance(result, str | Path):
         from relnav_sim.results.read import open_results
 
@@ -143,4 +145,4 @@ def _drawn(kind: FigureKind, results: Results, given: Mapping[str, Any]) -> Figu
     try:
         return kind.draw(results, **kind.preset, **given)
     except KeyError as error:
-        raise ValueError(str(error.args[0])) from None
+        raise FigureError(str(error.args[0])) from None

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.problems import no_such
 from relnav_sim.report.facts import CaseFacts, case_facts
+from relnav_sim.report.figures.data import FigureError
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -56,11 +58,11 @@ def trends(
         filters: The filters; default: all.
 
     Raises:
-        ValueError: Nothing of that name is varied.
+        FigureError: Nothing of that name is varied.
     """
     names = tuple(results.filters if filters is None else filters)
     if unknown := [name for name in names if name not in results.filters]:
-        raise ValueError(f"no filter {unknown[0]!r}; there are {', '.join(results.filters)}")
+        raise FigureError(no_such("filter", unknown[0], results.filters))
     over_cases = varied_paths(results)
     numeric = {path: values for path, values in over_cases.items() if _all_numbers(values)}
     over_filters = _filter_options(results, names)
@@ -74,11 +76,11 @@ def grid_paths(results: Results, along: Sequence[str] | None = None) -> tuple[st
     """Return the two paths of a grid: those named, by their ends, or the two with the most values.
 
     Raises:
-        ValueError: The campaign does not vary two.
+        FigureError: The campaign does not vary two.
     """
     over_cases = varied_paths(results)
     if along is not None and len(along) != 2:
-        raise ValueError(f"a grid has two axes, not {len(along)}")
+        raise FigureError(f"a grid has two axes, not {len(along)}")
     ordered = sorted(over_cases, key=lambda path: -len(set(over_cases[path])))
     # Leaves of one section that change together (the kind of a noise and its scale) are one axis, not two.
     if along is None:
@@ -90,7 +92,7 @@ def grid_paths(results: Results, along: Sequence[str] | None = None) -> tuple[st
             > max(len(set(over_cases[a])), len(set(over_cases[b])))
         ]
         if not pairs:
-            raise ValueError("a heat map needs a campaign that varies two parameters independently")
+            raise FigureError("a heat map needs a campaign that varies two parameters independently")
         return pairs[0]
     return _named(along[0], over_cases), _named(along[1], over_cases)
 
@@ -141,7 +143,7 @@ def _chosen(along: str | None, numeric: Mapping[str, Any], options: Mapping[str,
         return max(numeric, key=lambda path: len(set(numeric[path])))
     if options:
         return max(options, key=lambda path: len(set(options[path].values())))
-    raise ValueError("nothing with a number is varied: neither the cases nor filters of one kind differ in one")
+    raise FigureError("nothing with a number is varied: neither the cases nor filters of one kind differ in one")
 
 
 def _named(end: str, paths: Mapping[str, Any]) -> str:
@@ -149,14 +151,14 @@ def _named(end: str, paths: Mapping[str, Any]) -> str:
     if len(found) == 1:
         return found[0]
     what = "more than one of these" if found else "none of these"
-    raise ValueError(f"{end!r} is {what}: {', '.join(found or paths) or 'nothing is varied'}")
+    raise FigureError(f"{end!r} is {what}: {', '.join(found or paths) or 'nothing is varied'}")
 
 
 def _first(results: Results) -> CaseFacts:
     for index in range(len(results.headers)):
         if (facts := case_facts(results, index)).filters:
             return facts
-    raise ValueError("no run has been computed yet")
+    raise FigureError("no run has been computed yet")
 
 
 def _moves_with(other: Sequence[Leaf], path: Sequence[Leaf]) -> bool:

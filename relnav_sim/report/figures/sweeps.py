@@ -9,7 +9,16 @@ import numpy as np
 
 from relnav_sim.report.axes import Array
 from relnav_sim.report.facts import CaseFacts, Statistic, case_facts
-from relnav_sim.report.figures.data import Case, bound_of, errors_of, leading_filter, sizes, speed_unit
+from relnav_sim.report.figures.data import (
+    Case,
+    FigureError,
+    bound_of,
+    errors_of,
+    largest,
+    leading_filter,
+    sizes,
+    speed_unit,
+)
 from relnav_sim.report.figures.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
 from relnav_sim.report.panels import log_axis, say, upright_boxes
 from relnav_sim.report.style import (
@@ -132,8 +141,8 @@ def sweep_trend(
                 for line in lines
                 for statistic in statistics
             }
-            largest = np.nanmax([figure.estimate for group in found.values() for figure in group] or [0.0])
-            factor, unit = (1.0, "m") if quantity == "position" else speed_unit(float(largest))
+            fastest = largest(np.array([figure.estimate for group in found.values() for figure in group]))
+            factor, unit = (1.0, "m") if quantity == "position" else speed_unit(fastest)
             drawn = []
             for order, line in enumerate(lines):
                 for place, statistic in enumerate(statistics):
@@ -363,7 +372,7 @@ def _with_its_kind(results: Results, filter: str) -> list[str]:
 def _one_of(lines: Sequence[Trend], filter: str | None) -> Trend:
     """Return the line of a filter, of the most accurate one by default; the only line where filters are its points."""
     if not lines:
-        raise ValueError("no run has been computed yet")
+        raise FigureError("no run has been computed yet")
     wanted = filter or leading_filter(lines[0].points[0].case)
     return next((line for line in lines if line.filter == wanted), lines[0])
 

@@ -1,0 +1,55 @@
+"""The commands as a group that says what a mistyped or guessed command probably means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from relnav_sim.cli.failures import Exit
+from relnav_sim.cli.output import command, say
+
+# What other programs call it.
+_ELSEWHERE = {
+    "simulate": "run", "start": "run", "resume": "run", "continue": "run", "plot": "figure", "draw": "figure",
+    "check": "validate", "lint": "validate", "init": "new", "create": "new", "diff": "compare", "info": "inspect",
+    "ls": "list", "describe": "show", "csv": "export", "help": "--help", "version": "--version",
+}  # fmt: skip
+
+
+class Commands(TyperGroup):
+    """The commands of relnav."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command; for one that is not there say which was probably meant, and end."""
+        word = args[0] if args else ""
+        if word and not word.startswith("-") and self.get_command(ctx, word) is None:
+            meant = _meant(word, self.list_commands(ctx))
+            hint = f"did you mean {meant}?" if meant else "relnav --help lists the commands"
+            say(f"relnav: no command is named {word!r}; {hint}", err=True)
+            raise typer.Exit(Exit.BAD_INPUT)
+        return super().resolve_command(ctx, args)
+
+
+def _meant(word: str, commands: list[str]) -> str:
+    """Return the whole command that a word stands for, or nothing."""
+    from relnav_sim.cli.listing import LISTS
+    from relnav_sim.near_names import nearest
+
+    plain = word.casefold()
+    if plain in _ELSEWHERE:
+        return f"relnav {_ELSEWHERE[plain]}"
+    if plain in LISTS or f"{plain}s" in LISTS:
+        return f"relnav list {plain if plain in LISTS else f'{plain}s'}"
+    path = Path(word)
+    if path.suffix in (".yaml", ".yml", ".h5") and path.exists():
+        return command("relnav", "report" if path.suffix == ".h5" else "run", word)
+    near = nearest(word, [*commands, *LISTS])
+    if near is not None:
+        return f"relnav {near}" if near in commands else f"relnav list {near}"
+    from relnav_sim.cli.show import kinds_of
+
+    kinds = kinds_of(plain)
+    return f"relnav show {kinds[0]} {plain}" if kinds else ""
