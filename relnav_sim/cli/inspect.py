@@ -48,6 +48,7 @@ def inspect(
 
 
 def _show(results: Results) -> None:
+    from relnav_sim.results.seal import NO_SEAL
     from relnav_sim.results.stopping import stopping_in_words
 
     provenance = results.provenance
@@ -65,6 +66,7 @@ def _show(results: Results) -> None:
         ("ended", provenance.finished),
         ("command", provenance.command_line),
         ("source", source or "not known"),
+        ("checksum", "agrees with every byte" if results.sealed else NO_SEAL),
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]

@@ -75,13 +75,16 @@ class Results:
         filters: Names of all filters, in order.
         constants: Constants of the models by name.
         provenance: Versions, source revision, machine, times, command.
+        sealed: Whether the file has a checksum over all its bytes, which then agrees; files of relnav before 0.1.1
+            have none.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = store.open_checked(path, layout.FORMAT)
+        self._file = store.open_checked(path, layout.FORMAT, whole=True)
         try:
             header, self.provenance = read_header(self._file)
+            self.sealed = store.is_sealed(self._file)
         except ResultsError:
             self._file.close()
             raise

@@ -7,17 +7,18 @@ the file holds is refused before memory is asked for.
 
 from __future__ import annotations
 
+import fcntl
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout
-from relnav_sim.results.block import Array, ResultsError
+from relnav_sim.results import layout, seal
+from relnav_sim.results.block import Array, ResultsError, UnavailableError
 from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.patient_file import PatientFile
 
@@ -75,26 +76,73 @@ def create_file(path: Path) -> Iterator[h5py.File]:
         patient.raise_error()
 
 
-def open_checked(path: Path, expected: str) -> h5py.File:
+def open_checked(path: Path, expected: str, whole: bool = False) -> h5py.File:
     """Open a file for reading and check that it is what it should be.
+
+    Args:
+        path: The file.
+        expected: The format that it should have.
+        whole: Compare all its bytes with the seal at its end, if it has one.
 
     Raises:
         ResultsError: It is missing, no HDF5 file, damaged, of another format or of a newer version.
+        UnavailableError: It is in use by another program, or may not be read.
     """
-    if path.is_dir():
-        raise ResultsError(f"{path} is a directory; give a file in it")
-    if not path.is_file():
-        raise ResultsError(f"{path}: no such file")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise ResultsError(f"{path}: no HDF5 file, or a damaged one ({error})") from None
+    with _open_locked(path) as raw:
+        try:
+            sealed = whole and seal.verify(raw, path)
+            file = h5py.File(path, "r")
+        except OSError as error:
+            if isinstance(error, BlockingIOError):
+                raise _in_use(path) from None
+            raise ResultsError(f"{path}: no HDF5 file, or a damaged one ({error})") from None
     try:
         _check_format(file, path, expected)
+        if whole and not sealed and is_sealed(file):
+            raise seal.damaged(path)
     except ResultsError:
         file.close()
         raise
     return file
+
+
+def is_sealed(file: h5py.File) -> bool:
+    """Return whether a file says that it has a seal; earlier versions wrote none."""
+    try:
+        return seal.ATTRIBUTE in file.attrs
+    except _UNREADABLE as error:
+        raise ResultsError(f"{file.filename}: its attributes can't be read ({error})") from None
+
+
+def _open_locked(path: Path) -> BinaryIO:
+    """Open a file that no other program writes to."""
+    try:
+        if path.is_dir():
+            raise ResultsError(f"{path} is a directory; give a file in it")
+        if not path.exists():
+            raise ResultsError(f"{path}: no such file")
+        if not path.is_file():
+            raise ResultsError(f"{path} is no regular file")
+        raw = open(path, "rb")  # noqa: SIM115
+    except OSError as error:
+        raise UnavailableError(f"{path} can't be opened: {error.strerror or error}") from None
+    try:
+        if not raw.read(1):
+            raise ResultsError(f"{path} is empty")
+        fcntl.flock(raw, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raw.close()
+        raise _in_use(path) from None
+    except ResultsError:
+        raw.close()
+        raise
+    except OSError:
+        pass  # Some file systems can't lock.
+    return raw
+
+
+def _in_use(path: Path) -> UnavailableError:
+    return UnavailableError(f"{path} is in use: another program has it open to write; close it there and try again")
 
 
 def text(group: h5py.Group | h5py.File, name: str) -> str:

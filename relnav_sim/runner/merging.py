@@ -61,7 +61,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
         history = provenance_of(past_sessions(path))
         found = [piece for piece in found if piece.info.case_id in known and piece.info.seed == header.seed]
         return header, found, sound_bounds(path), history
-    with store.open_checked(path, layout.FORMAT) as file:
+    with store.open_checked(path, layout.FORMAT, whole=True) as file:
         header, provenance = read_header(file)
     if header.only is not None:
         raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")
