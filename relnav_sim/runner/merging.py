@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from relnav_sim.results import layout, store
+from relnav_sim.results.atomic import remove_temporaries, target
 from relnav_sim.results.block import RefusedError, ResultHeader
 from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.changes import changed_keys, in_words
@@ -35,6 +36,7 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
     out = Path(out)
     if out.exists() or shard_folder(out).exists():
         raise RefusedError(f"{out} exists; give the merged result another name")
+    remove_temporaries(target(out).parent, target(out).name)
     headers: list[ResultHeader] = []
     pieces: list[Piece] = []
     bounds: list[BoundResult] = []
