@@ -10,6 +10,7 @@ import typer
 
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.output import new_file
+from relnav_sim.cli.source import readable
 
 
 class Format(StrEnum):
@@ -39,10 +40,10 @@ def export(
     from relnav_sim.results.export import export_series, export_summary
 
     path = out if out is not None else result.with_name(f"{result.stem}_{part.value}.{to.value}")
-    if path.exists() and path.samefile(result):
+    if path.exists() and result.exists() and path.samefile(result):
         raise UserError(f"{path} is the result itself; give another --out")
     new_file(path, overwrite)
     write = export_series if part is Part.SERIES else export_summary
-    with open_results(result) as results:
+    with readable(result) as file, open_results(file) as results:
         write(results, path)
     typer.echo(f"wrote {path}")

@@ -93,7 +93,8 @@ def _show(results: Results) -> None:
 def _runs_in_words(results: Results) -> str:
     if len(results.planned) == 1 and results.planned[0] > 0:
         return f"run {results.planned[0]} only"
-    missing = {run for runs in results.missing().values() for run in runs}
+    apart = {id(runs): runs for runs in results.missing().values()}
+    missing = {run for runs in apart.values() for run in runs}
     to_do = f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
     return f"{len(results.runs)} of {results.planned_runs}{to_do}"
 

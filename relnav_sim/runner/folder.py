@@ -16,6 +16,7 @@ from relnav_sim.results.atomic import remove_temporaries, target, written_whole
 from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.read import open_results
+from relnav_sim.results.sound import odd_header
 
 HEADER = "campaign.json"
 START_OVER = "give another --out, or --fresh to move it aside and start over"
@@ -147,8 +148,11 @@ def read_folder_header(folder: Path) -> ResultHeader:
     try:
         stored = json.loads(file.read_text(encoding="utf-8"))
         cases = tuple(CaseHeader(**{**case, "filters": tuple(case["filters"])}) for case in stored.pop("cases"))
-        return ResultHeader(**stored, cases=cases)
+        header = ResultHeader(**stored, cases=cases)
+        if odd := odd_header(header):
+            raise ValueError(odd)
+        return header
     except FileNotFoundError:
         raise ResultsError(f"{folder} is no folder of shards: it has no {HEADER}") from None
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
         raise ResultsError(f"{file} is damaged; the same relnav run writes it again and keeps the shards") from None

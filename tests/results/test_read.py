@@ -142,8 +142,8 @@ def test_hostile_datasets_are_refused(tmp_path: Path, old_result: Path) -> None:
         group["nees"] = h5py.SoftLink("/case_000/alpha_0.5/nees")
 
     makers = (
-        (link, "missing"),
-        (soft, "missing"),
+        (link, "is a link"),
+        (soft, "is a link"),
         (lambda g: g.create_virtual_dataset("nees", virtual), "other files"),
         (
             lambda g: g.create_dataset("nees", (5, 7), "<f4", external=[(str(tmp_path / "secret"), 0, 140)]),

@@ -6,13 +6,13 @@ import fcntl
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 import xarray
 from typer.testing import CliRunner
+from whole_result import everything
 
 from relnav_sim.cli.app import app
 from relnav_sim.results import seal
@@ -21,22 +21,6 @@ from relnav_sim.results.read import open_results
 from relnav_sim.runner.merging import merge_results
 
 FLIPS, CUTS = 120, 40
-
-
-def everything(path: Path) -> list[Any]:
-    """Return all that a results file says, fit to be compared."""
-    with open_results(path) as results:
-        found: list[Any] = [results.header, results.provenance, results.failures(), results.missing()]
-        columns = results.summary()
-        found += [
-            (name, column.tolist() if column.dtype == object else column.tobytes()) for name, column in columns.items()
-        ]
-        for case, header in enumerate(results.headers):
-            found += [results.truth(case).tobytes(), results.time_s(case).tobytes(), repr(results.bound(case))]
-            for name in header.filters:
-                found += [getattr(results, of)(case, name).tobytes() for of in ("error", "sigma", "nis", "nees")]
-                found += [repr(results.extra(case, name)), repr(results.bound(case, name))]
-        return found
 
 
 def test_flipped_bytes_and_cuts_are_detected_anywhere(result: Path, tmp_path: Path) -> None:
