@@ -56,10 +56,14 @@ def in_one_spelling(cases: Sequence[ValidatedPoint]) -> list[ValidatedPoint]:
 
     The default depends on the sensors, so that unlike others it can't be filled in before they are known.
     """
+    having: dict[str, list[ValidatedPoint]] = {}
+    for case in cases:
+        for name in case.parts.filters:
+            having.setdefault(name, []).append(case)
     spelt_out = {
         name
-        for name in cases[0].parts.filters
-        if all(_says_the_default(case.parts.filters[name], case.parts.sensors) for case in cases)
+        for name, own in having.items()
+        if all(_says_the_default(case.parts.filters[name], case.parts.sensors) for case in own)
     }
     return [replace(case, parts=replace(case.parts, filters=_without_thrust(case, spelt_out))) for case in cases]
 

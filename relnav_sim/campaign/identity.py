@@ -21,15 +21,15 @@ def campaign_hash(content: Mapping[str, Any]) -> str:
 def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
     """Return the id of a case, 12 hexadecimal digits.
 
-    A case is what is simulated and scored; a filter belongs to it only by the values that the grid gives it, so
-    filters can be added to a result.
+    A case is what is simulated and scored; a filter belongs to it only by the values that the grid gives it, single
+    ones or all filters at once, so filters can be added to a result.
 
     Args:
         content: The case's sections as plain data.
         variables: The values of the varied paths.
     """
     own = {key: value for key, value in content.items() if key != "filters"}
-    own["filters"] = {path: value for path, value in variables.items() if path.startswith("filters.")}
+    own["filters"] = {path: value for path, value in variables.items() if path.split(".")[0] == "filters"}
     return _digest(own)[:12]
 
 

@@ -129,9 +129,10 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     cases = [_case(settings.name, case) for case in valid]
     if repeated := _same_cases(cases):
         raise _error(repeated, source)
-    if settings.stop is not None and settings.stop.filter not in (None, *(names := cases[0].config.filters)):
+    names = list(dict.fromkeys(name for case in cases for name in case.config.filters))
+    if settings.stop is not None and settings.stop.filter not in (None, *names):
         raise _error([Problem(("stop", "filter"), no_such("filter", settings.stop.filter or "", names))], source)
-    if unmeant := [*_unknown_filters(settings, cases[0].config.filters), *_too_late(settings, cases)]:
+    if unmeant := [*_unknown_filters(settings, names), *_too_late(settings, cases)]:
         raise _error(unmeant, source)
     content = _content(settings, valid, cases)
     return Campaign(
@@ -172,13 +173,15 @@ def _case(name: str, valid: ValidatedPoint) -> Case:
 
 
 def _same_cases(cases: Sequence[Case]) -> list[Problem]:
-    """Return the cases that differ in spelling only."""
-    labels: dict[str, str] = {}
+    """Return the cases that differ in spelling only, or not at all."""
+    seen: dict[str, int] = {}
     problems = []
-    for case in cases:
-        first = labels.setdefault(case.id, case.label)
-        if first != case.label:
-            problems.append(Problem((), f"the cases {first} and {case.label} mean the same; keep one"))
+    for index, case in enumerate(cases):
+        first = seen.setdefault(case.id, index)
+        if first != index:
+            labels = dict.fromkeys((cases[first].label, case.label))
+            which = " and ".join(labels) if len(labels) > 1 else f"{first + 1} and {index + 1}, both {case.label},"
+            problems.append(Problem((), f"the cases {which} mean the same; keep one"))
     return problems
 
 

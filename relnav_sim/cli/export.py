@@ -11,6 +11,7 @@ import typer
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.files import RESULTS, existing, target_file
 from relnav_sim.cli.output import new_file, say
+from relnav_sim.cli.source import readable
 
 
 class Format(StrEnum):
@@ -51,10 +52,10 @@ def export(
     existing(result, RESULTS)
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
-    if path.exists() and path.samefile(result):
+    if path.exists() and result.exists() and path.samefile(result):
         raise UserError(f"{path} is the result itself; give another --out")
     new_file(path, overwrite)
     write = export_series if part is Part.SERIES else export_summary
-    with open_results(result) as results:
+    with readable(result) as file, open_results(file) as results:
         write(results, path)
     say(f"wrote {path}")

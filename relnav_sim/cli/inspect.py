@@ -48,6 +48,7 @@ def inspect(
 
 
 def _show(results: Results) -> None:
+    from relnav_sim.results.seal import NO_SEAL
     from relnav_sim.results.stopping import stopping_in_words
 
     provenance = results.provenance
@@ -65,6 +66,7 @@ def _show(results: Results) -> None:
         ("ended", provenance.finished),
         ("command", provenance.command_line),
         ("source", source or "not known"),
+        ("checksum", "agrees with every byte" if results.sealed else NO_SEAL),
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]
@@ -91,7 +93,8 @@ def _show(results: Results) -> None:
 def _runs_in_words(results: Results) -> str:
     if len(results.planned) == 1 and results.planned[0] > 0:
         return f"run {results.planned[0]} only"
-    missing = {run for runs in results.missing().values() for run in runs}
+    apart = {id(runs): runs for runs in results.missing().values()}
+    missing = {run for runs in apart.values() for run in runs}
     to_do = f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
     return f"{len(results.runs)} of {results.planned_runs}{to_do}"
 

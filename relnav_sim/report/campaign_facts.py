@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.report.wording import counted, figure
+from relnav_sim.results.seal import NO_SEAL
+from relnav_sim.results.settings import case_setting
 from relnav_sim.results.stopping import stopping_in_words
 
 if TYPE_CHECKING:
@@ -71,6 +73,7 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "result file": results.path.name,
         "computed": f"{shown_time(origin.started)} to {shown_time(origin.finished)}, {figure(origin.wall_time_s)} s",
         "source": f"{origin.git_commit}{state}" if origin.git_commit else "installed package",
+        "checksum": "" if results.sealed else NO_SEAL,
         "versions": ", ".join(f"{name} {version}" for name, version in origin.versions.items()),
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
     }
@@ -78,11 +81,11 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
 
 
 def filters_table(results: Results) -> Table:
-    """Return what each filter was told to be; varied values stand as in the first case."""
-    entries = results.campaign_content.get("filters", {})
+    """Return what each filter was told to be; varied values stand as in the first case that has the filter."""
     rows = []
     for name in results.filters:
-        entry = entries.get(name, {}) if isinstance(entries, Mapping) else {}
+        first = next(i for i, header in enumerate(results.headers) if name in header.filters)
+        entry = case_setting(results, first, f"filters.{name}", {})
         settings = ", ".join(f"{path} = {value}" for path, value in flattened(entry) if path != "kind")
         rows.append(Row(name, (Words(str(entry.get("kind", ""))), Words(settings))))
     return Table(

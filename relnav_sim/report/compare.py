@@ -21,6 +21,7 @@ from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
+from relnav_sim.results.seal import NO_SEAL
 from relnav_sim.statistics.intervals import Comparison, Interval, mean_interval, paired_differences
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def compare(first: Side, second: Side) -> Compared:
     """Return the differences between two sides, first minus second, each verdict adjusted for all of them."""
     a, b = first.results, second.results
     notes = different_code(a.provenance, b.provenance) if a.path.resolve() != b.path.resolve() else []
+    notes += [f"{side.name}: {NO_SEAL}" for side in (first, second) if not side.results.sealed]
     if first.filter == second.filter and same_numbers(a, b):
         notes.append("both sides are identical: the same runs and numbers, bit for bit")
     if a.seed != b.seed:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import glob
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _ERRNO = re.compile(r"errno = (\d+)")
@@ -16,16 +19,20 @@ def written_whole(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to; it takes the place of ``path`` when the block ends without an error.
 
     The file and then its directory are synced, so that after a loss of power the old file or the new one is
-    there, never half of one. On an error the temporary file is removed and ``path`` is as it was.
+    there, never half of one. On an error the temporary file is removed and ``path`` is as it was. Where ``path`` is a
+    symbolic link, the file that it points to is written, and need not exist.
 
     Raises:
-        OSError: The directory can't be written, or the disk is full.
+        OSError: The directory can't be written, the disk is full, or the link points to itself.
     """
+    path = target(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        yield temporary
-        with open(temporary, "rb") as file:
-            os.fsync(file.fileno())
+        with open(temporary, "ab") as mine:
+            with suppress(OSError):  # some file systems can't lock
+                fcntl.flock(mine, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield temporary
+            os.fsync(mine.fileno())
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:
         temporary.unlink(missing_ok=True)
@@ -36,15 +43,31 @@ def written_whole(path: Path) -> Iterator[Path]:
     sync_directory(path.parent)
 
 
-def remove_temporaries(folder: Path, name: str = "*") -> None:
-    """Remove what writers that were killed have left in a folder; none may be at work there.
+def target(path: Path) -> Path:
+    """Return the file that a symbolic link points to, which need not exist; any other path as it is.
+
+    Raises:
+        OSError: The link points to itself.
+    """
+    if not path.is_symlink():
+        return path
+    goal = Path(os.path.realpath(path))
+    if goal.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
+    return goal
+
+
+def remove_temporaries(folder: Path, name: str | None = None) -> None:
+    """Remove what writers that were killed have left in a folder; those at work hold a lock.
 
     Args:
         folder: The folder.
         name: Name of the file that was being written; default: any.
     """
-    for temporary in folder.glob(f".{name}.*.tmp"):
-        temporary.unlink(missing_ok=True)
+    for temporary in folder.glob(f".{'*' if name is None else glob.escape(name)}.*.tmp"):
+        with suppress(OSError), open(temporary, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            temporary.unlink()
 
 
 def sync_directory(directory: Path) -> None:

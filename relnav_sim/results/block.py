@@ -18,6 +18,10 @@ class ResultsError(Exception):
     """A results file or shard that can't be used; the message says why and what to do."""
 
 
+class UnavailableError(OSError):
+    """A file that can't be read now, which says nothing of what it holds: in use, or not permitted."""
+
+
 class RefusedError(ResultsError):
     """Files that are sound but don't fit what is asked of them; the message says how to mend the request."""
 

@@ -97,7 +97,7 @@ def read_bound(path: Path) -> BoundResult:
                 reason=str(header["reason"]),
                 retry=bool(header.get("retry", False)),  # files of earlier versions do not say
             )
-        except (AttributeError, KeyError, TypeError, ValueError):
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
             raise ResultsError(f"{path}: the header is damaged") from None
         if store.text(file, "checksum") != checksum(header, arrays):
             raise ResultsError(f"{path}: checksum does not match; the file is damaged")

@@ -58,6 +58,8 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
     yield "bound", results.bound(case, filter)
     if filter is None:
         yield "truth", results.truth(case)
+        yield "trajectory", results.truth_runs(case).astype(float)
+        yield "time", results.time_s(case)
         return
     yield "runs", results.case_runs(case, filter).astype(float)
     for spec in layout.SUMMARY:

@@ -9,10 +9,8 @@ import h5py
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
-from relnav_sim.results.provenance import Provenance, Session
-
-_MAPPINGS = ("clock", "truth", "sensors", "start", "statistics", "filters", "grid", "zip", "requirements")
-"""Keys of a campaign's content that hold keys of their own."""
+from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
+from relnav_sim.results.sound import odd_header
 
 
 def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) -> None:
@@ -54,44 +52,59 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         ResultsError: Something is missing or damaged.
     """
     groups = [store.subgroup(file, name) for name in sorted(store.names(file)) if name.startswith("case_")]
-    cases = tuple(_read_case(group) for group in sorted(groups, key=_number))
+    ordered = sorted(groups, key=_number)
+    cases = tuple(_read_case(group) for group in ordered)
     try:
         seed = int(store.text(file, "seed"))
     except ValueError:
         raise ResultsError(f"{file.filename}: the seed is no whole number") from None
-    content = store.json_value(file, "campaign_content", dict)
-    if odd := [key for key in _MAPPINGS if not isinstance(content.get(key, {}), dict)]:
-        raise ResultsError(f"{file.filename}: {odd[0]!r} of its campaign_content is damaged")
     header = ResultHeader(
         campaign_name=store.text(file, "campaign_name"),
         text=store.text(file, "campaign_text"),
-        content=content,
+        content=store.json_value(file, "campaign_content", dict),
         hash=store.text(file, "campaign_hash"),
         seed=seed,
-        runs=int(store.number(file, "runs")),
+        runs=store.whole_number(file, "runs"),
         cases=cases,
         constants=store.attributes(store.subgroup(file, "constants")),
-        only=int(store.number(file, "only_run")) if "only_run" in file.attrs else None,
+        only=store.whole_number(file, "only_run") if "only_run" in file.attrs else None,
         stopping=store.json_value(file, "stopping", dict) if "stopping" in file.attrs else {},
     )
+    if odd := odd_header(header):
+        raise ResultsError(f"{file.filename}: {odd}; the file is damaged")
+    if [group.name for group in ordered] != [f"/{layout.case_group(index)}" for index in range(len(ordered))]:
+        raise ResultsError(f"{file.filename}: some of its cases are missing")
     provenance = Provenance(
-        versions=store.json_value(file, "versions", dict),
+        versions=_texts(file, "versions"),
         git_commit=store.text(file, "git_commit"),
-        git_dirty=int(store.number(file, "git_dirty")),
-        machine=store.json_value(file, "machine", dict),
+        git_dirty=store.whole_number(file, "git_dirty"),
+        machine=_texts(file, "machine"),
         command_line=store.text(file, "command_line"),
-        started=store.text(file, "started"),
-        finished=store.text(file, "finished"),
+        started=_moment(file, "started"),
+        finished=_moment(file, "finished"),
         wall_time_s=store.number(file, "wall_time_s"),
         sessions=_read_sessions(file),
     )
     return header, provenance
 
 
+def _texts(file: h5py.File, name: str) -> dict[str, str]:
+    return {str(key): str(value) for key, value in store.json_value(file, name, dict).items()}
+
+
+def _moment(file: h5py.File, name: str) -> str:
+    text = store.text(file, name)
+    try:
+        checked_moment(text)
+    except ValueError:
+        raise ResultsError(f"{file.filename}: attribute {name!r} is no moment") from None
+    return text
+
+
 def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
     try:
-        return tuple(Session(**stored) for stored in store.json_value(file, "sessions", list))
-    except TypeError:
+        return tuple(stored_session(stored) for stored in store.json_value(file, "sessions", list))
+    except ValueError:
         raise ResultsError(f"{file.filename}: its list of sessions is damaged") from None
 
 

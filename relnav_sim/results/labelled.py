@@ -32,7 +32,7 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
     for name in [name for name in store.names(file) if name.startswith("case_")]:
         case = store.subgroup(file, name)
         nodes[name] = _dataset(path, case, (layout.TRUTH, *_bound(case)) if "failures" in store.names(case) else ())
-        for child in [child for child in store.names(case) if case.get(child, getclass=True) is h5py.Group]:
+        for child in [child for child in store.names(case) if store.is_group(case, child)]:
             group = store.subgroup(case, child)
             columns = columns_of(group)
             units = (layout.EXTRA_UNIT,) if columns.extra else ()

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, seal, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.bound import BoundResult, bounds_of, write_case_bound
@@ -61,13 +61,16 @@ def merge_pieces(
     limits = bounds_of(header, bounds)
     if complete and (missing := missing_runs(by_case, header)):
         raise RefusedError("runs are missing: " + "; ".join(missing))
-    with written_whole(out) as temporary, store.create_file(temporary) as file:
-        write_header(file, header, provenance)
-        for index, case in enumerate(header.cases):
-            if by_case[case.id]:
-                group = file[layout.case_group(index)]
-                _CaseWriter(group, case, by_case[case.id], header.runs).write()
-                write_case_bound(group, case, limits[case.id])
+    with written_whole(out) as temporary:
+        with store.create_file(temporary) as file:
+            write_header(file, header, provenance)
+            file.attrs[seal.ATTRIBUTE] = seal.NOTICE
+            for index, case in enumerate(header.cases):
+                if by_case[case.id]:
+                    group = file[layout.case_group(index)]
+                    _CaseWriter(group, case, by_case[case.id], header.runs).write()
+                    write_case_bound(group, case, limits[case.id])
+        seal.seal(temporary)
 
 
 def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -> list[str]:

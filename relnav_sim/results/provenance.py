@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import importlib.metadata
+import math
 import os
 import platform
 import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 _PACKAGES = ("numpy", "scipy", "h5py", "joblib", "pydantic", "PyYAML", "scikit-learn", "threadpoolctl")
 
@@ -33,6 +35,47 @@ class Session:
     finished: str
     wall_time_s: float
     relnav: str
+
+
+def stored_session(stored: Any) -> Session:
+    """Return a session from plain data.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if not isinstance(stored, dict) or stored.keys() != {field.name for field in fields(Session)}:
+        raise ValueError("no session")
+    session = Session(**stored)
+    if not all(isinstance(text, str) for text in (session.command_line, session.finished, session.relnav)):
+        raise ValueError("no session")
+    checked_moment(session.started)
+    if session.finished:
+        checked_moment(session.finished)
+    checked_duration(session.wall_time_s)
+    return session
+
+
+def checked_moment(text: Any) -> datetime:
+    """Return a moment with its time zone from ISO 8601.
+
+    Raises:
+        ValueError: It is none.
+    """
+    moment = datetime.fromisoformat(text) if isinstance(text, str) else None
+    if moment is None or moment.tzinfo is None:
+        raise ValueError(f"{text!r} is no moment")
+    return moment
+
+
+def checked_duration(seconds: Any) -> float:
+    """Return a number of seconds.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0 <= seconds < math.inf:
+        raise ValueError(f"{seconds!r} is no duration")
+    return float(seconds)
 
 
 @dataclass(frozen=True)

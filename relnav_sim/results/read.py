@@ -75,13 +75,16 @@ class Results:
         filters: Names of all filters, in order.
         constants: Constants of the models by name.
         provenance: Versions, source revision, machine, times, command.
+        sealed: Whether the file has a checksum over all its bytes, which then agrees; files of relnav before 0.1.1
+            have none.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file = store.open_checked(path, layout.FORMAT)
+        self._file = store.open_checked(path, layout.FORMAT, whole=True)
         try:
             header, self.provenance = read_header(self._file)
+            self.sealed = store.is_sealed(self._file)
         except ResultsError:
             self._file.close()
             raise
@@ -138,15 +141,20 @@ class Results:
         group = self._case(index)
         if filter not in store.names(group):
             return np.empty(0, dtype=np.int64)
-        return store.read(store.subgroup(group, filter), layout.DIMENSIONS["run"])
+        runs = store.read(store.subgroup(group, filter), layout.DIMENSIONS["run"])
+        if len(runs) and runs[-1] > self.planned[-1]:
+            raise ResultsError(f"{self.path}: {group.name}/{filter} has run {runs[-1]} of {self.header.runs}")
+        return runs
 
     def missing(self) -> dict[tuple[str, str], tuple[int, ...]]:
         """Return the planned runs that the file does not hold, by case label and filter; empty when finished."""
         missing = {}
+        everything = tuple(self.planned)  # once: of a file that holds nothing it is said of every filter
         for index, case in enumerate(self.headers):
             for name in case.filters:
                 held = set(self.case_runs(index, name).tolist())
-                if absent := tuple(run for run in self.planned if run not in held):
+                absent = tuple(run for run in everything if run not in held) if held else everything
+                if absent:
                     missing[case.label, name] = absent
         return missing
 
@@ -227,11 +235,15 @@ class Results:
         """Return the true relative states of a case, RTN, (runs or 1, K, 6); 1 where all runs share them."""
         return self._shared(self.case_index(case), layout.TRUTH)
 
+    def truth_runs(self, case: int | str) -> NDArray[np.int64]:
+        """Return which run flew each of the `truth` states, ascending; a single -1 where all runs share them."""
+        return self._shared(self.case_index(case), layout.DIMENSIONS["trajectory"])
+
     def distance(self, case: int | str, filter: str) -> Array:
         """Return the true distance between the spacecraft in each run of a filter, (runs, K), m."""
         index = self._check(case, filter)
         distance = np.linalg.norm(self.truth(index)[..., :3], axis=-1)
-        runs, owners = self.case_runs(index, filter), self._shared(index, layout.DIMENSIONS["trajectory"])
+        runs, owners = self.case_runs(index, filter), self.truth_runs(index)
         if owners.tolist() == [-1]:
             return np.broadcast_to(distance, (len(runs), distance.shape[1]))
         return np.asarray(distance[np.searchsorted(owners, runs)])
@@ -264,7 +276,7 @@ class Results:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run {run}")
         row = int(rows[0])
         parts = {name: self._filter_data(index, filter, spec, row).astype(np.float64) for name, spec in _SERIES.items()}
-        owners = self._shared(index, layout.DIMENSIONS["trajectory"])
+        owners = self.truth_runs(index)
         own = np.flatnonzero((owners == run) | (owners == -1))
         if len(own) == 0:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no truth of run {run}")

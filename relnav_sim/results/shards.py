@@ -139,7 +139,7 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
     }
     try:
         failures = tuple(Failure(int(run), str(name), int(k), str(why)) for run, name, k, why in header["failures"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None
     return info, BlockResult(
         info.case_index, info.case_id, info.runs, arrays["time"], arrays["truth"], filters, failures, info.shared_truth
@@ -159,7 +159,7 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
             bool(header["shared_truth"]),
             {str(name): _columns(header["columns"][name]) for name in header["filters"]},
         )
-    except (AttributeError, KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None
 
 

@@ -7,6 +7,7 @@ the file holds is refused before memory is asked for.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,15 +17,23 @@ from typing import Any
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout
+from relnav_sim.results import layout, seal
 from relnav_sim.results.block import Array, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
+from relnav_sim.results.locked import in_use, open_locked
 from relnav_sim.results.patient_file import PatientFile
+from relnav_sim.results.sound import odd_coordinate, odd_values, too_deep
 
 # What h5py raises for damaged objects, unknown types and broken text.
 _UNREADABLE = (KeyError, OSError, RuntimeError, TypeError, ValueError)
 _TEXT = h5py.string_dtype("utf-8")
-_LARGEST_COMPRESSION = 1100  # deflate can't do better than about 1030 to 1
+_LARGEST_COMPRESSION = 16
+"""Bytes that a dataset may take in memory for each byte of its file; relnav writes without compression."""
+_ALWAYS = 1 << 20
+"""Bytes that any dataset may take."""
+_MOST_NAMES = 100_000
+_TEXT_AT_ONCE = 1 << 26
+"""Bytes that are read at once where each text may be as long as the file."""
 
 
 def create(group: h5py.Group, spec: Dataset, shape: tuple[int, ...]) -> h5py.Dataset:
@@ -75,26 +84,42 @@ def create_file(path: Path) -> Iterator[h5py.File]:
         patient.raise_error()
 
 
-def open_checked(path: Path, expected: str) -> h5py.File:
+def open_checked(path: Path, expected: str, whole: bool = False) -> h5py.File:
     """Open a file for reading and check that it is what it should be.
+
+    Args:
+        path: The file.
+        expected: The format that it should have.
+        whole: Compare all its bytes with the seal at its end, if it has one.
 
     Raises:
         ResultsError: It is missing, no HDF5 file, damaged, of another format or of a newer version.
+        UnavailableError: It is in use by another program, or may not be read.
     """
-    if path.is_dir():
-        raise ResultsError(f"{path} is a directory; give a file in it")
-    if not path.is_file():
-        raise ResultsError(f"{path}: no such file")
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise ResultsError(f"{path}: no HDF5 file, or a damaged one ({error})") from None
+    with open_locked(path) as raw:
+        try:
+            sealed = whole and seal.verify(raw, path)
+            file = h5py.File(path, "r")
+        except OSError as error:
+            if isinstance(error, BlockingIOError):
+                raise in_use(path) from None
+            raise ResultsError(f"{path}: no HDF5 file, or a damaged one ({error})") from None
     try:
         _check_format(file, path, expected)
+        if whole and not sealed and is_sealed(file):
+            raise seal.damaged(path)
     except ResultsError:
         file.close()
         raise
     return file
+
+
+def is_sealed(file: h5py.File) -> bool:
+    """Return whether a file says that it has a seal; earlier versions wrote none."""
+    try:
+        return seal.ATTRIBUTE in file.attrs
+    except _UNREADABLE as error:
+        raise ResultsError(f"{file.filename}: its attributes can't be read ({error})") from None
 
 
 def text(group: h5py.Group | h5py.File, name: str) -> str:
@@ -103,10 +128,7 @@ def text(group: h5py.Group | h5py.File, name: str) -> str:
     Raises:
         ResultsError: It is missing or no text.
     """
-    try:
-        value = group.attrs[name]
-    except _UNREADABLE:
-        value = None
+    value = _attribute(group, name)
     if not isinstance(value, str):
         raise ResultsError(f"{group.file.filename}: {group.name} has no text attribute {name!r}")
     return value
@@ -116,15 +138,36 @@ def number(group: h5py.Group | h5py.File, name: str) -> float:
     """Return a numeric attribute.
 
     Raises:
-        ResultsError: It is missing or no single number.
+        ResultsError: It is missing or no single finite number.
     """
-    try:
-        value = np.asarray(group.attrs[name])
-    except _UNREADABLE:
-        value = np.empty(0)
-    if value.shape != () or value.dtype.kind not in "iuf":
+    value = np.asarray(_attribute(group, name))
+    if value.dtype.kind not in "iuf" or not np.isfinite(value):
         raise ResultsError(f"{group.file.filename}: {group.name} has no number {name!r}")
     return float(value)
+
+
+def whole_number(group: h5py.Group | h5py.File, name: str) -> int:
+    """Return an attribute that is a whole number.
+
+    Raises:
+        ResultsError: It is missing or none.
+    """
+    value = number(group, name)
+    if not value.is_integer():
+        raise ResultsError(f"{group.file.filename}: {name!r} of {group.name} is {value:g}, no whole number")
+    return int(value)
+
+
+def _attribute(group: h5py.Group | h5py.File, name: str) -> Any:
+    """Return an attribute that is one text or one number; None for any other and where there is none."""
+    try:
+        attribute = group.attrs.get_id(name)
+        single = attribute.shape == () and attribute.get_space().get_simple_extent_type() == h5py.h5s.SCALAR
+        plain = attribute.dtype.kind in "iuf" or h5py.check_string_dtype(attribute.dtype) is not None
+        value = group.attrs[name] if single and plain else None
+    except _UNREADABLE:
+        return None
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def json_value(group: h5py.Group | h5py.File, name: str, kind: type) -> Any:
@@ -137,7 +180,7 @@ def json_value(group: h5py.Group | h5py.File, name: str, kind: type) -> Any:
         value = json.loads(text(group, name))
     except (ValueError, RecursionError):
         value = None
-    if not isinstance(value, kind):
+    if not isinstance(value, kind) or too_deep(value):
         raise ResultsError(f"{group.file.filename}: attribute {name!r} of {group.name} is damaged")
     return value
 
@@ -149,6 +192,8 @@ def names(group: h5py.Group | h5py.File) -> tuple[str, ...]:
         ResultsError: They can't be read.
     """
     try:
+        if len(group) > _MOST_NAMES:
+            raise ResultsError(f"{group.file.filename}: {group.name} holds {len(group)} objects; this is refused")
         return tuple(str(name) for name in group)
     except _UNREADABLE as error:
         raise ResultsError(f"{group.file.filename}: {group.name} can't be read ({error})") from None
@@ -158,12 +203,15 @@ def attributes(group: h5py.Group | h5py.File) -> dict[str, Any]:
     """Return all attributes of a group.
 
     Raises:
-        ResultsError: They can't be read.
+        ResultsError: They can't be read, or one is no single text or number.
     """
     try:
-        return dict(group.attrs)
+        found = {str(name): _attribute(group, name) for name in itertools.islice(group.attrs, _MOST_NAMES)}
     except _UNREADABLE as error:
         raise ResultsError(f"{group.file.filename}: attributes of {group.name} can't be read ({error})") from None
+    if odd := [name for name, value in found.items() if value is None]:
+        raise ResultsError(f"{group.file.filename}: attribute {odd[0]!r} of {group.name} is damaged")
+    return found
 
 
 def subgroup(group: h5py.Group | h5py.File, name: str) -> h5py.Group:
@@ -172,10 +220,18 @@ def subgroup(group: h5py.Group | h5py.File, name: str) -> h5py.Group:
     Raises:
         ResultsError: There is none.
     """
-    found = _own_object(group, name)
-    if not isinstance(found, h5py.Group):
+    if not is_group(group, name):
         raise ResultsError(f"{group.file.filename}: group {name!r} is missing in {group.name}")
-    return found
+    return group[name]
+
+
+def is_group(group: h5py.Group | h5py.File, name: str) -> bool:
+    """Return whether there is a group of this name.
+
+    Raises:
+        ResultsError: The name is a link.
+    """
+    return isinstance(_own_object(group, name), h5py.Group)
 
 
 def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
@@ -198,22 +254,44 @@ def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
         raise ResultsError(f"{where} has type {dtype} and shape {shape}; the layout differs")
     if dataset.external or dataset.is_virtual:
         raise ResultsError(f"{where} takes its data from other files; this is refused")
-    if dataset.size * dataset.dtype.itemsize > _LARGEST_COMPRESSION * dataset.id.get_storage_size():
+    claimed, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
+    if claimed > stored and (stored == 0 or dataset.chunks is None or claimed > _most_bytes(dataset)):
         raise ResultsError(f"{where} claims more data than the file holds")
     return dataset
+
+
+def _most_bytes(dataset: h5py.Dataset) -> int:
+    """Return how many bytes a dataset may take in memory."""
+    return _ALWAYS + _LARGEST_COMPRESSION * int(dataset.file.id.get_filesize())
+
+
+def _texts(dataset: h5py.Dataset) -> Array:
+    """Return a dataset of texts, a few at a time: many may stand for one long text in the file."""
+    at_once = max(1, _TEXT_AT_ONCE // int(dataset.file.id.get_filesize()))
+    found: list[str] = []
+    size = 0
+    for first in range(0, len(dataset), at_once):
+        part = dataset.asstr()[first : first + at_once]
+        size += sum(map(len, part))
+        if size > _most_bytes(dataset):
+            raise ResultsError(f"{dataset.file.filename}: {dataset.name} claims more text than the file holds")
+        found.extend(part)
+    return np.array(found, dtype=object)
 
 
 def read(group: h5py.Group, spec: Dataset | Dimension, index: Any = ...) -> Array:
     """Return a checked dataset or a part of it; text as an array of `str`.
 
     Raises:
-        ResultsError: As `checked`, or the data can't be read.
+        ResultsError: As `checked`, the data can't be read, or they can't be what they should be.
     """
     dataset = checked(group, spec)
     try:
-        if spec.dtype == "str":
-            return np.array([*dataset.asstr()[index]], dtype=object)
-        return np.asarray(dataset[index])
+        values = _texts(dataset)[index] if spec.dtype == "str" else np.asarray(dataset[index])
+        odd = odd_coordinate(spec, values) if isinstance(spec, Dimension) else odd_values(spec, values)
+        if odd:
+            raise ResultsError(f"{group.file.filename}: {dataset.name} {odd}; the file is damaged")
+        return values
     except _UNREADABLE as error:
         raise ResultsError(f"{group.file.filename}: {dataset.name} can't be read ({error})") from None
 
@@ -243,12 +321,16 @@ def _check_format(file: h5py.File, path: Path, expected: str) -> None:
 
 
 def _own_object(group: h5py.Group | h5py.File, name: str) -> Any:
+    """Return what the file itself holds under a name, and under no other; None where there is nothing."""
     try:
-        if isinstance(group.get(name, getlink=True), h5py.HardLink):
-            return group[name]
+        link = group.get(name, getlink=True)
+        found = group[name] if isinstance(link, h5py.HardLink) else None
+        single = found is None or h5py.h5o.get_info(found.id).rc == 1
     except _UNREADABLE:
-        pass
-    return None
+        return None
+    if not single or not isinstance(link, h5py.HardLink | None):
+        raise ResultsError(f"{group.file.filename}: {group.name}/{name} is a link to something else; this is refused")
+    return found
 
 
 def _stored_type(dtype: str) -> Any:

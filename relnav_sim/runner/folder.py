@@ -12,10 +12,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from relnav_sim.results.atomic import remove_temporaries, written_whole
+from relnav_sim.results.atomic import remove_temporaries, target, written_whole
 from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.read import open_results
+from relnav_sim.results.sound import odd_header
 
 HEADER = "campaign.json"
 START_OVER = "give another --out, or --fresh to move it aside and start over"
@@ -32,10 +33,11 @@ def working_folder(out: Path) -> Iterator[Path]:
     """Give the folder of shards for this process alone; leftovers of killed processes in it are removed.
 
     Raises:
-        RefusedError: Another process is at work on the same result.
+        RefusedError: Another process is at work on the same result, or what stands at its place is no file.
         OSError: The folder can't be made or written.
     """
     folder = shard_folder(out)
+    _check_place(out)
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -55,10 +57,18 @@ def working_folder(out: Path) -> Iterator[Path]:
         os.close(handle)
 
 
+def _check_place(out: Path) -> None:
+    """Refuse a place where the result could not be written in the end."""
+    if out.exists() and not out.is_file():
+        raise RefusedError(f"{out} is {'a directory' if out.is_dir() else 'no regular file'}; give --out a file's name")
+    if out.is_symlink() and not target(out).parent.is_dir():
+        raise RefusedError(f"{out} is a link to {target(out)}, in a folder that does not exist; make it, or give --out")
+
+
 def _tidy(out: Path, folder: Path) -> None:
     """Remove what processes that were stopped in the middle of a block have left; none is at work any more."""
     remove_temporaries(folder)
-    remove_temporaries(out.parent, out.name)
+    remove_temporaries(target(out).parent, target(out).name)
     for marker in folder.glob("*.busy"):
         marker.unlink(missing_ok=True)
 
@@ -109,12 +119,16 @@ def check_same_campaign(out: Path, header: ResultHeader, remedy: str = START_OVE
 
 
 def _stored_header(out: Path) -> dict[str, Any] | None:
-    file = shard_folder(out) / HEADER
-    if file.exists():
-        return dict(read_folder_header(shard_folder(out)).content)
+    folder = shard_folder(out)
+    with suppress(ResultsError):  # missing or damaged: every shard says itself what it is of
+        return dict(read_folder_header(folder).content)
     if out.exists():
-        with open_results(out) as results:
-            return results.campaign_content
+        try:
+            with open_results(out) as results:
+                return results.campaign_content
+        except ResultsError:
+            if not any(folder.glob("*.h5")):
+                raise  # whatever it is, nothing could write it again
     return None
 
 
@@ -134,8 +148,11 @@ def read_folder_header(folder: Path) -> ResultHeader:
     try:
         stored = json.loads(file.read_text(encoding="utf-8"))
         cases = tuple(CaseHeader(**{**case, "filters": tuple(case["filters"])}) for case in stored.pop("cases"))
-        return ResultHeader(**stored, cases=cases)
+        header = ResultHeader(**stored, cases=cases)
+        if odd := odd_header(header):
+            raise ValueError(odd)
+        return header
     except FileNotFoundError:
         raise ResultsError(f"{folder} is no folder of shards: it has no {HEADER}") from None
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise ResultsError(f"{file} is damaged; relnav run with --fresh moves it aside and starts over") from None
+    except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
+        raise ResultsError(f"{file} is damaged; the same relnav run writes it again and keeps the shards") from None

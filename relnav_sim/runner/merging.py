@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from relnav_sim.results import layout, store
+from relnav_sim.results.atomic import remove_temporaries, target
 from relnav_sim.results.block import RefusedError, ResultHeader
 from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.changes import changed_keys, in_words
@@ -35,6 +36,7 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
     out = Path(out)
     if out.exists() or shard_folder(out).exists():
         raise RefusedError(f"{out} exists; give the merged result another name")
+    remove_temporaries(target(out).parent, target(out).name)
     headers: list[ResultHeader] = []
     pieces: list[Piece] = []
     bounds: list[BoundResult] = []
@@ -61,7 +63,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
         history = provenance_of(past_sessions(path))
         found = [piece for piece in found if piece.info.case_id in known and piece.info.seed == header.seed]
         return header, found, sound_bounds(path), history
-    with store.open_checked(path, layout.FORMAT) as file:
+    with store.open_checked(path, layout.FORMAT, whole=True) as file:
         header, provenance = read_header(file)
     if header.only is not None:
         raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")

@@ -1,18 +1,27 @@
 """The sessions of a campaign: each command that computed a part of it, kept beside the shards.
 
-A session that is killed can't write its end; the next one fills it in with the time of the last finished block.
+A session that is killed can't write its end; the next one fills it in with the time of the last finished block. All
+this is only history: nothing in it, or none, keeps a campaign from going on.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.provenance import Provenance, Session, collect_provenance, command_line, relnav_in_words
+from relnav_sim.results.provenance import (
+    Provenance,
+    Session,
+    collect_provenance,
+    command_line,
+    relnav_in_words,
+    stored_session,
+)
 
 SESSIONS = "sessions.json"
 
@@ -25,17 +34,19 @@ def begin_session(folder: Path) -> None:
 
 def end_session(folder: Path) -> None:
     """Note that this command, the last that began, has ended."""
-    *earlier, last = _read(folder)
-    _write(folder, [*earlier, _ended(last, datetime.now(UTC))])
+    match _read(folder):
+        case [*earlier, last]:
+            _write(folder, [*earlier, _ended(last, datetime.now(UTC))])
 
 
 def past_sessions(folder: Path) -> list[Session]:
-    """Return the sessions of a folder of shards, each with an end."""
+    """Return the sessions of a folder of shards, each with an end; none is told of that lies in the future."""
     sessions = _read(folder)
-    if sessions and not sessions[-1].finished:
-        newest = max((path.stat().st_mtime for path in folder.glob("*.h5")), default=0.0)
-        sessions[-1] = _ended(sessions[-1], datetime.fromtimestamp(newest, UTC))
-    return sessions
+    newest = max((path.stat().st_mtime for path in folder.glob("*.h5")), default=0.0)
+    now = datetime.now(UTC)
+    last_block = datetime.fromtimestamp(min(newest, now.timestamp()), UTC)
+    ended = [session if session.finished else _ended(session, last_block) for session in sessions]
+    return [_before(session, now) for session in ended]
 
 
 def provenance_of(sessions: Sequence[Session]) -> Provenance:
@@ -51,6 +62,15 @@ def provenance_of(sessions: Sequence[Session]) -> Provenance:
     )
 
 
+def _before(session: Session, now: datetime) -> Session:
+    """Return a session with times that a clock which was wrong has put into the future set to now."""
+    start, end = (min(datetime.fromisoformat(time), now) for time in (session.started, session.finished))
+    if start < now > end:
+        return session
+    wall_time_s = min(session.wall_time_s, max((end - start).total_seconds(), 0.0))
+    return replace(session, started=_iso(start), finished=_iso(end), wall_time_s=wall_time_s)
+
+
 def _ended(session: Session, end: datetime) -> Session:
     start = datetime.fromisoformat(session.started)
     end = max(start, end)
@@ -63,9 +83,14 @@ def _iso(time: datetime) -> str:
 
 def _read(folder: Path) -> list[Session]:
     try:
-        return [Session(**stored) for stored in json.loads((folder / SESSIONS).read_text(encoding="utf-8"))]
-    except (OSError, TypeError, ValueError):
-        return []  # Only history: that it is missing or damaged must not keep a campaign from going on.
+        stored = json.loads((folder / SESSIONS).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return []
+    sessions = []
+    for one in stored if isinstance(stored, list) else []:
+        with suppress(ValueError):
+            sessions.append(stored_session(one))
+    return sessions
 
 
 def _write(folder: Path, sessions: Sequence[Session]) -> None:

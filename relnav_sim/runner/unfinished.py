@@ -1,41 +1,128 @@
-"""What there is of a campaign that has not come to its end: the shards so far, as a results file."""
+"""What there is of a campaign that has not come to its end: results file and shards so far, as one results file.
+
+Whether it has is told by what the files hold, not by their times, which a copy changes.
+"""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-from relnav_sim.results.block import ResultsError
-from relnav_sim.results.merge import merge_pieces
-from relnav_sim.results.pieces import Piece, shard_piece
-from relnav_sim.results.shards import read_shard
+from relnav_sim.results import layout, store
+from relnav_sim.results.block import ResultHeader, ResultsError
+from relnav_sim.results.bound import BoundResult, result_bounds
+from relnav_sim.results.changes import changed_keys
+from relnav_sim.results.header import read_header
+from relnav_sim.results.merge import merge_pieces, missing_runs
+from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
+from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
 from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.folder import read_folder_header, shard_folder
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 
+Held = set[tuple[str, str, str, int]]
+"""Case id, filter name, filter id, run."""
+
 
 def is_unfinished(out: Path) -> bool:
-    """Return whether shards have been finished that the results file does not hold yet."""
-    newest = max((shard.stat().st_mtime for shard in shard_folder(out).glob("*.h5")), default=0.0)
-    return newest > (out.stat().st_mtime if out.exists() else 0.0)
+    """Return whether the shards hold something of their campaign that the results file does not.
+
+    A results file that can't be read is not unfinished; reading it says what is wrong.
+
+    Raises:
+        UnavailableError: A file is in use by another program, or may not be read.
+    """
+    folder = shard_folder(out)
+    shards = sorted(folder.glob("*.h5"))
+    if not out.exists() or not shards:
+        return bool(shards)
+    try:
+        campaign, stored = read_folder_header(folder), _stored_header(out)
+        pieces, stored_bounds = result_pieces(out), result_bounds(out)
+    except ResultsError:
+        return False
+    if not _grown_from(campaign, stored):
+        return False
+    held = _held(piece.info for piece in pieces)
+    if _bounds(sound_bounds(folder), campaign, held) - _bounds(stored_bounds, campaign, held):
+        return True
+    if _same_end(campaign, stored) and not missing_runs(_by_case(pieces), stored):
+        return False
+    wanted = {(case.id, name, case.filter_ids[name]) for case in campaign.cases for name in case.filters}
+    return any(key[:3] in wanted and key[3] < campaign.runs for key in _held(_known_infos(shards)) - held)
+
+
+def _stored_header(out: Path) -> ResultHeader:
+    with store.open_checked(out, layout.FORMAT) as file:
+        return read_header(file)[0]
+
+
+def _grown_from(campaign: ResultHeader, stored: ResultHeader) -> bool:
+    """Return whether the shards' campaign is that of the results file, or adds runs, filters or cases to it."""
+    return stored.only is None and not changed_keys(stored.content, campaign.content)
+
+
+def _same_end(campaign: ResultHeader, stored: ResultHeader) -> bool:
+    """Return whether a results file without gaps is all that the shards' campaign asks for."""
+    stopped = stored.stopping.get("met") is True
+    return stored.content == campaign.content and (stopped or stored.runs == campaign.runs)
+
+
+def _by_case(pieces: Iterable[Piece]) -> dict[str, list[Piece]]:
+    by_case: dict[str, list[Piece]] = {}
+    for piece in pieces:
+        by_case.setdefault(piece.info.case_id, []).append(piece)
+    return by_case
+
+
+def _held(infos: Iterable[ShardInfo]) -> Held:
+    return {
+        (info.case_id, name, info.filter_ids[name], run) for info in infos for name in info.filters for run in info.runs
+    }
+
+
+def _known_infos(shards: Iterable[Path]) -> Iterator[ShardInfo]:
+    for shard in shards:
+        with suppress(ResultsError):  # a damaged one, which the campaign will compute again
+            yield read_shard_info(shard)
+
+
+def _bounds(bounds: Iterable[BoundResult], campaign: ResultHeader, held: Held) -> set[tuple[str, str]]:
+    """Return case ids and filter names of bounds that a campaign asks for, as far as runs beside them are held."""
+    beside = {(case, name) for case, name, _, _ in held} | {(case, "") for case, _, _, _ in held}
+    ids = {case.id: case.filter_ids for case in campaign.cases} if campaign.content.get("bound", True) else {}
+    found = set()
+    for bound in bounds:
+        own = ids.get(bound.case_id, {})
+        found |= {(bound.case_id, name) for name in bound.filters if own.get(name) == bound.filter_ids.get(name)}
+        if bound.case_id in ids and bound.perfect is not None:
+            found.add((bound.case_id, ""))
+    return found & beside
 
 
 @contextmanager
 def results_so_far(out: Path) -> Iterator[Path]:
-    """Give a temporary results file, named like the result, of the runs that are finished by now.
+    """Give a temporary results file, named like the result, of the runs that the result and the shards hold by now.
 
     The campaign may be running meanwhile: shards are written whole, and this only reads them.
 
     Raises:
-        ResultsError: The shards' header is damaged.
+        ResultsError: The results file or the shards' header is damaged.
+        RefusedError: The two disagree about a run.
     """
     folder = shard_folder(out)
     header = read_folder_header(folder)
     known = {case.id for case in header.cases}
     pieces = [piece for shard in sorted(folder.glob("*.h5")) for piece in _sound(shard)]
+    bounds = sound_bounds(folder)
+    if out.exists():
+        store.open_checked(out, layout.FORMAT, whole=True).close()
+        if _grown_from(header, _stored_header(out)):
+            pieces += result_pieces(out)
+            bounds += result_bounds(out)
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == header.seed]
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
@@ -43,7 +130,7 @@ def results_so_far(out: Path) -> Iterator[Path]:
         provenance = provenance_of(sessions)
         if sessions:  # the command at work here is only looking
             provenance = replace(provenance, command_line=sessions[-1].command_line)
-        merge_pieces(mine, header, provenance, path, complete=False, bounds=sound_bounds(folder))
+        merge_pieces(mine, header, provenance, path, complete=False, bounds=bounds)
         yield path
 
 

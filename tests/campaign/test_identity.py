@@ -1,3 +1,4 @@
+import json
 import pickle
 import random
 
@@ -172,3 +173,22 @@ def test_a_filter_entry_is_its_kinds_own_options(demo):
 
     for entry in parse_campaign(demo).cases[0].config.filters.values():
         assert isinstance(entry, filter_kinds()[entry.kind].options_model)
+
+
+@pytest.mark.parametrize("section", ["grid", "zip"])
+def test_cases_that_differ_in_all_their_filters_are_told_apart(demo, section):
+    """A case that is given its filters as a whole is another case for every other set of them."""
+    data = yaml.safe_load(demo)
+    data["grid"] = {}
+    del data["filters"]
+    entries = [{"ekf": {"kind": "ekf"}}, {"ekf": {"kind": "ukf"}}, {"ekf": {"kind": "ekf"}, "b": {"kind": "kf"}}]
+
+    def ids(filters):
+        return [case.id for case in parse_campaign(json.dumps({**data, section: {"filters": filters}})).cases]
+
+    found = ids(entries)
+    assert len(set(found)) == 3
+    assert ids(entries[::-1]) == found[::-1], "the id does not depend on the place in the list"
+    for one, same in ((entries[0], {"ekf": {"kind": "ekf", "gate_probability": None}}), (entries[2], dict(entries[2]))):
+        with pytest.raises(CampaignError, match="the same"):
+            ids([one, same])

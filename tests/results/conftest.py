@@ -8,10 +8,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
 
+import h5py
 import numpy as np
 import pytest
 
-from relnav_sim.results import layout
+from relnav_sim.results import layout, seal
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.results.merge import merge_pieces
@@ -158,3 +159,13 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pieces = [shard_piece(path) for path in shards]
     merge_pieces(pieces, header(), provenance(), folder / "trial.h5", bounds=[bound(0)])
     return folder / "trial.h5"
+
+
+@pytest.fixture(scope="session")
+def old_result(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same result as relnav wrote it before 0.1.1, without a checksum; what others make by hand has none either."""
+    path = tmp_path_factory.mktemp("old") / "trial.h5"
+    path.write_bytes(result.read_bytes())
+    with h5py.File(path, "r+") as file:
+        del file.attrs[seal.ATTRIBUTE]
+    return path

@@ -97,23 +97,23 @@ def test_questions_without_an_answer(result: Path) -> None:
             results.statistic(0, "ekf", "x")
 
 
-def test_files_that_are_no_results(tmp_path: Path, result: Path) -> None:
+def test_files_that_are_no_results(tmp_path: Path, old_result: Path) -> None:
     path = tmp_path / "r.h5"
     with pytest.raises(ResultsError, match="no such file"):
         open_results(path)
-    path.write_bytes(result.read_bytes()[:5000])
+    path.write_bytes(old_result.read_bytes()[:5000])
     with pytest.raises(ResultsError, match="damaged"):
         open_results(path)
     with h5py.File(path, "w") as file:
         file.attrs["format"] = 3
     with pytest.raises(ResultsError, match="not written by relnav"):
         open_results(path)
-    path.write_bytes(result.read_bytes())
+    path.write_bytes(old_result.read_bytes())
     with h5py.File(path, "r+") as file:
         file.attrs["format_version"] = layout.FORMAT_VERSION + 1
     with pytest.raises(ResultsError, match="format version is 2; this relnav reads up to 1"):
         open_results(path)
-    path.write_bytes(result.read_bytes())
+    path.write_bytes(old_result.read_bytes())
     with h5py.File(path, "r+") as file:
         file.attrs["campaign_content"] = "[" * 100_000
     with pytest.raises(ResultsError, match="campaign_content"):
@@ -128,22 +128,22 @@ def _replace(path: Path, source: Path, make) -> None:
         make(group)
 
 
-def test_hostile_datasets_are_refused(tmp_path: Path, result: Path) -> None:
+def test_hostile_datasets_are_refused(tmp_path: Path, old_result: Path) -> None:
     """Data from elsewhere, code-like types and sizes that would exhaust memory never get as far as being read."""
     path = tmp_path / "r.h5"
     (tmp_path / "secret").write_bytes(bytes(5 * 7 * 4))
     virtual = h5py.VirtualLayout((5, 7), "<f4")
-    virtual[...] = h5py.VirtualSource(str(result), "case_000/alpha_0.5/nees", (5, 7))
+    virtual[...] = h5py.VirtualSource(str(old_result), "case_000/alpha_0.5/nees", (5, 7))
 
     def link(group: h5py.Group) -> None:
-        group["nees"] = h5py.ExternalLink(str(result), "/case_000/alpha_0.5/nees")
+        group["nees"] = h5py.ExternalLink(str(old_result), "/case_000/alpha_0.5/nees")
 
     def soft(group: h5py.Group) -> None:
         group["nees"] = h5py.SoftLink("/case_000/alpha_0.5/nees")
 
     makers = (
-        (link, "missing"),
-        (soft, "missing"),
+        (link, "is a link"),
+        (soft, "is a link"),
         (lambda g: g.create_virtual_dataset("nees", virtual), "other files"),
         (
             lambda g: g.create_dataset("nees", (5, 7), "<f4", external=[(str(tmp_path / "secret"), 0, 140)]),
@@ -158,10 +158,10 @@ def test_hostile_datasets_are_refused(tmp_path: Path, result: Path) -> None:
         (lambda g: None, "missing"),
     )
     for make, words in makers:
-        _replace(path, result, make)
+        _replace(path, old_result, make)
         with open_results(path) as results, pytest.raises(ResultsError, match=words):
             results.nees(0, "ekf")
-    path.write_bytes(result.read_bytes())
+    path.write_bytes(old_result.read_bytes())
     with h5py.File(path, "r+") as file:
         group = file["case_000/ekf"]
         for name in ("run", "time", "nees"):

@@ -19,7 +19,7 @@ from relnav_sim.filters.alpha_kf import AlphaKalmanFilter
 from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.models import registry as dynamics_registry
 from relnav_sim.models.cw import CwOptions
-from relnav_sim.results import layout
+from relnav_sim.results import layout, seal
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.runner.bound_task import bound_tasks, finished_bound
@@ -327,6 +327,7 @@ def test_a_stranger_s_file_with_other_content_is_damaged_in_words(tmp_path, refe
     path = tmp_path / "strange.h5"
     shutil.copy(reference, path)
     with h5py.File(path, "r+") as file:
+        del file.attrs[seal.ATTRIBUTE]  # else the change itself is noticed first
         content = json.loads(file.attrs["campaign_content"])
         file.attrs["campaign_content"] = json.dumps({**content, "filters": None})
     with pytest.raises(ResultsError, match="'filters' of its campaign_content is damaged"):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from small_campaign import assert_same_bits
 
 from relnav_sim import run_campaign
+from relnav_sim.results import seal
 from relnav_sim.results.block import RefusedError, ResultsError
 from relnav_sim.runner.folder import shard_folder
 from relnav_sim.runner.merging import merge_results
@@ -93,6 +94,7 @@ def test_conflicts_are_named(parts, tmp_path):
     altered = tmp_path / "altered.h5"
     altered.write_bytes(found[1].read_bytes())
     with h5py.File(altered, "r+") as file:
+        del file.attrs[seal.ATTRIBUTE]  # else the change itself is noticed first
         assert file["case_001/ekf/run"][0] == 1
         file["case_001/ekf/rms"][0, 0, 0] += 1e-9
     with pytest.raises(RefusedError, match=r"kind=mixture, filter ekf: two shards disagree about run 1 \(rms\)"):
@@ -104,6 +106,7 @@ def test_runs_that_failed_differently_are_a_conflict(parts, tmp_path):
     altered = tmp_path / "altered.h5"
     altered.write_bytes(parts[0].read_bytes())
     with h5py.File(altered, "r+") as file:
+        del file.attrs[seal.ATTRIBUTE]  # else the change itself is noticed first
         group = file["case_000/failures"]
         kinds = {name: group[name].dtype for name in ("run", "epoch", "filter", "reason", "failure")}
         for name, value in (("run", 2), ("epoch", 5), ("filter", "kf"), ("reason", "x"), ("failure", 0)):
@@ -141,3 +144,10 @@ def test_what_is_no_part_is_refused(parts, tmp_path, make_campaign):
             merge_results(tmp_path / "merged.h5", [parts[0], path])
     with pytest.raises(RefusedError, match="exists"):
         merge_results(parts[0], parts[1])
+
+
+def test_what_a_killed_merge_left_is_removed_by_the_next(parts, tmp_path):
+    whole, found = parts
+    (tmp_path / ".merged.h5.4242.tmp").write_bytes(b"half")
+    assert_same_bits(whole, merge_results(tmp_path / "merged.h5", found))
+    assert [path.name for path in tmp_path.iterdir()] == ["merged.h5"]

@@ -1,14 +1,20 @@
 """Every command that computed a part of a result stands in its provenance, also one that was killed."""
 
 import json
-from datetime import datetime
+import os
+import shutil
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from relnav_sim import open_results, run_campaign
-from relnav_sim.results.block import RefusedError
-from relnav_sim.runner.folder import shard_folder
-from relnav_sim.runner.sessions import SESSIONS, past_sessions
+from relnav_sim.results.block import RefusedError, ResultsError
+from relnav_sim.runner.folder import HEADER, shard_folder
+from relnav_sim.runner.merging import merge_results
+from relnav_sim.runner.sessions import SESSIONS, end_session, past_sessions, provenance_of
+from relnav_sim.runner.unfinished import results_so_far
 
 
 def test_a_grown_result_lists_its_sessions_and_sums_their_time(campaign, tmp_path):
@@ -36,12 +42,85 @@ def test_a_killed_session_ends_with_its_last_shard(campaign, tmp_path):
     assert 0 < ended.wall_time_s <= session["wall_time_s"] + 1e-3
 
 
-def test_a_damaged_history_does_not_keep_a_campaign_from_going_on(campaign, tmp_path):
-    out = tmp_path / "out.h5"
-    run_campaign(campaign("runs=2"), out, backend="sequential")
-    (shard_folder(out) / SESSIONS).write_text("[{")
-    run_campaign(campaign("runs=3"), out, backend="sequential")
-    assert len(past_sessions(shard_folder(out))) == 1
+SOUND = {
+    "command_line": "relnav",
+    "started": "2026-01-02T03:04:05+00:00",
+    "finished": "",
+    "wall_time_s": 1,
+    "relnav": "",
+}
+NO_HISTORY = {
+    "missing": None,
+    "empty": "",
+    "cut": "[{",
+    "binary": "\x00\x01",
+    "no list": '{"a": 1}',
+    "nothing": "null",
+    "numbers": "[1, null]",
+    "deep": "[" * 100_000,
+    "no key": "[{}]",
+    "another key": json.dumps([{**SOUND, "more": 1}]),
+    "no moment": json.dumps([{**SOUND, "started": "yesterday"}]),
+    "no text": json.dumps([{**SOUND, "command_line": ["relnav"]}]),
+    "no zone": json.dumps([{**SOUND, "started": "2026-01-02T03:04:05"}]),
+    "no duration": json.dumps([{**SOUND, "wall_time_s": float("nan")}]),
+}
+
+
+@pytest.fixture(scope="module")
+def two_runs(make_campaign, tmp_path_factory):
+    return run_campaign(
+        make_campaign("runs=2", "bound=false"), tmp_path_factory.mktemp("two") / "o.h5", backend="sequential"
+    )
+
+
+@pytest.mark.parametrize("text", NO_HISTORY.values(), ids=NO_HISTORY)
+def test_a_damaged_history_does_not_keep_a_campaign_from_going_on(two_runs, campaign, tmp_path, text):
+    """Nor from being looked at, merged, or ended by a command whose own entry is gone."""
+    out = tmp_path / "o.h5"
+    folder = Path(shutil.copytree(shard_folder(two_runs), shard_folder(out)))
+    (folder / SESSIONS).unlink()
+    if text is not None:
+        (folder / SESSIONS).write_text(text)
+    assert past_sessions(folder) == []
+    end_session(folder)
+    with results_so_far(out) as so_far, open_results(so_far) as results:
+        assert results.runs == (0, 1)
+    merge_results(tmp_path / "merged.h5", [folder])
+    run_campaign(campaign("runs=3", "bound=false"), out, backend="sequential")
+    assert len(past_sessions(folder)) == 1
+    with open_results(out) as results:
+        assert results.runs == (0, 1, 2) and results.provenance.wall_time_s < 100
+
+
+@pytest.mark.parametrize("finished", ["", "2096-01-02T03:04:05+00:00", "2026-01-02T03:04:05+00:00"])
+def test_a_session_in_the_future_took_no_lifetime(two_runs, tmp_path, finished):
+    """Nor one that was killed, whose shards have a time in the future."""
+    folder = Path(shutil.copytree(shard_folder(two_runs), tmp_path / "s"))
+    future = {**SOUND, "started": "2095-01-02T03:04:05+00:00", "finished": finished, "wall_time_s": 2e9}
+    now = datetime.now(UTC)
+    killed = {**SOUND, "started": (now - timedelta(seconds=60)).isoformat(), "wall_time_s": 0.0}
+    for shard in folder.glob("*.h5"):
+        os.utime(shard, (2**32, 2**32))
+    (folder / SESSIONS).write_text(json.dumps([future, killed]))
+    provenance = provenance_of(past_sessions(folder))
+    assert 60 <= provenance.wall_time_s < 120
+    assert datetime.fromisoformat(provenance.finished) <= datetime.now(UTC)
+
+
+@pytest.mark.parametrize("text", ["", "{", "null", "[]", '{"cases": [{}]}', '{"cases": 3, "runs": "many"}'])
+def test_a_campaign_goes_on_where_the_folder_does_not_say_whose_it_is(two_runs, campaign, tmp_path, text):
+    out = tmp_path / "o.h5"
+    folder = Path(shutil.copytree(shard_folder(two_runs), shard_folder(out)))
+    (folder / HEADER).write_text(text)
+    with pytest.raises(ResultsError, match="keeps the shards"), results_so_far(out):
+        pass
+    said = []
+    run_campaign(campaign("runs=3", "bound=false"), out, backend="sequential", say=said.append)
+    assert any("finished blocks found" in sentence for sentence in said)
+    with open_results(out) as results, open_results(two_runs) as before:
+        assert results.runs == (0, 1, 2)
+        np.testing.assert_array_equal(results.statistic(0, "ekf", "rms")[:2], before.statistic(0, "ekf", "rms"))
 
 
 def test_a_smaller_result_is_said_and_keeps_the_shards(campaign, tmp_path):
