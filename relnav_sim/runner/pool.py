@@ -190,16 +190,18 @@ def _end_with_parent(parent: int) -> None:
 
 @contextmanager
 def _no_interrupt_for_children() -> Iterator[None]:
-    """Start processes that a Ctrl-C at the terminal does not reach: it goes to all, and the parent ends them."""
+    """Start processes that a Ctrl-C at the terminal or its end does not reach: the parent ends them."""
     from multiprocessing.resource_tracker import ensure_running
 
     from joblib.externals.loky.backend import resource_tracker
 
-    # Workers inherit the mask. The trackers start with the first worker and would lift it, so they start before.
-    ensure_running()
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # Workers inherit the mask. The trackers start with the first worker and would unblock SIGINT for it, so they come
+    # before; SIGHUP they leave alone, and it would kill them.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
+        ensure_running()
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,43 @@
+"""Text of strangers - exceptions, files - made fit to be shown and stored: one line, of bounded length."""
+
+from __future__ import annotations
+
+LONGEST_MESSAGE = 500
+"""Characters of a message that are kept."""
+
+
+def printable(text: str, longest: int = LONGEST_MESSAGE) -> str:
+    r"""Return a text as one line without characters that do something: control and format characters, surrogates, NUL.
+
+    What can't be printed is written as Python would write it, ``\x1b`` say; white space of any kind becomes a space.
+    A long text keeps its beginning and its end.
+
+    Args:
+        text: The text.
+        longest: Most characters of the result.
+    """
+    if len(text) > longest:
+        text = _shortened(text, longest)
+    words = ("".join(letter if letter.isprintable() else _escaped(letter) for letter in word) for word in text.split())
+    return _shortened(" ".join(words), longest)
+
+
+def message_of(error: BaseException) -> str:
+    """Return an exception as one printable line: its type and what it says."""
+    try:
+        text = str(error)
+    except Exception:  # of somebody's own exception class
+        text = "(its message can't be shown)"
+    return printable(f"{type(error).__name__}: {text}".rstrip(": "))
+
+
+def _escaped(letter: str) -> str:
+    return letter.encode("unicode_escape", "surrogatepass").decode("ascii")
+
+
+def _shortened(text: str, longest: int) -> str:
+    gap = " [...] "
+    if len(text) <= longest:
+        return text
+    tail = (longest - len(gap)) // 4
+    return text[: longest - len(gap) - tail] + gap + text[len(text) - tail :]
