@@ -22,13 +22,13 @@ def printable(text: str, longest: int = LONGEST_MESSAGE) -> str:
     return _shortened(" ".join(words), longest)
 
 
-def message_of(error: BaseException) -> str:
-    """Return an exception as one printable line: its type and what it says."""
+def message_of(error: BaseException, longest: int = LONGEST_MESSAGE) -> str:
+    """Return an exception as one printable line of bounded length: its type and what it says."""
     try:
         text = str(error)
     except Exception:  # of somebody's own exception class
         text = "(its message can't be shown)"
-    return printable(f"{type(error).__name__}: {text}".rstrip(": "))
+    return printable(f"{type(error).__name__}: {text}".rstrip(": "), longest)
 
 
 def _escaped(letter: str) -> str:

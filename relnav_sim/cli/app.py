@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Annotated
 
@@ -76,4 +77,17 @@ def _options(
 
 def main() -> None:
     """Run the command line."""
+    warnings.formatwarning = _in_a_line
     app()
+
+
+def _in_a_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """Return a warning to the user as a sentence without the line of the source."""
+    if category is not UserWarning:
+        return _FORMAT(message, category, filename, lineno, line)
+    return f"relnav: {message}\n"
+
+
+_FORMAT = warnings.formatwarning

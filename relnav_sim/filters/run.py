@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
+from relnav_sim.filters.returned import check_name, checked_covariance, checked_mean, checked_update, sealed
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -81,7 +82,14 @@ def run_filter(
     return advance(filter, belief, z, first_epoch=0, step_s=step_s)[1]
 
 
-def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: float) -> tuple[Any, FilterHistory]:
+def advance(
+    filter: Filter,
+    belief: Any,
+    z: Array,
+    first_epoch: int,
+    step_s: float,
+    reached: Callable[[int], None] = lambda epoch: None,
+) -> tuple[Any, FilterHistory]:
     """Carry a belief over a stretch of epochs; return the last belief and the stretch's history.
 
     Args:
@@ -90,6 +98,10 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
         z: Measurements of the stretch, (runs, K, m).
         first_epoch: Number of the stretch's first epoch.
         step_s: Time between epochs, s.
+        reached: Told of every epoch that begins.
+
+    Raises:
+        ValueError: The filter has returned something else than arrays of the right type and shape.
     """
     _keep_freed_memory()
     B, K, _ = z.shape
@@ -98,31 +110,40 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
     nis, log_likelihood = np.full((B, K), np.nan), np.zeros((B, K))
     extras: dict[str, Array] = {}
     present = np.asarray(~np.isnan(z).any(axis=2))
+    z = z.view()
+    z.flags.writeable = False  # it is the other filters' too
+    belief = sealed(belief, B, n, "start")
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
     with np.errstate(all="ignore"):
         for k in range(K):
             step = Step(first_epoch + k, step_s)
-            belief = filter.predict(belief, step)
+            reached(step.epoch)
+            belief = sealed(filter.predict(belief, step), B, n, "predict")
             if filter.stochastic or present[:, k].any():
                 belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step)
                 nis[:, k] = innovation.nis
                 log_likelihood[:, k] = innovation.log_likelihood
                 for name, value in innovation.extras.items():
-                    extras.setdefault(name, np.full((B, K), np.nan))[:, k] = value
-            mean[:, k] = belief.mean
-            covariance[:, k] = belief.covariance
+                    if name not in extras:
+                        check_name(name)
+                        extras[name] = np.full((B, K), np.nan)
+                    extras[name][:, k] = value
+            mean[:, k] = checked_mean(belief.mean, B, n)
+            covariance[:, k] = checked_covariance(belief.covariance, B, n)
     return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras)
 
 
 def _update_present(
     filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step
 ) -> tuple[Any, Innovation]:
+    B, n = len(z), filter.dynamics.dimension
     if present.all():
-        updated: tuple[Any, Innovation] = filter.update(belief, z, step)
-        return updated
+        posterior, innovation = checked_update(filter.update(belief, z, step), B)
+        return sealed(posterior, B, n, "update"), innovation
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
-    posterior, innovation = filter.update(belief, np.where(present[:, None], z, expected), step)
+    posterior, innovation = checked_update(filter.update(belief, np.where(present[:, None], z, expected), step), B)
+    sealed(posterior, B, n, "update")
     return where_runs(present, posterior, belief), Innovation(
         np.where(present, innovation.nis, np.nan),
         np.where(present, innovation.log_likelihood, 0.0),

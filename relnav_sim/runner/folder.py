@@ -35,7 +35,7 @@ def working_folder(out: Path) -> Iterator[Path]:
         RefusedError: Another process is at work on the same result.
         OSError: The folder can't be made or written.
     """
-    folder = shard_folder(out)
+    folder = shard_folder(out).absolute()  # filters may go to another folder
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -52,7 +52,8 @@ def working_folder(out: Path) -> Iterator[Path]:
             _tidy(out, folder)
             _remove_empty(folder)
     finally:
-        os.close(handle)
+        with suppress(OSError):  # a filter in this process may have closed whatever was open
+            os.close(handle)
 
 
 def _tidy(out: Path, folder: Path) -> None:
