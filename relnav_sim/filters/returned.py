@@ -78,8 +78,9 @@ def check_name(name: Any) -> None:
 
 def _check(value: Any, shape: tuple[int, ...], what: str) -> Array:
     if type(value) is not np.ndarray or value.dtype != np.float64 or value.shape != shape:
-        is_array = isinstance(value, np.ndarray)
-        found = f"{_kind(value)} of type {value.dtype} and shape {value.shape}" if is_array else _kind(value)
+        found = _kind(value)
+        if isinstance(value, np.ndarray):
+            found += f" of type {value.dtype} and shape {value.shape}"
         raise ValueError(f"the {what} is {found}; it must be an array of float64 of shape {shape}")
     return value
 
@@ -94,4 +95,6 @@ def _check_numbers(value: Any, B: int, name: str) -> None:
 
 
 def _kind(value: Any) -> str:
-    return "None" if value is None else f"a {type(value).__name__}"
+    if value is None:
+        return "None"
+    return "an array" if type(value) is np.ndarray else f"a {type(value).__name__}"
