@@ -21,6 +21,8 @@ from typing import Any
 
 import numpy as np
 
+_SIGNALS = tuple(number for number in signal.valid_signals() if number < 32)  # beyond are the real-time ones
+
 
 class Containment:
     """A context for foreign code; an exception that leaves it is kept instead of raised.
@@ -58,7 +60,7 @@ class Containment:
 
     def _signals(self) -> Callable[[], None]:
         """Take note of what the handlers of signals raise meanwhile."""
-        before = {number: signal.getsignal(number) for number in signal.valid_signals()}
+        before = {number: signal.getsignal(number) for number in _SIGNALS}
         own = {number: self._noting(handler) for number, handler in before.items() if callable(handler)}
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
         for number, handler in own.items():

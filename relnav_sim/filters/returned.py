@@ -13,58 +13,76 @@ from relnav_sim.printable import printable
 
 Array = NDArray[np.float64]
 LONGEST_NAME = 60
+_FLOAT = np.dtype(np.float64)
 
 
-def sealed(belief: Any, B: int, n: int, method: str) -> Any:
-    """Return a belief after a check of its arrays, which may not be written to from now on.
-
-    A later step that writes into it would change the runs that have no measurement then, or what others hold of it.
+class Returned:
+    """Checks what a filter returns for B runs of n states; every step pays for it, so the good case is short.
 
     Args:
-        belief: What the filter has returned.
         B: Number of runs.
         n: Number of states.
-        method: The filter's method that has returned it.
 
-    Raises:
-        ValueError: It is no belief over B runs of n states.
+    Raises (all of its methods):
+        ValueError: It is not what it should be; the message says which method has returned what.
     """
-    if not is_dataclass(belief):
-        raise ValueError(f"{method} has returned {_kind(belief)}; it must return a belief, a dataclass")
-    shapes = {"mean": (B, n), "covariance": (B, n, n)}
-    for item in fields(belief):
-        value = getattr(belief, item.name)
-        if item.name in shapes:
-            _check(value, shapes[item.name], f"{item.name} of the belief that {method} has returned")
-        if isinstance(value, np.ndarray):
-            value.flags.writeable = False
-    return belief
 
+    def __init__(self, B: int, n: int) -> None:
+        self._runs = (B,)
+        self._shapes = {"mean": (B, n), "covariance": (B, n, n)}
+        self._fields: dict[type, list[tuple[str, tuple[int, ...] | None]]] = {}
 
-def checked_mean(mean: Any, B: int, n: int) -> Array:
-    """Return the mean of a belief, which may be computed, if it is one."""
-    return _check(mean, (B, n), "mean of the belief")
+    def belief(self, belief: Any, method: str) -> Any:
+        """Return a belief after a check of its arrays, which may not be written to from now on.
 
+        A later step that writes into it would change the runs that have no measurement then, or what others hold of it.
+        """
+        kind = type(belief)
+        if kind not in self._fields:
+            if not is_dataclass(belief):
+                raise ValueError(f"{method} has returned {_kind(belief)}; it must return a belief, a dataclass")
+            self._fields[kind] = [(item.name, self._shapes.get(item.name)) for item in fields(belief)]
+        for name, shape in self._fields[kind]:
+            value = getattr(belief, name)
+            if shape is not None:
+                self._check(value, shape, name, method)
+                value.setflags(write=False)
+            elif isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        return belief
 
-def checked_covariance(covariance: Any, B: int, n: int) -> Array:
-    """Return the covariance of a belief, which may be computed, if it is one."""
-    return _check(covariance, (B, n, n), "covariance of the belief")
+    def moment(self, belief: Any, name: str) -> Array:
+        """Return mean or covariance of a checked belief, which may compute them."""
+        value: Array = getattr(belief, name)
+        self._check(value, self._shapes[name], name, "update")
+        return value
 
+    def update(self, updated: Any) -> tuple[Any, Innovation]:
+        """Return belief and innovation as `update` has returned them, both checked."""
+        if not (isinstance(updated, tuple) and len(updated) == 2 and isinstance(updated[1], Innovation)):
+            raise ValueError(f"update has returned {_kind(updated)}; it must return a belief and an Innovation")
+        belief, innovation = updated
+        self._check_numbers(innovation.nis, "nis")
+        self._check_numbers(innovation.log_likelihood, "log_likelihood")
+        for name, value in innovation.extras.items():
+            self._check_numbers(value, name)
+        return self.belief(belief, "update"), innovation
 
-def checked_update(updated: Any, B: int) -> tuple[Any, Innovation]:
-    """Return belief and innovation as `update` has returned them; the belief is checked by `sealed`.
+    def _check(self, value: Any, shape: tuple[int, ...], name: str, method: str) -> None:
+        if type(value) is np.ndarray and value.shape == shape and value.dtype == _FLOAT:
+            return
+        raise ValueError(
+            f"the {name} of the belief that {method} has returned is {_kind(value)}; "
+            f"it must be an array of float64 of shape {shape}"
+        )
 
-    Raises:
-        ValueError: They are not what they should be.
-    """
-    if not (isinstance(updated, tuple) and len(updated) == 2 and isinstance(updated[1], Innovation)):
-        raise ValueError(f"update has returned {_kind(updated)}; it must return a belief and an Innovation")
-    innovation = updated[1]
-    _check_numbers(innovation.nis, B, "nis")
-    _check_numbers(innovation.log_likelihood, B, "log_likelihood")
-    for name, value in innovation.extras.items():
-        _check_numbers(value, B, name)
-    return updated
+    def _check_numbers(self, value: Any, name: str) -> None:
+        if type(value) is np.ndarray and value.shape == self._runs and value.dtype.kind in "fiub":
+            return
+        what = printable(str(name), LONGEST_NAME)
+        raise ValueError(
+            f"{what} of the innovation is {_kind(value)}; it must be an array of numbers of shape {self._runs}"
+        )
 
 
 def check_name(name: Any) -> None:
@@ -76,25 +94,8 @@ def check_name(name: Any) -> None:
         )
 
 
-def _check(value: Any, shape: tuple[int, ...], what: str) -> Array:
-    if type(value) is not np.ndarray or value.dtype != np.float64 or value.shape != shape:
-        found = _kind(value)
-        if isinstance(value, np.ndarray):
-            found += f" of type {value.dtype} and shape {value.shape}"
-        raise ValueError(f"the {what} is {found}; it must be an array of float64 of shape {shape}")
-    return value
-
-
-def _check_numbers(value: Any, B: int, name: str) -> None:
-    array = np.asarray(value)
-    if array.shape != (B,) or array.dtype.kind not in "fiub":
-        found = f"of type {array.dtype} and shape {array.shape}"
-        raise ValueError(
-            f"{printable(str(name), LONGEST_NAME)} of the innovation is {found}; it must be ({B},) numbers"
-        )
-
-
 def _kind(value: Any) -> str:
     if value is None:
         return "None"
-    return "an array" if type(value) is np.ndarray else f"a {type(value).__name__}"
+    kind = "an array" if type(value) is np.ndarray else f"a {type(value).__name__}"
+    return f"{kind} of type {value.dtype} and shape {value.shape}" if isinstance(value, np.ndarray) else kind

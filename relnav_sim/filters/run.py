@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
-from relnav_sim.filters.returned import check_name, checked_covariance, checked_mean, checked_update, sealed
+from relnav_sim.filters.returned import Returned, check_name
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
@@ -112,15 +112,16 @@ def advance(
     present = np.asarray(~np.isnan(z).any(axis=2))
     z = z.view()
     z.flags.writeable = False  # it is the other filters' too
-    belief = sealed(belief, B, n, "start")
+    returned = Returned(B, n)
+    belief = returned.belief(belief, "start")
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
     with np.errstate(all="ignore"):
         for k in range(K):
             step = Step(first_epoch + k, step_s)
             reached(step.epoch)
-            belief = sealed(filter.predict(belief, step), B, n, "predict")
+            belief = returned.belief(filter.predict(belief, step), "predict")
             if filter.stochastic or present[:, k].any():
-                belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step)
+                belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step, returned)
                 nis[:, k] = innovation.nis
                 log_likelihood[:, k] = innovation.log_likelihood
                 for name, value in innovation.extras.items():
@@ -128,22 +129,19 @@ def advance(
                         check_name(name)
                         extras[name] = np.full((B, K), np.nan)
                     extras[name][:, k] = value
-            mean[:, k] = checked_mean(belief.mean, B, n)
-            covariance[:, k] = checked_covariance(belief.covariance, B, n)
+            mean[:, k] = returned.moment(belief, "mean")
+            covariance[:, k] = returned.moment(belief, "covariance")
     return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras)
 
 
 def _update_present(
-    filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step
+    filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
-    B, n = len(z), filter.dynamics.dimension
     if present.all():
-        posterior, innovation = checked_update(filter.update(belief, z, step), B)
-        return sealed(posterior, B, n, "update"), innovation
+        return returned.update(filter.update(belief, z, step))
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
-    posterior, innovation = checked_update(filter.update(belief, np.where(present[:, None], z, expected), step), B)
-    sealed(posterior, B, n, "update")
+    posterior, innovation = returned.update(filter.update(belief, np.where(present[:, None], z, expected), step))
     return where_runs(present, posterior, belief), Innovation(
         np.where(present, innovation.nis, np.nan),
         np.where(present, innovation.log_likelihood, 0.0),

@@ -65,6 +65,8 @@ class LinearDynamics:
         if not np.allclose(self._Q, self._Q.swapaxes(-1, -2), rtol=1e-10, atol=0.0):
             raise ValueError("process_noise is not symmetric")
         self.dimension = self._F.shape[-1]
+        for matrices in (self._F, self._Q):
+            matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""

@@ -164,6 +164,7 @@ class LinearMeasurement(MeasurementDefaults):
         self._H = np.array(matrix, dtype=float)
         if self._H.ndim != 2:
             raise ValueError(f"matrix has shape {self._H.shape}; it must be (m, n)")
+        self._H.setflags(write=False)  # a filter that wrote into it would change its next updates
         self.dimension = self._H.shape[0]
         self.depends_on = tuple(np.flatnonzero(self._H.any(axis=0)).tolist())
         self._noise = _checked_noise(noise, self.dimension)

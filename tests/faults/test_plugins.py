@@ -128,9 +128,9 @@ RETURNED = {
     "tuple": "predict has returned a tuple; it must return a belief",
     "one_covariance": "the covariance of the belief that predict has returned is an array of type float64 and shape",
     "no_innovation": "update has returned a tuple; it must return a belief and an Innovation",
-    "wide_nis": "nis of the innovation is of type float64 and shape (1, 2); it must be (1,) numbers",
-    "complex_nis": "nis of the innovation is of type complex128",
-    "number_extra": "ess of the innovation is of type float64 and shape ()",
+    "wide_nis": "is an array of type float64 and shape (1, 2); it must be an array of numbers of shape (1,)",
+    "complex_nis": "nis of the innovation is an array of type complex128",
+    "number_extra": "ess of the innovation is a float; it must be",
     "bad_name": r"'a\x00b' can't be the name of an extra",
 }
 CHANGED = ("folder", "mask", "numpy", "python", "environment", "signals", "streams", "threads", "seed", "spoils_prior")
