@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from relnav_sim.cli.compare import compare
 from relnav_sim.cli.export import export
-from relnav_sim.cli.failures import guarded
+from relnav_sim.cli.failures import EXIT_CODES, guarded
 from relnav_sim.cli.figure import figure
 from relnav_sim.cli.group import Commands
 from relnav_sim.cli.inspect import inspect
@@ -24,11 +25,13 @@ from relnav_sim.cli.show import show
 from relnav_sim.cli.tune import tune
 from relnav_sim.cli.validate import validate
 
+_CODES_HELP = "\n\n".join(["Exit codes:", *(f"{code}: {meaning}" for code, meaning in EXIT_CODES.items())])
+
 app = typer.Typer(
     name="relnav",
     cls=Commands,
     help="Monte Carlo campaigns that tell which relative-navigation filter to fly.",
-    epilog="Start with: relnav new my.yaml, relnav run my.yaml, relnav report",
+    epilog=f"Start with: relnav new my.yaml, relnav run my.yaml, relnav report\n\n{_CODES_HELP}",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -50,8 +53,11 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "export": export,
     "reproduce": reproduce,
 }
+ANSWERS = ("validate", "list", "show", "schema", "inspect", "compare")
+"""Commands that print what they find out; the others write files or have another purpose."""
+
 for name, command in COMMANDS.items():
-    app.command(name)(guarded(command))
+    app.command(name, epilog=_CODES_HELP if name == "run" else None)(guarded(command, answers=name in ANSWERS))
 
 
 def _print_version(wanted: bool) -> None:
@@ -73,4 +79,17 @@ def _options(
 
 def main() -> None:
     """Run the command line."""
+    warnings.formatwarning = _in_a_line
     app()
+
+
+def _in_a_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """Return a warning to the user as a sentence without the line of the source."""
+    if category is not UserWarning:
+        return _FORMAT(message, category, filename, lineno, line)
+    return f"relnav: {message}\n"
+
+
+_FORMAT = warnings.formatwarning

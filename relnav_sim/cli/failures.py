@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import os
 import signal
@@ -11,6 +12,7 @@ from typing import Any
 
 import typer
 
+from relnav_sim.standard_streams import output_error
 from relnav_sim.visible_text import visible
 
 
@@ -22,17 +24,36 @@ class Exit(IntEnum):
     INPUT_OUTPUT = 3
     REQUIREMENT_MISSED = 4
     REQUIREMENT_UNDECIDED = 5
+    UNEXPECTED = 70
+    HUNG_UP = 129
     INTERRUPTED = 130
+    TERMINATED = 143
+
+
+EXIT_CODES = {
+    "0": "all is well",
+    "1": "some runs failed; they are in the results, and counted in the report",
+    "2": "the campaign or the arguments can't be used",
+    "3": "a file can't be read or written",
+    "4, 5": "only of relnav report --check: a requirement is missed, or undecided",
+    "70": "an error of relnav itself; please report it",
+    "129, 130, 143": "ended by a closed terminal, Ctrl-C or SIGTERM; the same command continues",
+}
+"""What the codes mean, as help and documents say it."""
 
 
 class UserError(Exception):
     """A mistake that the user can mend; the message says how."""
 
 
-def guarded(command: Callable[..., None]) -> Callable[..., None]:
+def guarded(command: Callable[..., None], answers: bool = False) -> Callable[..., None]:
     """Return the command with the failures that a user can cause turned into a sentence and an exit code.
 
-    Anything else is a bug and keeps its traceback.
+    Anything else is a bug, which `relnav_sim.__main__` tells.
+
+    Args:
+        command: The command.
+        answers: Whether what it prints is all that it does: then a full disk behind standard output is a failure.
     """
 
     @functools.wraps(command)
@@ -45,6 +66,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             if before is not signal.SIG_IGN:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
             command(*args, **kwargs)
+            if answers:
+                _check_answer()
         except CampaignError as error:
             for problem in error.problems:
                 typer.echo(visible(problem), err=True)
@@ -53,8 +76,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             _stop(str(error), Exit.BAD_INPUT)
         except ResultsError as error:
             _stop(str(error), Exit.INPUT_OUTPUT)
-        except BrokenPipeError:
-            raise
+        except EOFError as error:
+            raise RuntimeError("a file ended too early") from error  # click would make it exit code 1
         except OSError as error:
             _stop(_os_sentence(error), Exit.INPUT_OUTPUT)
         except KeyboardInterrupt:
@@ -63,6 +86,17 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             signal.signal(signal.SIGINT, before)
 
     return with_exit_codes
+
+
+def _check_answer() -> None:
+    """Raise the error that kept an answer from being written. A reader that has left, as `head` does, is none."""
+    error = output_error()
+    if error is not None and error.errno not in _NOBODY_LISTENS:
+        raise OSError(error.errno, error.strerror, "standard output")
+
+
+_NOBODY_LISTENS = (errno.EPIPE, errno.EIO, errno.EBADF)
+"""Errors of a pipe without a reader, of a terminal that is gone, and of a stream that was never meant for writing."""
 
 
 def _stop(sentence: str, code: Exit) -> None:

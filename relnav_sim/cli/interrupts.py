@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: a prompt end with a sentence, whatever the program is doing at that moment."""
+"""Ctrl-C, SIGTERM and a closed terminal: a prompt end with a sentence, whatever the program is doing then."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from relnav_sim.standard_streams import say_last
 
 LONGEST_END_S = 1.2
 """After this the process ends without tidying up; worker processes follow by themselves, files are whole anyway."""
@@ -28,7 +30,7 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def ending_promptly(sentence: str) -> Iterator[None]:
-    """Turn Ctrl-C and SIGTERM into the end of the process, with exit code 130 or 143.
+    """Turn Ctrl-C, SIGTERM and SIGHUP into the end of the process, with exit code 130, 143 or 129.
 
     Args:
         sentence: What to say then: how to go on later.
@@ -41,7 +43,7 @@ def ending_promptly(sentence: str) -> Iterator[None]:
         if not said.is_set():
             said.set()
             show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
-            os.write(2, f"{show_cursor}relnav: {sentence}\n".encode())
+            say_last(f"{show_cursor}relnav: {sentence}\n")
 
     def end_now(code: int) -> None:
         last_words()
@@ -58,8 +60,8 @@ def ending_promptly(sentence: str) -> Iterator[None]:
         sys.unraisablehook = lambda unraisable: None
         raise Interrupted(number)
 
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    # A signal that the caller has had ignored, as shells do for jobs in the background, stays ignored.
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    # A signal that the caller has had ignored, as shells do for jobs in the background and nohup does, stays ignored.
     before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
     for number in before:
         signal.signal(number, ask)

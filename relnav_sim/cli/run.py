@@ -123,15 +123,17 @@ def run(
 
 def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
     from relnav_sim.results import open_results
+    from relnav_sim.runner.failure_log import log_beside
 
     with open_results(path) as results:
         failed = len(results.failures())
     following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
     say(f"wrote {path}; next: {following}")
     if failed:
+        log = log_beside(path)
         say(
             f"{count_in_words(failed, 'run of a filter', 'runs of a filter')} failed; the report counts them, "
-            f"{command('relnav', 'inspect', path)} lists them",
+            f"{command('relnav', 'inspect', path)} lists them{f', {log} has the tracebacks' if log else ''}",
             err=True,
         )
         raise typer.Exit(Exit.SOME_RUNS_FAILED)

@@ -15,12 +15,14 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
+from relnav_sim.containment import Containment
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
 from relnav_sim.models.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
+from relnav_sim.printable import message_of
 
 MeasurementKind = Literal["polar", "cartesian"]
 C = TypeVar("C", bound=type)
@@ -116,12 +118,14 @@ def _load_all() -> None:
     for module in _BUILT_IN:
         importlib.import_module(f"relnav_sim.filters.{module}")
     for entry in entry_points(group="relnav.filters"):
-        try:
+        before = dict(_KINDS)
+        # Importing a package runs its code, which may raise anything; it must not take all other filters with it.
+        with Containment() as contained:
             entry.load()
-        except Exception as error:
-            # Importing a package runs its code, which may raise anything; it must not take all other filters with it.
-            package = entry.dist.name if entry.dist else entry.value
-            problem = f"{type(error).__name__}: {error}"
+        if contained.error is not None:
+            _KINDS.clear()
+            _KINDS.update(before)
+            package, problem = entry.dist.name if entry.dist else entry.value, message_of(contained.error)
             warnings.warn(f"the filters of {package} are left out; importing {entry.value}: {problem}", stacklevel=2)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
 from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
+from relnav_sim.filters.returned import Returned, check_name
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
 from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
@@ -82,7 +83,14 @@ def run_filter(
     return replace(history, failures=failures)
 
 
-def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: float) -> tuple[Any, FilterHistory]:
+def advance(
+    filter: Filter,
+    belief: Any,
+    z: Array,
+    first_epoch: int,
+    step_s: float,
+    reached: Callable[[int], None] = lambda epoch: None,
+) -> tuple[Any, FilterHistory]:
     """Carry a belief over a stretch of epochs; return the last belief and the stretch's history.
 
     Args:
@@ -91,9 +99,13 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
         z: Measurements of the stretch, (runs, K, m).
         first_epoch: Number of the stretch's first epoch.
         step_s: Time between epochs, s.
+        reached: Told of every epoch that begins.
 
     Returns:
         The last belief, and the history, whose failures name runs by their place in the block.
+
+    Raises:
+        ValueError: The filter has returned something else than arrays of the right type and shape.
     """
     _keep_freed_memory()
     B, K, _ = z.shape
@@ -102,36 +114,43 @@ def advance(filter: Filter, belief: Any, z: Array, first_epoch: int, step_s: flo
     nis, log_likelihood = np.full((B, K), np.nan), np.zeros((B, K))
     extras: dict[str, Array] = {}
     present = np.asarray(~np.isnan(z).any(axis=2))
+    z = z.view()
+    z.flags.writeable = False  # it is the other filters' too
+    returned = Returned(B, n)
+    belief = returned.belief(belief, "start")
     stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
     with np.errstate(all="ignore"):
         for k in range(K):
             step = Step(first_epoch + k, step_s)
-            belief = filter.predict(belief, step)
+            reached(step.epoch)
+            belief = returned.belief(filter.predict(belief, step), "predict")
             if filter.stochastic or present[:, k].any():
-                belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step)
+                belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step, returned)
                 nis[:, k] = innovation.nis
                 log_likelihood[:, k] = innovation.log_likelihood
                 if innovation.failed:
                     stated.add(k, innovation.failed, present[:, k])
                 for name, value in innovation.extras.items():
-                    extras.setdefault(name, np.full((B, K), np.nan))[:, k] = value
-            mean[:, k] = belief.mean
-            covariance[:, k] = belief.covariance
+                    if name not in extras:
+                        check_name(name)
+                        extras[name] = np.full((B, K), np.nan)
+                    extras[name][:, k] = value
+            mean[:, k] = returned.moment(belief, "mean")
+            covariance[:, k] = returned.moment(belief, "covariance")
     first = Step(first_epoch, step_s)
     failures = failures_of(stated, filter, before, first, mean, covariance, nis, log_likelihood)
     return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras, failures)
 
 
 def _update_present(
-    filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step
+    filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
     if present.all():
-        updated: tuple[Any, Innovation] = filter.update(belief, z, step)
-        return updated
+        return returned.update(filter.update(belief, z, step))
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
-    posterior, innovation = filter.update(belief, np.where(present[:, None], z, expected), step)
+    posterior, innovation = returned.update(filter.update(belief, np.where(present[:, None], z, expected), step))
     return where_runs(present, posterior, belief), Innovation(
         np.where(present, innovation.nis, np.nan),
         np.where(present, innovation.log_likelihood, 0.0),

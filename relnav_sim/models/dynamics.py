@@ -66,6 +66,8 @@ class LinearDynamics:
         if self._F.shape[-1] != self._Q.shape[-1]:
             raise ValueError(f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}")
         self.dimension = self._F.shape[-1]
+        for matrices in (self._F, self._Q):
+            matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a block that has more epochs than there are matrices.

@@ -181,6 +181,7 @@ class LinearMeasurement(MeasurementDefaults):
         if H.ndim != 2 or not H.size:
             raise ValueError(f"matrix has shape {H.shape}; it must be (m, n)")
         self._H = finite(H, "matrix", ("row", "column")).copy()
+        self._H.setflags(write=False)  # a filter that wrote into it would change its next updates
         self.dimension, self.states = self._H.shape
         self.depends_on = tuple(np.flatnonzero(self._H.any(axis=0)).tolist())
         self._noise = _checked_noise(noise, self.dimension)

@@ -72,8 +72,11 @@ def van_loan(A: Array, B: Array, density: Array, duration_s: float) -> tuple[Arr
 def process_noise_matrix(options: ProcessNoiseOptions, A: Array, duration_s: float) -> Array:
     """Return Q (6, 6) for one step of the linear relative motion dx/dt = A x."""
     if options.diagonal is not None:
-        return np.diag(options.diagonal)
-    if options.matrix is not None:
-        return np.array(options.matrix)
-    acts_on_velocity = np.vstack([np.zeros((3, 3)), np.eye(3)])
-    return van_loan(A, acts_on_velocity, (options.acceleration_psd_m2_s3 or 0.0) * np.eye(3), duration_s)[1]
+        Q = np.diag(options.diagonal).copy()
+    elif options.matrix is not None:
+        Q = np.array(options.matrix)
+    else:
+        acts_on_velocity = np.vstack([np.zeros((3, 3)), np.eye(3)])
+        Q = van_loan(A, acts_on_velocity, (options.acceleration_psd_m2_s3 or 0.0) * np.eye(3), duration_s)[1]
+    Q.setflags(write=False)  # it serves every step, and a filter that wrote into it would change the next ones
+    return Q

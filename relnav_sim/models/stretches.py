@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -51,7 +52,7 @@ class LinearByEpoch:
 
     def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
         self.dimension = len(process_noise)
-        self._stretches = PerStretch(transitions)
+        self._stretches = PerStretch(partial(_closed, transitions))
         self._Q = process_noise
 
     def propagate(self, states: Array, step: Step) -> Array:
@@ -67,3 +68,10 @@ class LinearByEpoch:
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (n, n)."""
         return self._Q
+
+
+def _closed(transitions: Callable[[Array], Array], epochs: Array) -> Array:
+    """Return matrices that a filter can't write into: they are kept for the other runs' next steps."""
+    matrices = transitions(epochs)
+    matrices.setflags(write=False)
+    return matrices

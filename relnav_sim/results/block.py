@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.printable import printable
 from relnav_sim.results import layout
 
 Array = NDArray[Any]
@@ -34,13 +35,17 @@ class Failure:
         run: Number of the run.
         filter: Name of the filter, or empty where the whole run failed.
         epoch: First failed epoch, or -1 where it is not known.
-        reason: Why, in words.
+        reason: Why, in words: one printable line, which any other text is turned into. It may come from anybody's
+            exception, and what can't be stored would keep a whole campaign from its results.
     """
 
     run: int
     filter: str
     epoch: int
     reason: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reason", printable(self.reason))
 
 
 @dataclass(frozen=True)
@@ -146,15 +151,15 @@ class FilterResult:
         return FilterResult(summary, **series, diagnostics=diagnostics, extra=ExtraStates.of_arrays(columns, arrays))
 
     @staticmethod
-    def all_failed(runs: int, times: int) -> FilterResult:
-        """Return the result of runs that ended before there was anything to count."""
+    def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:
+        """Return the result of runs that ended before there was anything to count, at an epoch or -1: not known."""
         lengths = layout.sizes(runs, times)
         empty: dict[str, Array] = {}
         for spec in layout.FILTER:
             fill = np.nan if spec.dtype.startswith("<f") else 0
             empty[spec.name] = np.full(layout.shape(spec, lengths), fill, dtype=spec.dtype)
         empty["failed"][:] = 1
-        empty["failed_epoch"][:] = -1
+        empty["failed_epoch"][:] = epoch
         return FilterResult.of_arrays(empty)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, CaseHeader, RefusedError, ResultHeader, ResultsError
@@ -18,6 +19,7 @@ from relnav_sim.results.header import read_header
 from relnav_sim.results.shards import checksum
 
 SUFFIX = ".bound"
+_LONGEST_REASON = 2000
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class BoundResult:
         filter_ids: A hash of each filter's settings, by its name.
         perfect: Bound of a perfect model, (times, 8), in the order of `layout.QUANTITIES`; None where it failed.
         filters: Bounds of the filters' own models, (times, 8), by name; those that failed are left out.
-        reason: Why one failed, in words; empty: none did.
+        reason: Why one failed, in words, as that of a `Failure`; empty: none did.
         retry: Whether one failed for want of time or memory, so that another attempt may succeed.
     """
 
@@ -41,6 +43,9 @@ class BoundResult:
     filters: Mapping[str, Array]
     reason: str = ""
     retry: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reason", printable(self.reason, _LONGEST_REASON))
 
 
 def bound_name(seed: int, case_id: str, filter_ids: Mapping[str, str]) -> str:

@@ -194,13 +194,17 @@ class _CaseWriter:
             self._fail(info, block, name)
 
     def _fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:
-        """Keep why runs of a filter failed; a run that another piece holds as well must have failed alike."""
+        """Keep why runs of a filter failed; a run that another piece holds as well must have failed alike.
+
+        Alike is at the same epoch: the words are an exception's, which may name an address or a moment.
+        """
         reasons: dict[int, set[Failure]] = {run: set() for run in block.runs if run < self.runs}
         for failure in block.failures:
             if failure.run in reasons and failure.filter in ("", name):
                 reasons[failure.run].add(failure)
         for run, found in reasons.items():
-            if self.failures.setdefault((run, name), frozenset(found)) != found:
+            before = self.failures.setdefault((run, name), frozenset(found))
+            if {(f.filter, f.epoch) for f in before} != {(f.filter, f.epoch) for f in found}:
                 where = f"case {self.case.label}, filter {name}"
                 raise RefusedError(f"{info.path}: {where}: it disagrees with another shard about why run {run} failed")
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, BlockResult, Failure, FilterResult, ResultsError
@@ -173,4 +174,4 @@ def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
 
 
 def _columns(stored: Mapping[str, Sequence[str]]) -> layout.Columns:
-    return layout.Columns(**{key: tuple(map(str, names)) for key, names in stored.items()})
+    return layout.Columns(**{key: tuple(printable(str(name)) for name in names) for key, names in stored.items()})

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.containment import Containment
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
@@ -24,6 +25,7 @@ from relnav_sim.models.gp import GpOptions
 from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.runner.breakdown import Breakdown, breakdown
 from relnav_sim.runner.chief import ChiefFollowers
 from relnav_sim.runner.extra import ExtraTrack, extended_prior, extension_of, mounting_of
 from relnav_sim.runner.simulation import Stretch, stretches
@@ -47,11 +49,11 @@ class BlockOutcome:
 
     Attributes:
         result: The results of the filters that ran through.
-        broken: Why the others did not: the exception in words, by the filter's name.
+        broken: Why the others did not, by the filter's name.
     """
 
     result: BlockResult
-    broken: dict[str, str]
+    broken: dict[str, Breakdown]
 
 
 def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
@@ -170,7 +172,7 @@ class FilterTrack:
 
     Attributes:
         name: The filter's name in the campaign.
-        broken: The exception that ended it, in words; None while it goes on.
+        broken: The exception that ended it; None while it goes on.
     """
 
     def __init__(
@@ -186,7 +188,9 @@ class FilterTrack:
         self._thrust_inputs = shared.thrust
         self._known = known_thrust(entry, config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
-        self.broken: str | None = None
+        self.broken: Breakdown | None = None
+        self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
+        self._epoch = 0
         self._input = entry.measurement
         self._step_s = config.clock.step_s
         self._prior = prior
@@ -207,7 +211,9 @@ class FilterTrack:
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
                 self._extra = ExtraTrack(made.extension, config, self._errors.rules, source)
-            self._belief = self._filter.start(self._prior, source)
+            # A copy: the prior is what all filters start from, and this one's epoch 0.
+            own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
+            self._belief = self._filter.start(own, source)
 
     def add(self, stretch: Stretch) -> None:
         """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
@@ -241,11 +247,14 @@ class FilterTrack:
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
-        """Keep in words whatever a filter of the user's own may raise: it must not end the campaign."""
-        try:
+        """Keep what a filter of the user's own may raise and undo what it changes: that must not end the campaign."""
+        with Containment() as contained:
             yield
-        except (Exception, SystemExit) as problem:
-            self.broken = f"{type(problem).__name__}: {problem}".rstrip(": ")
+        if contained.error is not None:
+            self.broken = breakdown(contained.error, self._epoch, self._package)
+
+    def _reached(self, epoch: int) -> None:
+        self._epoch = epoch
 
     def _advance(self, stretch: Stretch) -> FilterHistory:
         """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
@@ -257,9 +266,9 @@ class FilterTrack:
             self._follower.take(stretch.z["gnss"], stretch.first_epoch, forces)
         z = stretch.inputs[self._input]
         if stretch.first_epoch > 0:
-            self._belief, history = advance(self._filter, self._belief, z, stretch.first_epoch, self._step_s)
+            self._belief, history = self._on(z, stretch.first_epoch)
             return history
-        self._belief, history = advance(self._filter, self._belief, z[:, 1:], 1, self._step_s)
+        self._belief, history = self._on(z[:, 1:], 1)
         B = len(z)
         return FilterHistory(
             np.concatenate([self._prior.mean[:, None], history.mean], axis=1),
@@ -269,6 +278,9 @@ class FilterTrack:
             {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
             history.failures,
         )
+
+    def _on(self, z: Array, first_epoch: int) -> tuple[Any, FilterHistory]:
+        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
 
     def result(self) -> FilterResult:
         """Return the statistics and the stored series."""

@@ -13,8 +13,9 @@ from relnav_sim.campaign import Case
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.radar import PolarRadar
+from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
-from relnav_sim.runner.bound_models import Model, believed_dynamics, in_words, model_key, perfect_dynamics
+from relnav_sim.runner.bound_models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.runner.extra import extension_of
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
 from relnav_sim.runner.survive import BlockTimeout, time_limit
@@ -46,8 +47,8 @@ def bound_surviving(case: Case, seed: int, timeout_s: float | None = None) -> Bo
             return case_bound(case, seed)
     except BlockTimeout:
         return failed_bound(case, seed, f"took longer than {timeout_s:g} s", retry=True)
-    except (Exception, SystemExit) as error:  # whatever the cause, it must not end the campaign
-        return failed_bound(case, seed, in_words(error), retry=isinstance(error, MemoryError))
+    except Exception as error:  # whatever the cause, it must not end the campaign
+        return failed_bound(case, seed, message_of(error), retry=isinstance(error, MemoryError))
 
 
 def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult:
@@ -96,7 +97,7 @@ def case_bound(case: Case, seed: int) -> BoundResult:
         perfect=None if "" in broken else bounds[""],
         filters={name: bounds[key] for key, names in sharers.items() if key not in broken for name in names},
         reason="; ".join(
-            f"{', '.join(sharers.get(key, ['perfect model']))}: {in_words(error)}" for key, error in broken.items()
+            f"{', '.join(sharers.get(key, ['perfect model']))}: {message_of(error)}" for key, error in broken.items()
         ),
         retry=any(isinstance(error, MemoryError) for error in broken.values()),
     )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.containment import Containment
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.extra_states import Extension
 from relnav_sim.models.gp import GpOptions
@@ -18,11 +18,6 @@ from relnav_sim.runner.block import create_campaign_filter
 from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
-
-
-def in_words(error: BaseException) -> str:
-    """Return an exception as the reason that a result gives."""
-    return f"{type(error).__name__}: {error}"
 
 
 class Model:
@@ -38,15 +33,15 @@ class Model:
     """
 
     def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
-        self.broken: Exception | SystemExit | None = None
+        self.broken: BaseException | None = None
         self.extra = extra
         self.dimension = 6 if extra is None else 6 + len(extra.names)
         self._config = config
         self._dynamics: Dynamics | None = None
-        try:
+        with Containment() as contained:  # it may run a filter of the user's own; the other bounds go on
             self._dynamics = make()
-        except (Exception, SystemExit) as error:  # of a user's own filter or dynamics; the other bounds go on
-            self.broken = error.with_traceback(None)
+        if contained.error is not None:
+            self.broken = contained.error.with_traceback(None)
 
     def has_states_of(self, other: Model) -> bool:
         """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
@@ -67,7 +62,7 @@ class Model:
             try:
                 steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
                 return self._extended(*_finite(*steps, states))
-            except (Exception, SystemExit) as error:  # as above
+            except Exception as error:  # as above
                 self.broken = error.with_traceback(None)
         shape = (len(epochs), self.dimension, self.dimension)
         return np.full(shape, np.nan), np.zeros(shape)
@@ -136,7 +131,7 @@ def _finite(F: Array, Q: Array, states: Array) -> tuple[Array, Array]:
 def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
     """Return the motion that some filters believe in, from the first of them that can be made."""
     for name in names[:-1]:
-        with suppress(Exception, SystemExit):
+        with Containment():
             return create_campaign_filter(config.filters[name], config, seed).dynamics
     return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
 

@@ -36,7 +36,7 @@ def working_folder(out: Path) -> Iterator[Path]:
         RefusedError: Another process is at work on the same result, or what stands at its place is no file.
         OSError: The folder can't be made or written.
     """
-    folder = shard_folder(out)
+    folder = shard_folder(out).absolute()  # filters may go to another folder
     _check_place(out)
     folder.mkdir(parents=True, exist_ok=True)
     handle = os.open(folder, os.O_RDONLY)
@@ -54,7 +54,8 @@ def working_folder(out: Path) -> Iterator[Path]:
             _tidy(out, folder)
             _remove_empty(folder)
     finally:
-        os.close(handle)
+        with suppress(OSError):  # a filter in this process may have closed whatever was open
+            os.close(handle)
 
 
 def _check_place(out: Path) -> None:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Collection, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -16,9 +17,11 @@ from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.bound import bound_surviving, failed_bound
 from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.failure_log import log_failure
 from relnav_sim.runner.headline import Figures, headline_figures
 from relnav_sim.runner.survive import failed_block, simulate_surviving
 from relnav_sim.runner.work import Block
+from relnav_sim.runner.worker_process import packed, prepare_worker, unpacked
 
 Backend = Literal["loky", "sequential"]
 
@@ -83,7 +86,8 @@ def _bound(task: BoundTask, timeout_s: float | None) -> Done:
 
 
 def _simulated(block: Block, timeout_s: float | None) -> Done:
-    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s)
+    log = partial(log_failure, block.folder)
+    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s, log)
     write_shard(block.path, result, block.seed, block.filter_ids)
     return Done(block, len(result.failures), headline_figures(result))
 
@@ -97,7 +101,10 @@ def _in_parallel(blocks: Sequence[Task], workers: int, timeout_s: float | None) 
         try:
             with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
                 parallel = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-                calls = (delayed(_compute_as_worker)(block, timeout_s, os.getpid()) for block in list(waiting.values()))
+                calls = (
+                    delayed(_compute_as_worker)(packed(block), timeout_s, os.getpid())
+                    for block in list(waiting.values())
+                )
                 with _no_interrupt_for_children():
                     results = parallel(calls)
                 with closing(results):
@@ -133,7 +140,7 @@ def _one_by_one(
         try:
             while waiting:
                 with _no_interrupt_for_children():
-                    future = executor.submit(_compute_as_worker, waiting[-1], timeout_s, os.getpid())
+                    future = executor.submit(_compute_as_worker, packed(waiting[-1]), timeout_s, os.getpid())
                 done = future.result()
                 waiting.pop()
                 yield done
@@ -170,13 +177,14 @@ def _only_filter(block: Block) -> str:
     return names[0] if len(names) == 1 else ""
 
 
-def _compute_as_worker(block: Task, timeout_s: float | None, parent: int) -> Done:
+def _compute_as_worker(task: bytes, timeout_s: float | None, parent: int) -> Done:
     """Compute a block in a worker process, which ends by itself if the campaign's process is killed."""
     if os.getppid() != parent:
         os._exit(1)
     if not any(thread.name == _WATCH for thread in threading.enumerate()):
         threading.Thread(target=_end_with_parent, args=(parent,), name=_WATCH, daemon=True).start()
-    return compute(block, timeout_s)
+        prepare_worker()
+    return compute(unpacked(task), timeout_s)
 
 
 _WATCH = "relnav-parent-watch"
@@ -190,16 +198,18 @@ def _end_with_parent(parent: int) -> None:
 
 @contextmanager
 def _no_interrupt_for_children() -> Iterator[None]:
-    """Start processes that a Ctrl-C at the terminal does not reach: it goes to all, and the parent ends them."""
+    """Start processes that a Ctrl-C at the terminal or its end does not reach: the parent ends them."""
     from multiprocessing.resource_tracker import ensure_running
 
     from joblib.externals.loky.backend import resource_tracker
 
-    # Workers inherit the mask. The trackers start with the first worker and would lift it, so they start before.
-    ensure_running()
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # Workers inherit the mask. The trackers start with the first worker and would unblock SIGINT for it, so they come
+    # before; SIGHUP they leave alone, and it would kill them.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
+        ensure_running()
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import FrameType
@@ -16,11 +16,13 @@ from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.merge import united_columns
 from relnav_sim.runner.block import scoring_rules, simulate_block
+from relnav_sim.runner.breakdown import Breakdown, breakdown
 from relnav_sim.runner.work import with_filters
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
 
 Array = NDArray[np.float64]
+Log = Callable[[str, str], None]
 
 
 class BlockTimeout(BaseException):
@@ -28,7 +30,12 @@ class BlockTimeout(BaseException):
 
 
 def simulate_surviving(
-    case: Case, seed: int, runs: Sequence[int], case_index: int = 0, timeout_s: float | None = None
+    case: Case,
+    seed: int,
+    runs: Sequence[int],
+    case_index: int = 0,
+    timeout_s: float | None = None,
+    log: Log = lambda heading, traceback: None,
 ) -> BlockResult:
     """Return the results of some runs; a run or a filter that fails is recorded as failed, the others are kept.
 
@@ -41,10 +48,17 @@ def simulate_surviving(
         case_index: Number of the case.
         timeout_s: Most seconds for these runs; if they take longer, their halves have as long each, down to single
             runs and filters, which then count as failed.
+        log: Told of every exception that a failed run is due to: whose it is, and its traceback.
     """
 
     def again(part: Case, runs: Sequence[int]) -> BlockResult:
-        return simulate_surviving(part, seed, runs, case_index, timeout_s)
+        return simulate_surviving(part, seed, runs, case_index, timeout_s, log)
+
+    def failed(part: Case, broken: Breakdown, filter: str) -> BlockResult:
+        if broken.traceback:
+            whose = f"filter {filter}" if filter else "truth or sensors"
+            log(f"case {part.label}, run {runs[0]}, {whose}, epoch {broken.epoch}", broken.traceback)
+        return failed_block(part, seed, runs, broken.reason, case_index, filter, broken.epoch)
 
     names = list(case.config.filters)
     try:
@@ -53,26 +67,26 @@ def simulate_surviving(
     except BlockTimeout:
         if len(runs) == 1 and len(names) > 1:
             return _side_by_side([again(with_filters(case, [name]), runs) for name in names])
-        reason, blamed = f"took longer than {timeout_s:g} s", names[0] if len(names) == 1 else ""
+        broken, blamed = Breakdown(f"took longer than {timeout_s:g} s"), names[0] if len(names) == 1 else ""
     except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
-        reason, blamed = f"{type(error).__name__}: {error}", ""
+        broken, blamed = breakdown(error, epoch=-1), ""
     else:
         parts = [replace(outcome.result, filters=dict(outcome.result.filters))] if outcome.result.filters else []
-        for name, reason in outcome.broken.items():
+        for name, broken in outcome.broken.items():
             alone = with_filters(case, [name])
             if len(runs) == 1:
-                parts.append(failed_block(alone, seed, runs, reason, case_index, name))
+                parts.append(failed(alone, broken, name))
             else:
                 parts.append(_joined([again(alone, half) for half in _halves(runs)]))
         whole = _side_by_side(parts)
         return replace(whole, filters={name: whole.filters[name] for name in names})
     if len(runs) == 1:
-        return failed_block(case, seed, runs, reason, case_index, blamed)
+        return failed(case, broken, blamed)
     return _joined([again(case, half) for half in _halves(runs)])
 
 
 def failed_block(
-    case: Case, seed: int, runs: Sequence[int], reason: str, case_index: int = 0, filter: str = ""
+    case: Case, seed: int, runs: Sequence[int], reason: str, case_index: int = 0, filter: str = "", epoch: int = -1
 ) -> BlockResult:
     """Return the result of runs of which nothing but the reason for their failure is known.
 
@@ -83,6 +97,7 @@ def failed_block(
         reason: Why, in words.
         case_index: Number of the case.
         filter: The filter to blame; empty: the whole run.
+        epoch: The epoch at which they failed; -1: not known.
     """
     times = scoring_rules(case.config).stored_s
     return BlockResult(
@@ -91,8 +106,8 @@ def failed_block(
         runs=tuple(runs),
         time_s=times,
         relative=_truth(case, seed, runs, times),
-        filters={name: FilterResult.all_failed(len(runs), len(times)) for name in case.config.filters},
-        failures=tuple(Failure(run, filter, -1, reason) for run in runs),
+        filters={name: FilterResult.all_failed(len(runs), len(times), epoch) for name in case.config.filters},
+        failures=tuple(Failure(run, filter, epoch, reason) for run in runs),
         shared_truth=not case.config.truth.is_dispersed,
     )
 

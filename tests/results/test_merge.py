@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from relnav_sim.results.block import Failure, ResultsError
+from relnav_sim.results.block import Failure, RefusedError, ResultsError
 from relnav_sim.results.merge import merge_shards, run_ranges
 from relnav_sim.results.read import open_results
 
@@ -151,6 +151,40 @@ def test_failures_come_in_run_and_filter_order(tmp_path, make_block, make_header
         (2, "ekf", 23, "covariance not positive definite"), (3, "ekf", 9, "a"), (3, "alpha_0.5", 7, "b"),
         (4, "", -1, "worker killed"),
     ]  # fmt: skip
+
+
+def test_what_a_filter_has_said_can_not_keep_a_campaign_from_its_results(
+    tmp_path, make_block, make_header, write, facts
+) -> None:
+    """Shards of earlier versions hold messages and names that HDF5 can't store, or that do something when shown."""
+    spoken = [(0, "a\x00b"), (1, "caf\udce9.dat"), (2, "x" * 5_000_000), (3, "\x1b[31m\u202e")]
+    failures = tuple(Failure(run, "ekf", 4, "") for run, _ in spoken)
+    for failure, (_, words) in zip(failures, spoken, strict=True):
+        object.__setattr__(failure, "reason", words)
+    one = dataclasses.replace(make_block(0, range(5), ["ekf"]), failures=failures)
+    named = dataclasses.replace(one.filters["ekf"], diagnostics={"n\x00\udcff": np.arange(5.0)})
+    blocks = [dataclasses.replace(one, filters={"ekf": named})]
+    merge_shards(write(tmp_path / "s", blocks), make_header(cases=1, filters=("ekf",)), facts, tmp_path / "out.h5")
+    with open_results(tmp_path / "out.h5") as results:
+        found = [failure.reason for _, failure in results.failures("id0")]
+        assert results.diagnostics(0, "ekf")[r"n\x00\udcff"].tolist() == [0, 1, 2, 3, 4]
+    assert [found[0], found[1], found[3]] == [r"a\x00b", r"caf\udce9.dat", r"\x1b[31m\u202e"]
+    assert len(found[2]) <= 500 and found[2].startswith("xxx")
+
+
+def test_a_run_that_failed_twice_need_not_say_it_in_the_same_words(
+    tmp_path, make_block, make_header, write, facts
+) -> None:
+    """An exception may name an address or a moment; when and where it failed must agree."""
+    said = [
+        dataclasses.replace(make_block(0, runs), failures=(Failure(3, "ekf", epoch, f"<object at {runs[0]}>"),))
+        for runs, epoch in ((range(3, 5), 9), (range(2, 5), 9), (range(1, 5), 8))
+    ]
+    first = dataclasses.replace(make_block(0, range(3)), failures=())
+    shards = write(tmp_path / "s", [first, *said])
+    merge_shards(shards[:3], make_header(cases=1), facts, tmp_path / "out.h5")
+    with pytest.raises(RefusedError, match="disagrees with another shard about why run 3 failed"):
+        merge_shards(shards, make_header(cases=1), facts, tmp_path / "out.h5")
 
 
 def test_run_ranges() -> None:

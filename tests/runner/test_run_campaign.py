@@ -144,9 +144,9 @@ def test_one_bad_run_costs_only_itself(campaign, tmp_path, reference):
     with open_results(out) as results, open_results(reference) as good:
         for case in range(2):
             failures = [failure for _, failure in results.failures(case)]
-            assert [(f.run, f.filter, f.reason) for f in failures] == [
-                (3, "bad", "ZeroDivisionError: the state became too interesting")
-            ]
+            assert [(f.run, f.filter) for f in failures] == [(3, "bad")]
+            words = "ZeroDivisionError: the state became too interesting (test_run_campaign.py:"
+            assert failures[0].reason.startswith(words)
             assert results.statistic(case, "bad", "failed").tolist() == [0, 0, 0, 1, 0, 0]
             rms = results.statistic(case, "bad", "rms")
             assert np.isfinite(np.delete(rms, 3, axis=0)).all()
