@@ -34,7 +34,7 @@ def sample_count(entry: Options) -> int:
 
 def cost_us(config: CaseConfig) -> float:
     """Return the rough CPU time of one run-step of a case with all its filters, us."""
-    return SIMULATION_US + sum(STATISTICS_US + _filter_cost_us(entry) for entry in config.filters.values())
+    return SIMULATION_US + sum(STATISTICS_US + filter_cost_us(entry) for entry in config.filters.values())
 
 
 def run_seconds(config: CaseConfig) -> float:
@@ -69,7 +69,7 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
     for name in names:
         entry = config.filters[name]
         dynamics = entry.dynamics
-        own = runs * (STATISTICS_US + _filter_cost_us(entry)) + float(getattr(dynamics, "step_overhead_us", 0.0))
+        own = runs * (STATISTICS_US + filter_cost_us(entry)) + float(getattr(dynamics, "step_overhead_us", 0.0))
         common = float(getattr(dynamics, "shared_overhead_us", 0.0))
         seconds = 1e-6 * epochs * (own if dynamics in shared else own + common)
         if groups and spent + seconds <= LONGEST_BLOCK_SECONDS:
@@ -83,7 +83,7 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
     return groups
 
 
-def _filter_cost_us(entry: FilterEntry) -> float:
+def filter_cost_us(entry: FilterEntry) -> float:
     """Return the registered cost, in proportion to the samples where the campaign asks for another number.
 
     Dynamics that cost more than a product of matrices say so in `step_cost_us`.

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from relnav_sim.campaign.blocks import filter_groups, run_seconds, sample_count
+from relnav_sim.campaign.blocks import filter_cost_us, filter_groups, sample_count
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 
+START_S = 3.0
+"""CPU time of starting the program and two workers, whatever the campaign, s."""
+_BOUND_US = 100.0
+"""CPU time of a case's Cramér-Rao bound for one epoch, us."""
+_SIMULATION_US, _STATISTICS_US = 2.0, 1.0
+_SIMULATION_OVERHEAD_US, _STATISTICS_OVERHEAD_US = 15.0, 20.0
+"""CPU time of truth and sensors, and of one filter's statistics: for each run and step, and for a step of a block.
+
+Blocks are cut by the larger, safer figures of `blocks`, which change no estimate.
+"""
 STRETCH = 512
 """Epochs that a block holds at once."""
 
@@ -34,7 +46,7 @@ class Plan:
     Attributes:
         blocks: Pieces of work, each some runs of one case with some of its filters.
         filter_steps: Filter steps in all: cases x runs x epochs x filters.
-        cpu_s: CPU time, s.
+        cpu_s: CPU time of the simulation, the filters and the bound, s; `START_S` comes on top.
         disk_bytes: Size of the result file.
         memory_bytes: Memory of one worker.
     """
@@ -51,19 +63,48 @@ def plan_campaign(campaign: Campaign) -> Plan:
     configs = [case.config for case in campaign.cases]
     block_runs = min(campaign.block_runs, campaign.runs)
     return Plan(
-        blocks=sum(_blocks(config, campaign.runs, campaign.block_runs) for config in configs),
+        blocks=sum(count * len(groups) for config in configs for count, _, groups in _blocks(config, campaign)),
         filter_steps=campaign.runs * sum((config.clock.epochs - 1) * len(config.filters) for config in configs),
-        cpu_s=campaign.runs * sum(run_seconds(config) for config in configs),
+        cpu_s=sum(_case_seconds(config, campaign) for config in configs),
         disk_bytes=campaign.runs * sum(_stored_bytes(config) for config in configs),
         memory_bytes=_PROGRAM_BYTES + block_runs * max(_held_bytes(config) for config in configs),
     )
 
 
-def _blocks(config: CaseConfig, runs: int, block_runs: int) -> int:
-    whole, rest = divmod(runs, block_runs)
+def _blocks(config: CaseConfig, campaign: Campaign) -> list[tuple[int, int, list[tuple[str, ...]]]]:
+    """Return how a case is cut: so many times so many runs, with the filters in these groups."""
+    whole, rest = divmod(campaign.runs, campaign.block_runs)
+    cuts = [(whole, campaign.block_runs), (1, rest)]
     names = tuple(config.filters)
-    last = len(filter_groups(config, names, rest)) if rest else 0
-    return whole * len(filter_groups(config, names, block_runs)) + last
+    return [(count, runs, filter_groups(config, names, runs)) for count, runs in cuts if count and runs]
+
+
+def _case_seconds(config: CaseConfig, campaign: Campaign) -> float:
+    filtered = sum(
+        count * _block_seconds(config, names, runs)
+        for count, runs, groups in _blocks(config, campaign)
+        for names in groups
+    )
+    return filtered + (1e-6 * _BOUND_US * config.clock.epochs if campaign.bound else 0.0)
+
+
+def _block_seconds(config: CaseConfig, names: Sequence[str], runs: int) -> float:
+    """Return the CPU time of a block of so many runs of a case with some of its filters, s.
+
+    A step costs NumPy's calls, however few the runs, and the arithmetic of each run. Filters with the same dynamics
+    share what these do for all of them.
+    """
+    step_us = _SIMULATION_OVERHEAD_US + runs * _SIMULATION_US
+    shared: list[Options] = []
+    for name in names:
+        entry = config.filters[name]
+        dynamics = entry.dynamics
+        step_us += filter_kinds()[entry.kind].overhead_us + float(getattr(dynamics, "step_overhead_us", 0.0))
+        step_us += _STATISTICS_OVERHEAD_US + runs * (_STATISTICS_US + filter_cost_us(entry))
+        if dynamics not in shared:
+            step_us += float(getattr(dynamics, "shared_overhead_us", 0.0))
+            shared.append(dynamics)
+    return 1e-6 * step_us * (config.clock.epochs - 1)
 
 
 def _stored_bytes(config: CaseConfig) -> float:

@@ -25,6 +25,7 @@ def validate(
 ) -> None:
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
+    from relnav_sim.campaign.plan import START_S
     from relnav_sim.campaign.warnings import campaign_warnings
     from relnav_sim.statistics.convergence_seen import convergence_warnings
 
@@ -44,7 +45,7 @@ def validate(
             ("runs", f"{campaign.runs} of each case, seed {campaign.seed}"),
             ("time", f"{config.clock.duration_s:g} s in steps of {config.clock.step_s:g} s"),
             ("work", f"{count_in_words(plan.blocks, 'block')} of at most {count_in_words(campaign.block_runs, 'run')}"),
-            ("", f"{plan.filter_steps:.3g} filter steps, about {in_words(plan.cpu_s)} of CPU time"),
+            ("", f"{plan.filter_steps:.3g} filter steps, about {in_words(plan.cpu_s + START_S)} of CPU time"),
             ("disk", f"about {size_in_words(plan.disk_bytes)}"),
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]

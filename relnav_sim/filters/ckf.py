@@ -9,7 +9,7 @@ from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
 
 
-@register_filter("ckf", GaussianFilterOptions)
+@register_filter("ckf", GaussianFilterOptions, overhead_us=205.0)
 class CubatureKalmanFilter(UnscentedKalmanFilter):
     """Cubature Kalman filter: 2 n equally weighted points at sqrt(n) sigma, no tuning parameter.
 

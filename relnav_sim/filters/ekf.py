@@ -13,7 +13,7 @@ from relnav_sim.models.dynamics import Step
 Array = NDArray[np.float64]
 
 
-@register_filter("ekf", GaussianFilterOptions)
+@register_filter("ekf", GaussianFilterOptions, overhead_us=140.0)
 class ExtendedKalmanFilter(GaussianFilter):
     """Extended Kalman filter: the measurement linearised at the prediction.
 

@@ -62,7 +62,7 @@ class GaussianSum:
         return moment_match(self.weights, self.means, self.covariances)[1]
 
 
-@register_filter("gaussian_sum", GaussianSumOptions, cost_us=40.0)
+@register_filter("gaussian_sum", GaussianSumOptions, cost_us=40.0, overhead_us=280.0)
 class GaussianSumFilter:
     """Gaussian-sum filter: the posterior under mixture noise as a mixture itself.
 

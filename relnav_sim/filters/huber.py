@@ -35,7 +35,7 @@ class HuberOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("huber", HuberOptions, cost_us=7.0)
+@register_filter("huber", HuberOptions, cost_us=7.0, overhead_us=500.0)
 class HuberFilter(GaussianFilter):
     """Huber filter: residuals beyond a threshold count linearly instead of quadratically.
 

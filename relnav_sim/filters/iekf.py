@@ -19,7 +19,7 @@ from relnav_sim.models.measurement import Measurement
 Array = NDArray[np.float64]
 
 
-@register_filter("iekf", IterationOptions, cost_us=8.0)
+@register_filter("iekf", IterationOptions, cost_us=8.0, overhead_us=720.0)
 class IteratedExtendedKalmanFilter(GaussianFilter):
     """Iterated extended Kalman filter: the maximum of the posterior, by Gauss-Newton with a line search.
 

@@ -62,7 +62,7 @@ class ModelBank:
         return moment_match(np.exp(self.log_weights), self.means, self.covariances)[1]
 
 
-@register_filter("imm", ImmOptions, cost_us=5.0)
+@register_filter("imm", ImmOptions, cost_us=5.0, overhead_us=250.0)
 class InteractingModelsFilter:
     """Interacting multiple models: one extended Kalman filter per component of the measurement noise.
 

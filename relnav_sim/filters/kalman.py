@@ -230,7 +230,7 @@ class KalmanOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian")
+@register_filter("kf", KalmanOptions, measurement="cartesian", overhead_us=170.0)
 class KalmanFilter(GaussianFilter):
     """Linear Kalman filter (Kalman 1960) on the radar measurement converted to Cartesian coordinates.
 

@@ -8,7 +8,7 @@ from relnav_sim.models.dynamics import Dynamics
 from relnav_sim.models.measurement import Measurement
 
 
-@register_filter("mkf", ImportanceOptions, cost_us=450.0)
+@register_filter("mkf", ImportanceOptions, cost_us=450.0, overhead_us=400.0)
 class MomentMatchingFilter(AlphaKalmanFilter):
     """Moment-matching Kalman filter: the Gaussian with the posterior's own mean and covariance, KL(p|q).
 

@@ -63,6 +63,7 @@ class FilterKind:
         measurement: The form of the radar measurement it takes unless the campaign says otherwise.
         cost_us: Rough CPU time per filter step and run, for planning, us.
         learned_dynamics: Whether campaigns may give it learned dynamics only.
+        overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
     """
 
     name: str
@@ -71,6 +72,7 @@ class FilterKind:
     measurement: MeasurementKind
     cost_us: float
     learned_dynamics: bool = False
+    overhead_us: float = 200.0
 
     @property
     def considers(self) -> bool:
@@ -89,6 +91,7 @@ def register_filter(
     measurement: MeasurementKind = "polar",
     cost_us: float = 3.0,
     learned_dynamics: bool = False,
+    overhead_us: float = 200.0,
 ) -> Callable[[C], C]:
     """Return a decorator that registers a filter class under `name`.
 
@@ -98,6 +101,7 @@ def register_filter(
         measurement: ``polar`` (range, azimuth, elevation) or ``cartesian`` (converted position).
         cost_us: Rough CPU time per filter step and run, us; only for planning.
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
+        overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
 
     Raises:
         ValueError: Another filter has this name.
@@ -107,7 +111,7 @@ def register_filter(
         known = _KINDS.get(name)
         if known is not None and known.factory is not factory:
             raise ValueError(f"a filter named {name!r} is registered already")
-        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us, learned_dynamics)
+        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us, learned_dynamics, overhead_us)
         return factory
 
     return register

@@ -72,7 +72,7 @@ class TwoStepBelief(Gaussian):
     started: NDArray[np.bool_]
 
 
-@register_filter("two_step", TwoStepOptions, cost_us=20.0)
+@register_filter("two_step", TwoStepOptions, cost_us=20.0, overhead_us=1300.0)
 class TwoStepFilter(GaussianFilter):
     """Two-step filter: a linear Kalman update of y = [x; g(x)], then x fitted to y by Gauss-Newton.
 

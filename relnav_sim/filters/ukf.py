@@ -75,7 +75,7 @@ class PropagatedPoints:
     offsets: Array
 
 
-@register_filter("ukf", UnscentedOptions)
+@register_filter("ukf", UnscentedOptions, overhead_us=210.0)
 class UnscentedKalmanFilter(GaussianFilter):
     """Unscented Kalman filter: 2 n + 1 sigma points instead of a linearisation.
 

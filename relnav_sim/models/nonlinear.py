@@ -26,6 +26,8 @@ class NonlinearOptions(Options):
 
     step_cost_us: ClassVar[float] = 2.0
     """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
+    step_overhead_us: ClassVar[float] = 150.0
+    """The same of a step however few the runs, us."""
 
     kind: Literal["nonlinear"] = Field(default="nonlinear", description="Exact two-body relative motion")
 
