@@ -26,6 +26,7 @@ from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.chief import ChiefFollowers
 from relnav_sim.runner.extra import ExtraTrack, extended_prior, extension_of, mounting_of
+from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.thrust import ThrustInputs, known_thrust
@@ -57,7 +58,8 @@ class BlockOutcome:
 def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
     """Return the results of some runs of one case.
 
-    A filter that raises an exception is left behind; the others go on.
+    A filter that raises an exception is left behind; the others go on. Want of memory is no fault of the filter, and
+    ends the block.
 
     Args:
         case: The case.
@@ -239,6 +241,8 @@ class FilterTrack:
         try:
             yield
         except (Exception, SystemExit) as problem:
+            if lacks_memory(problem):
+                raise
             self.broken = f"{type(problem).__name__}: {problem}".rstrip(": ")
 
     def _advance(self, stretch: Stretch) -> FilterHistory:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import FrameType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +13,7 @@ from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.merge import united_columns
 from relnav_sim.runner.block import scoring_rules, simulate_block
+from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.work import with_filters
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
@@ -23,13 +21,7 @@ from relnav_sim.truth import truth_trajectory
 Array = NDArray[np.float64]
 
 
-class BlockTimeout(BaseException):
-    """A block has taken longer than it may. Not an `Exception`, so that no filter's own handler swallows it."""
-
-
-def simulate_surviving(
-    case: Case, seed: int, runs: Sequence[int], case_index: int = 0, timeout_s: float | None = None
-) -> BlockResult:
+def simulate_surviving(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockResult:
     """Return the results of some runs; a run or a filter that fails is recorded as failed, the others are kept.
 
     A run's bits do not depend on its block or on the other filters, so the parts may be computed again by themselves.
@@ -39,50 +31,58 @@ def simulate_surviving(
         seed: The campaign's seed.
         runs: Numbers of the runs, ascending.
         case_index: Number of the case.
-        timeout_s: Most seconds for these runs; if they take longer, their halves have as long each, down to single
-            runs and filters, which then count as failed.
+
+    Raises:
+        MemoryError: There is too little memory: no fault of a run or a filter.
     """
 
     def again(part: Case, runs: Sequence[int]) -> BlockResult:
-        return simulate_surviving(part, seed, runs, case_index, timeout_s)
+        return simulate_surviving(part, seed, runs, case_index)
+
+    def failed(part: Case, reason: str, filter: str = "") -> BlockResult:
+        return failed_block(part, runs, _truth(part, seed, runs), reason, case_index, filter)
 
     names = list(case.config.filters)
     try:
-        with time_limit(timeout_s):
-            outcome = simulate_block(case, seed, runs, case_index)
-    except BlockTimeout:
-        if len(runs) == 1 and len(names) > 1:
-            return _side_by_side([again(with_filters(case, [name]), runs) for name in names])
-        reason, blamed = f"took longer than {timeout_s:g} s", names[0] if len(names) == 1 else ""
+        outcome = simulate_block(case, seed, runs, case_index)
     except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
-        reason, blamed = f"{type(error).__name__}: {error}", ""
+        if lacks_memory(error):
+            raise
+        reason = f"{type(error).__name__}: {error}"
     else:
         parts = [replace(outcome.result, filters=dict(outcome.result.filters))] if outcome.result.filters else []
         for name, reason in outcome.broken.items():
             alone = with_filters(case, [name])
             if len(runs) == 1:
-                parts.append(failed_block(alone, seed, runs, reason, case_index, name))
+                parts.append(failed(alone, reason, name))
             else:
                 parts.append(_joined([again(alone, half) for half in _halves(runs)]))
         whole = _side_by_side(parts)
         return replace(whole, filters={name: whole.filters[name] for name in names})
     if len(runs) == 1:
-        return failed_block(case, seed, runs, reason, case_index, blamed)
+        return failed(case, reason)
     return _joined([again(case, half) for half in _halves(runs)])
 
 
 def failed_block(
-    case: Case, seed: int, runs: Sequence[int], reason: str, case_index: int = 0, filter: str = ""
+    case: Case,
+    runs: Sequence[int],
+    truth: Array,
+    reason: str,
+    case_index: int = 0,
+    filter: str = "",
+    retry: bool = False,
 ) -> BlockResult:
-    """Return the result of runs of which nothing but the reason for their failure is known.
+    """Return the result of runs of which nothing but the truth and the reason for their failure is known.
 
     Args:
         case: The case.
-        seed: The campaign's seed.
         runs: Numbers of the runs.
+        truth: True relative states at the stored epochs, as in `BlockResult`; NaN where they are not known.
         reason: Why, in words.
         case_index: Number of the case.
         filter: The filter to blame; empty: the whole run.
+        retry: Whether another attempt may succeed.
     """
     times = scoring_rules(case.config).stored_s
     return BlockResult(
@@ -90,45 +90,28 @@ def failed_block(
         case_id=case.id,
         runs=tuple(runs),
         time_s=times,
-        relative=_truth(case, seed, runs, times),
+        relative=truth,
         filters={name: FilterResult.all_failed(len(runs), len(times)) for name in case.config.filters},
         failures=tuple(Failure(run, filter, -1, reason) for run in runs),
         shared_truth=not case.config.truth.is_dispersed,
+        retry=retry,
     )
 
 
-def _truth(case: Case, seed: int, runs: Sequence[int], times_s: Array) -> Array:
+def unknown_truth(case: Case, runs: Sequence[int]) -> Array:
+    """Return the relative states of a truth that may be what hangs, or what kills its process: NaN."""
+    trajectories = len(runs) if case.config.truth.is_dispersed else 1
+    return np.full((trajectories, len(scoring_rules(case.config).stored_s), len(layout.COMPONENTS)), np.nan)
+
+
+def _truth(case: Case, seed: int, runs: Sequence[int]) -> Array:
     """Return the true relative states at the stored epochs; NaN where the truth itself is what fails."""
-    options = case.config.truth
+    config = case.config
     try:
-        trajectory = truth_trajectory(options, case.config.clock.duration_s, RandomSource(seed, tuple(runs)))
-        return trajectory.at(times_s).relative
+        trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, tuple(runs)))
+        return trajectory.at(scoring_rules(config).stored_s).relative
     except Exception:  # the failure is recorded with its reason already
-        trajectories = len(runs) if options.is_dispersed else 1
-        return np.full((trajectories, len(times_s), len(layout.COMPONENTS)), np.nan)
-
-
-@contextmanager
-def time_limit(seconds: float | None) -> Iterator[None]:
-    """Raise `BlockTimeout` in the block after so many seconds; main thread only.
-
-    Args:
-        seconds: The limit; None: no limit.
-    """
-    if seconds is None:
-        yield
-        return
-
-    def expire(number: int, frame: FrameType | None) -> None:
-        raise BlockTimeout
-
-    before = signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        return unknown_truth(case, runs)
 
 
 def _halves(runs: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:

@@ -8,6 +8,7 @@ from small_campaign import assert_same_bits
 from relnav_sim import open_results, run_campaign
 from relnav_sim.results.block import RefusedError
 from relnav_sim.runner import several
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.several import run_campaigns
 
 
@@ -33,15 +34,15 @@ def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):
 def test_an_interruption_keeps_the_campaigns_that_are_complete(campaign, tmp_path, monkeypatch):
     jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2)]
     alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
-    compute = several.computed
 
-    def interrupted(tasks, workers, backend, timeout_s):
-        for task in compute(tasks, workers, "sequential", timeout_s):
-            if task.block.seed == 2:
-                raise KeyboardInterrupt
-            yield task
+    class Interrupted(Pool):
+        def computed(self, tasks):
+            for done in Pool(backend="sequential").computed(tasks):
+                if done.block.seed == 2:
+                    raise KeyboardInterrupt
+                yield done
 
-    monkeypatch.setattr(several, "computed", interrupted)
+    monkeypatch.setattr(several, "Pool", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_campaigns(jobs)
     assert_same_bits(alone, tmp_path / "1.h5")
@@ -54,15 +55,15 @@ def test_a_campaign_is_complete_with_the_pieces_of_its_blocks(campaign, tmp_path
     jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2, 3)]
     alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
     run_campaign(*jobs[1], backend="sequential").unlink()
-    compute = several.computed
 
-    def cut(tasks, workers, backend, timeout_s):
-        for task in tasks:
-            if task.seed == 3:
-                raise KeyboardInterrupt
-            yield from compute(task.pieces() or [task], workers, "sequential", timeout_s)
+    class Cutting(Pool):
+        def computed(self, tasks):
+            for task in tasks:
+                if task.seed == 3:
+                    raise KeyboardInterrupt
+                yield from Pool(backend="sequential").computed(task.pieces() or [task])
 
-    monkeypatch.setattr(several, "computed", cut)
+    monkeypatch.setattr(several, "Pool", Cutting)
     with pytest.raises(KeyboardInterrupt):
         run_campaigns(jobs)
     assert_same_bits(alone, tmp_path / "1.h5")
