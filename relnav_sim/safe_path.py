@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,12 +21,3 @@ def safe_path() -> Iterator[None]:
             del os.environ[VARIABLE]
         else:
             os.environ[VARIABLE] = before
-
-
-def working_folder_last() -> None:
-    """Move the working folder from the head of the path to its end, as `python -m` and `python -c` put it there.
-
-    What is found nowhere else is still found, as relnav in its own source folder.
-    """
-    if not sys.flags.safe_path and sys.path and sys.path[0] in ("", os.getcwd()):
-        sys.path.append(sys.path.pop(0))

@@ -35,6 +35,11 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def with_exit_codes(*args: Any, **kwargs: Any) -> None:
+        from relnav_sim.memory_limit import too_little_memory
+
+        if (sentence := too_little_memory()) is not None:
+            _stop(sentence, Exit.INPUT_OUTPUT)
+
         from relnav_sim.campaign.problems import CampaignError
         from relnav_sim.results.block import RefusedError, ResultsError
 
@@ -51,6 +56,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             _stop(str(error), Exit.BAD_INPUT)
         except ResultsError as error:
             _stop(str(error), Exit.INPUT_OUTPUT)
+        except MemoryError as error:
+            _stop(f"not enough memory: {error}".rstrip(": "), Exit.INPUT_OUTPUT)
         except BrokenPipeError:
             raise
         except OSError as error:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import errno
 
-NO_THREAD = "can't start new thread"
-"""What Python says where there is no memory for the stack of a thread."""
+_SAID = ("can't start new thread", "memory allocation failed")
+"""What Python says where there is no memory for the stack of a thread, and HDF5 where there is none for its data."""
 
 
 def lacks_memory(error: BaseException) -> bool:
@@ -16,7 +16,7 @@ def lacks_memory(error: BaseException) -> bool:
         seen.add(id(cause))
         if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno == errno.ENOMEM):
             return True
-        if isinstance(cause, RuntimeError) and NO_THREAD in str(cause):
+        if isinstance(cause, RuntimeError | OSError) and any(words in str(cause) for words in _SAID):
             return True
         cause = cause.__cause__ or cause.__context__
     return False

@@ -75,6 +75,10 @@ class _Seat:
         """Whether it is idle or about to be."""
         return self.worker is not None and self.task is None
 
+    @property
+    def is_lost(self) -> bool:
+        return self.worker is not None and self.worker.is_lost
+
     def start(self) -> None:
         self.worker = Worker()
         self._begin(self.worker.started, None)
@@ -195,7 +199,7 @@ class Pool:
         watched_s = min(time.monotonic() - before, 2 * LOOKED_AT_EVERY_S)
         for future in going_on:
             busy[future].watched_s += watched_s
-        return [seat for future, seat in busy.items() if future in finished or self._too_long(seat)]
+        return [s for future, s in busy.items() if future in finished or s.is_lost or self._too_long(s)]
 
     def _too_long(self, seat: _Seat) -> bool:
         limit = LONGEST_START_S if seat.task is None else self._timeout_s
@@ -203,7 +207,11 @@ class Pool:
 
     def _seat_started(self, seat: _Seat) -> None:
         assert seat.future is not None
-        error = seat.future.exception() if seat.future.done() else TimeoutError(f"not ready in {LONGEST_START_S:g} s")
+        error: BaseException | None = TimeoutError(f"it was not ready for work in {LONGEST_START_S:g} s")
+        if seat.future.done():
+            error = seat.future.exception()
+        elif seat.is_lost:
+            error = RuntimeError("no thread to watch over it could be started, most likely for want of memory")
         if error is not None:
             self._not_started(seat, error)
             return
@@ -226,7 +234,7 @@ class Pool:
 
         assert seat.future is not None
         future, alone = seat.future, seat.alone
-        error = future.exception() if future.done() else None
+        error = future.exception() if future.done() else BrokenProcessPool() if seat.is_lost else None
         if future.done() and error is None:
             seat.rest()
             outcome = future.result()

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
+from multiprocessing import active_children
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.safe_path import VARIABLE, safe_path
@@ -41,11 +42,21 @@ class Worker:
     def __init__(self) -> None:
         from joblib.externals.loky import ProcessPoolExecutor
 
-        self._executor: Any = ProcessPoolExecutor(
-            max_workers=1, initializer=_end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
-        )
         with _started_apart():
-            self.started: Future[None] = self._executor.submit(_make_ready)
+            threads, children = set(threading.enumerate()), set(active_children())
+            self._executor: Any = ProcessPoolExecutor(
+                max_workers=1, initializer=_end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
+            )
+            try:
+                self.started: Future[None] = self._executor.submit(_make_ready)
+            finally:
+                self._watch = set(threading.enumerate()) - threads
+                self._processes = set(active_children()) - children
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether nobody hears of its end any more: the executor's thread has died, which happens without memory."""
+        return not all(thread.is_alive() for thread in self._watch)
 
     def submit(self, task: Task) -> Future[Outcome]:
         """Hand over a task; the future has the exception `BrokenProcessPool` if the process dies of it."""
@@ -63,6 +74,10 @@ class Worker:
     def end(self) -> None:
         """End the process at once, whatever it is at, and the processes that it has started."""
         self._executor.shutdown(kill_workers=True)
+        for process in self._processes:  # as it does without its thread
+            if process.is_alive() and process.pid is not None:
+                os.kill(process.pid, signal.SIGKILL)
+            process.join()
 
 
 @contextmanager
