@@ -8,8 +8,13 @@ import sys
 
 from relnav_sim.safe_path import safe_path
 
-LONGEST_S = 120.0
-_LOADS = "import relnav_sim.runner.compute, joblib"
+LONGEST_S = 60.0
+_LOADS = """
+spare = bytearray(100_000_000)
+import joblib, numpy, relnav_sim.runner.compute
+numpy.linalg.inv(numpy.eye(200)) @ numpy.eye(200)
+"""
+"""What every process of a campaign needs, and some room. BLAS may wait for ever for memory that it does not get."""
 
 
 def too_little_memory() -> str | None:

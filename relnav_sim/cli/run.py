@@ -48,7 +48,11 @@ def run(
     ] = None,
     timeout_s: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.1, help="Most seconds for a block of runs; a run that takes longer fails."),
+        typer.Option(
+            metavar="S",
+            min=0.1,
+            help="Most seconds for a block of runs; a run that takes longer fails. Not with --backend sequential.",
+        ),
     ] = None,
     shard: Annotated[
         str | None,
@@ -66,6 +70,8 @@ def run(
     """
     with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
         _check_options(only, trace, shard, fresh, fail_fast, max_failures)
+        if backend is Backend.SEQUENTIAL and timeout_s is not None:
+            raise UserError("--timeout-s needs worker processes, which can be ended; leave out --backend sequential")
         if out is not None and (out.is_dir() or (out.exists() and file.exists() and out.samefile(file))):
             what = "a directory" if out.is_dir() else "the campaign itself"
             raise UserError(f"--out {out} is {what}; give the name of a result file")
@@ -106,7 +112,8 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
     from relnav_sim.results import open_results
 
     with open_results(path) as results:
-        failed = len(results.failures())
+        lacking = len(results.lacked_memory())
+        failed = len(results.failures()) - lacking
     following = f"relnav report {path}" if part == (1, 1) else "relnav merge OUT with all parts"
     typer.echo(f"wrote {path}; next: {following}")
     if failed:
@@ -115,6 +122,7 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
             f"relnav inspect {path} lists them",
             err=True,
         )
+    if failed or lacking:
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 
 

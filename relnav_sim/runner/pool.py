@@ -149,7 +149,7 @@ class Pool:
                 outcome = compute(task)
             except MemoryError as error:
                 if queue.lacked_memory(task, alone=True):
-                    yield _failed(task, str(error), retry=True)
+                    yield failed_task(task, str(error), retry=True)
             else:
                 yield Done(task, outcome.failures, outcome.figures)
 
@@ -243,16 +243,22 @@ class Pool:
         task.busy.unlink(missing_ok=True)
         if error is None:
             reason = f"took longer than {self._timeout_s:g} s"
-            return _failed(task, reason, retry=False) if queue.too_long(task) else None
+            return failed_task(task, reason, retry=False) if queue.too_long(task) else None
         if isinstance(error, BrokenProcessPool):
-            return _failed(task, KILLED, retry=False) if queue.killed(task, alone) else None
+            return failed_task(task, KILLED, retry=False) if queue.killed(task, alone) else None
         if isinstance(error, MemoryError):
-            return _failed(task, str(error), retry=True) if queue.lacked_memory(task, alone) else None
+            return failed_task(task, str(error), retry=True) if queue.lacked_memory(task, alone) else None
         raise error
 
 
-def _failed(task: Task, reason: str, retry: bool) -> Done:
-    """Write a task that can't be computed as failed."""
+def failed_task(task: Task, reason: str, retry: bool) -> Done:
+    """Write a task that can't be computed nor cut as failed, without a look at its truth, which may be the cause.
+
+    Args:
+        task: The task.
+        reason: Why, in words.
+        retry: Whether its runs lacked memory, so that they count as missing.
+    """
     if isinstance(task, BoundTask):
         write_bound(task.path, failed_bound(task.case, task.seed, reason, retry=True))
         return Done(task, 0, {})

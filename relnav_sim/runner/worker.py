@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from multiprocessing import active_children
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.safe_path import VARIABLE, safe_path
@@ -43,20 +42,20 @@ class Worker:
         from joblib.externals.loky import ProcessPoolExecutor
 
         with _started_apart():
-            threads, children = set(threading.enumerate()), set(active_children())
             self._executor: Any = ProcessPoolExecutor(
                 max_workers=1, initializer=_end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
             )
             try:
                 self.started: Future[None] = self._executor.submit(_make_ready)
             finally:
-                self._watch = set(threading.enumerate()) - threads
-                self._processes = set(active_children()) - children
+                # The executor forgets both when it ends.
+                self._manager = self._executor._executor_manager_thread
+                self._processes = list(self._executor._processes.values())
 
     @property
     def is_lost(self) -> bool:
         """Whether nobody hears of its end any more: the executor's thread has died, which happens without memory."""
-        return not all(thread.is_alive() for thread in self._watch)
+        return self._manager is None or not self._manager.is_alive()
 
     def submit(self, task: Task) -> Future[Outcome]:
         """Hand over a task; the future has the exception `BrokenProcessPool` if the process dies of it."""
@@ -82,23 +81,25 @@ class Worker:
 
 @contextmanager
 def _started_apart() -> Iterator[None]:
-    """Start processes that import nothing from the working folder and that no Ctrl-C at the terminal reaches.
+    """Start processes that import nothing from the working folder, and that the terminal does not end.
 
-    A Ctrl-C goes to all processes of the terminal; the parent ends its workers itself.
+    A Ctrl-C, or the terminal's own end, goes to all its processes; the parent ends its workers itself.
     """
     from multiprocessing.resource_tracker import ensure_running
 
     from joblib.externals.loky.backend import resource_tracker
 
-    with safe_path():
-        # Workers inherit the mask. The trackers start with the first worker and would lift it, so they start before.
-        ensure_running()
-        resource_tracker.ensure_running()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
+    # Workers inherit the mask. The trackers start with the first worker and would unblock SIGINT for it, so they come
+    # before; SIGHUP they leave alone, and it would kill them.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        with safe_path():
+            ensure_running()
+            resource_tracker.ensure_running()
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             yield
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _make_ready() -> None:
