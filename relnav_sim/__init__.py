@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+
+TYPE_CHECKING = False  # `typing` would bring modules along before `python -m relnav_sim` has set its path right
+if TYPE_CHECKING:
+    from typing import Any
 
 __version__ = "0.1.0"
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    # `python -m` looks into the working folder first, where a random.py is the user's own; now it does so last.
+    sys.path.append(sys.path.pop(0))
+
 import os
 import signal
-import sys
 import threading
 from types import FrameType
 from typing import NoReturn

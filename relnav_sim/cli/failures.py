@@ -58,6 +58,11 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
 
     @functools.wraps(command)
     def with_exit_codes(*args: Any, **kwargs: Any) -> None:
+        from relnav_sim.memory_limit import too_little_memory
+
+        if (sentence := too_little_memory()) is not None:
+            _stop(sentence, Exit.INPUT_OUTPUT)
+
         from relnav_sim.campaign.problems import CampaignError
         from relnav_sim.results.block import RefusedError, ResultsError
 
@@ -78,6 +83,8 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
             _stop(str(error), Exit.INPUT_OUTPUT)
         except EOFError as error:
             raise RuntimeError("a file ended too early") from error  # click would make it exit code 1
+        except MemoryError as error:
+            _stop(f"not enough memory: {error}".rstrip(": "), Exit.INPUT_OUTPUT)
         except OSError as error:
             _stop(_os_sentence(error), Exit.INPUT_OUTPUT)
         except KeyboardInterrupt:

@@ -53,7 +53,7 @@ def _show(results: Results) -> None:
 
     provenance = results.provenance
     source = provenance.git_commit[:12] + (", with changes" if provenance.git_dirty == 1 else "")
-    failures = results.failures()
+    failures, lacking = results.failures(), len(results.lacked_memory())
     rows = [
         ("campaign", results.campaign_name),
         ("hash", results.campaign_hash[:12]),
@@ -61,7 +61,7 @@ def _show(results: Results) -> None:
         ("runs", _runs_in_words(results)),
         ("cases", "\n".join(f"{header.id}  {header.label}" for header in results.headers)),
         ("filters", ", ".join(results.filters)),
-        ("failed", count_in_words(len(failures), "run of a filter", "runs of a filter")),
+        ("failed", count_in_words(len(failures) - lacking, "run of a filter", "runs of a filter")),
         ("began", f"{provenance.started}, took {in_words(provenance.wall_time_s)}"),
         ("ended", provenance.finished),
         ("command", provenance.command_line),
@@ -70,12 +70,14 @@ def _show(results: Results) -> None:
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]
+    if lacking:
+        rows.insert(7, ("lacked memory", count_in_words(lacking, "run of a filter", "runs of a filter")))
     if len(provenance.sessions) > 1:
         began = [
             f"{session.started[:19]}, {in_words(session.wall_time_s)}, relnav {session.relnav}: {session.command_line}"
             for session in provenance.sessions
         ]
-        rows.insert(10, ("sessions", "\n".join(began)))
+        rows.insert(rows.index(next(row for row in rows if row[0] == "source")), ("sessions", "\n".join(began)))
     if results.stopping:
         rows.insert(4, ("stopped", stopping_in_words(results.stopping)))
     print_table(rows)

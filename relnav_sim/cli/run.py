@@ -57,7 +57,11 @@ def run(
     ] = None,
     timeout_s: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.1, help="Most seconds for a block of runs; a run that takes longer fails."),
+        typer.Option(
+            metavar="S",
+            min=0.1,
+            help="Most seconds for a block of runs; a run that takes longer fails. Not with --backend sequential.",
+        ),
     ] = None,
     shard: Annotated[
         str | None,
@@ -75,6 +79,8 @@ def run(
     """
     with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
         _check_options(only, trace, shard, fresh, fail_fast, max_failures)
+        if backend is Backend.SEQUENTIAL and timeout_s is not None:
+            raise UserError("--timeout-s needs worker processes, which can be ended; leave out --backend sequential")
         part = _part(shard)
         case, number = _case_and_run(only)
 
@@ -94,10 +100,6 @@ def run(
 
         from relnav_sim.results.block import RefusedError
         from relnav_sim.runner.run import run_campaign
-        from relnav_sim.statistics.convergence_seen import convergence_warnings
-
-        for sentence in convergence_warnings(campaign):
-            typer.echo(f"warning: {sentence}", err=True)
 
         try:
             if only is not None:
@@ -126,7 +128,8 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
     from relnav_sim.runner.failure_log import log_beside
 
     with open_results(path) as results:
-        failed = len(results.failures())
+        lacking = len(results.lacked_memory())
+        failed = len(results.failures()) - lacking
     following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
     say(f"wrote {path}; next: {following}")
     if failed:
@@ -136,6 +139,7 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
             f"{command('relnav', 'inspect', path)} lists them{f', {log} has the tracebacks' if log else ''}",
             err=True,
         )
+    if failed or lacking:
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 
 

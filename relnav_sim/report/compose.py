@@ -22,6 +22,7 @@ from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
+from relnav_sim.safe_path import safe_path
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -87,7 +88,8 @@ def _cases(
     import joblib
 
     parallel = joblib.Parallel(n_jobs=min(workers, len(todo)))
-    return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
+    with safe_path():
+        return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
 
 
 def _without_pictures(

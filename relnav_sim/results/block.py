@@ -177,6 +177,8 @@ class BlockResult:
         failures: Runs and filters that failed.
         shared_truth: Whether all runs of the *case* fly the same truth (nothing is dispersed). It can't be seen
             from ``relative``: a block of one run has one trajectory either way.
+        retry: Whether its runs were not computed, for want of memory, so that another attempt may succeed. They count
+            as missing, not as failed; the failures say why.
     """
 
     case_index: int
@@ -187,6 +189,7 @@ class BlockResult:
     filters: Mapping[str, FilterResult]
     failures: tuple[Failure, ...]
     shared_truth: bool
+    retry: bool = False
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def merge_pieces(
 
     A run that two pieces hold counts once if they agree bit for bit (measured times aside).
     Filters are told apart by their settings, not by their names alone. Memory is bounded
-    by the largest piece. Runs beyond ``header.runs`` are left out.
+    by the largest piece. Runs beyond ``header.runs`` are left out, and so are those that lacked memory, but for why.
 
     Args:
         pieces: The pieces, in any order.
@@ -77,7 +77,7 @@ def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -
     """Return a sentence per case and filter that names the runs no piece holds."""
     sentences = []
     for case in header.cases:
-        infos = [piece.info for piece in by_case.get(case.id, ())]
+        infos = [piece.info for piece in by_case.get(case.id, ()) if not piece.info.retry]
         for name in case.filters:
             held = {run for info in infos if name in info.filters for run in info.runs}
             if absent := [run for run in header.planned if run not in held]:
@@ -127,7 +127,7 @@ class _CaseWriter:
 
     def __init__(self, group: h5py.Group, case: CaseHeader, pieces: Sequence[Piece], runs: int) -> None:
         self.group, self.case, self.pieces, self.runs = group, case, pieces, runs
-        shards = [piece.info for piece in pieces]
+        shards = [piece.info for piece in pieces if not piece.info.retry]
         self.rows = {
             name: sorted({run for s in shards if name in s.filters for run in s.runs if run < runs})
             for name in case.filters
@@ -138,7 +138,7 @@ class _CaseWriter:
         self.order = {name: i for i, name in enumerate(case.filters)}
         self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
         self.failures: dict[tuple[int, str], frozenset[Failure]] = {}
-        shared = {s.shared_truth for s in shards}
+        shared = {piece.info.shared_truth for piece in pieces}
         if len(shared) > 1:
             raise RefusedError(f"case {case.label}: some shards share one truth between runs, others don't")
         held = sorted({run for s in shards for run in s.runs if run < runs})
@@ -154,7 +154,12 @@ class _CaseWriter:
                 self._create(block.time_s)
             elif not _same_bits(self.time_s, block.time_s):
                 raise RefusedError(f"{info.path}: its epochs differ from those of the other shards of this case")
-            self._fill(info, block)
+            if info.retry:
+                self._keep_reasons(info, block)
+            else:
+                self._fill(info, block)
+        for row in np.flatnonzero(~self.truth_done):
+            self.group[layout.TRUTH.name][row] = np.nan
         known = {failure for of_run in self.failures.values() for failure in of_run}
         failures = sorted(known, key=lambda f: (f.run, self.order.get(f.filter, -1), f.epoch, f.reason))
         group = self.group.create_group("failures")
@@ -181,8 +186,11 @@ class _CaseWriter:
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:
         where = f"case {self.case.label}"
-        truth = {"truth": block.relative}
-        owners = self.trajectories if block.shared_truth else block.runs
+        # A block whose process died knows no truth; another block of the same run may.
+        known = np.asarray(~np.isnan(block.relative).all(axis=(1, 2)))
+        truth = {layout.TRUTH.name: block.relative[known]}
+        owners = [-1] if block.shared_truth else block.runs
+        owners = [owner for owner, is_known in zip(owners, known, strict=True) if is_known]
         _fill_rows(self.group, (layout.TRUTH,), truth, owners, self.trajectories, self.truth_done, f"{where}, truth")
         for name in info.filters:
             columns = self.columns[name]
@@ -192,6 +200,13 @@ class _CaseWriter:
                 group = self.group[name]
                 _fill_rows(group, columns.datasets, arrays, block.runs, rows, done, f"{where}, filter {name}")
             self._fail(info, block, name)
+
+    def _keep_reasons(self, info: ShardInfo, block: BlockResult) -> None:
+        """Keep why runs are missing that no other piece holds."""
+        for failure in block.failures:
+            for name in info.filters:
+                if failure.run < self.runs and failure.run not in self.rows[name] and failure.filter in ("", name):
+                    self.failures[failure.run, name] = frozenset({failure})
 
     def _fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:
         """Keep why runs of a filter failed; a run that another piece holds as well must have failed alike.

@@ -311,6 +311,11 @@ class Results:
             found += [(self.cases[index], failure) for failure in read_failures(self._case(index))]
         return tuple(found)
 
+    def lacked_memory(self) -> tuple[tuple[str, Failure], ...]:
+        """Return those of the failures whose run is missing: for want of memory, and no failure of the filter."""
+        missing = self.missing()
+        return tuple((case, f) for case, f in self.failures() if f.run in missing.get((case, f.filter), ()))
+
     def to_xarray(self) -> xarray.DataTree:
         """Return the file as a tree of lazily read xarray datasets, ``tree["case_000/ekf"].ds["rms"]``.
 

@@ -38,6 +38,7 @@ class ShardInfo:
         runs: Numbers of the runs.
         shared_truth: As in `BlockResult`.
         columns: What each filter holds beyond what all do, in the order of the columns.
+        retry: As in `BlockResult`.
     """
 
     path: Path
@@ -49,6 +50,7 @@ class ShardInfo:
     runs: tuple[int, ...]
     shared_truth: bool
     columns: Mapping[str, layout.Columns]
+    retry: bool = False
 
 
 def shard_name(seed: int, case_id: str, filter_ids: Mapping[str, str], runs: Sequence[int]) -> str:
@@ -91,6 +93,7 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         "case_id": block.case_id,
         "filters": {name: filter_ids[name] for name in block.filters},
         "shared_truth": block.shared_truth,
+        **({"retry": True} if block.retry else {}),
         "columns": {name: asdict(result.columns) for name, result in block.filters.items()},
         "failures": [[f.run, f.filter, f.epoch, f.reason] for f in block.failures],
     }
@@ -143,7 +146,15 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
     except (KeyError, OverflowError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None
     return info, BlockResult(
-        info.case_index, info.case_id, info.runs, arrays["time"], arrays["truth"], filters, failures, info.shared_truth
+        info.case_index,
+        info.case_id,
+        info.runs,
+        arrays["time"],
+        arrays["truth"],
+        filters,
+        failures,
+        info.shared_truth,
+        info.retry,
     )
 
 
@@ -159,6 +170,7 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
             tuple(int(run) for run in runs),
             bool(header["shared_truth"]),
             {str(name): _columns(header["columns"][name]) for name in header["filters"]},
+            bool(header.get("retry", False)),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         raise ResultsError(f"{path}: the shard's header is damaged") from None

@@ -28,6 +28,7 @@ from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.runner.breakdown import Breakdown, breakdown
 from relnav_sim.runner.chief import ChiefFollowers
 from relnav_sim.runner.extra import ExtraTrack, extended_prior, extension_of, mounting_of
+from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.simulation import Stretch, stretches
 from relnav_sim.runner.start import radar_model, starting_belief
 from relnav_sim.runner.thrust import ThrustInputs, known_thrust
@@ -59,7 +60,8 @@ class BlockOutcome:
 def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
     """Return the results of some runs of one case.
 
-    A filter that raises an exception is left behind; the others go on.
+    A filter that raises an exception is left behind; the others go on. Want of memory is no fault of the filter, and
+    ends the block.
 
     Args:
         case: The case.
@@ -251,6 +253,8 @@ class FilterTrack:
         with Containment() as contained:
             yield
         if contained.error is not None:
+            if lacks_memory(contained.error):
+                raise contained.error
             self.broken = breakdown(contained.error, self._epoch, self._package)
 
     def _reached(self, epoch: int) -> None:

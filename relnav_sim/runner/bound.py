@@ -17,8 +17,8 @@ from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.runner.bound_models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.runner.extra import extension_of
+from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.simulation import STRETCH_EPOCHS
-from relnav_sim.runner.survive import BlockTimeout, time_limit
 from relnav_sim.runner.work import filter_ids
 from relnav_sim.sensors import radar_model, reading_probability
 from relnav_sim.sensors.noise import noise_parts, white_law
@@ -34,21 +34,17 @@ ENSEMBLE = 20
 run or not, so that no bound depends on the number of runs."""
 
 
-def bound_surviving(case: Case, seed: int, timeout_s: float | None = None) -> BoundResult:
+def bound_surviving(case: Case, seed: int) -> BoundResult:
     """Return the bounds of a case; what can't be computed is left out with the reason, and nothing is raised.
 
     Args:
         case: The case with all its filters.
         seed: The campaign's seed.
-        timeout_s: Most seconds for it.
     """
     try:
-        with time_limit(timeout_s):
-            return case_bound(case, seed)
-    except BlockTimeout:
-        return failed_bound(case, seed, f"took longer than {timeout_s:g} s", retry=True)
+        return case_bound(case, seed)
     except Exception as error:  # whatever the cause, it must not end the campaign
-        return failed_bound(case, seed, message_of(error), retry=isinstance(error, MemoryError))
+        return failed_bound(case, seed, message_of(error), retry=lacks_memory(error))
 
 
 def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult:
@@ -99,7 +95,7 @@ def case_bound(case: Case, seed: int) -> BoundResult:
         reason="; ".join(
             f"{', '.join(sharers.get(key, ['perfect model']))}: {message_of(error)}" for key, error in broken.items()
         ),
-        retry=any(isinstance(error, MemoryError) for error in broken.values()),
+        retry=any(lacks_memory(error) for error in broken.values()),
     )
 
 

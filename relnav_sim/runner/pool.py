@@ -1,32 +1,34 @@
-"""Blocks over worker processes: joblib for the work, and isolation for a block that kills its worker."""
+"""Tasks over worker processes: who computes what, how long it may take, and what becomes of those that go wrong."""
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 import time
-from collections.abc import Collection, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from typing import Literal
+from types import TracebackType
+from typing import Any, Literal, Self
 
 from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
-from relnav_sim.runner.bound import bound_surviving, failed_bound
+from relnav_sim.runner.blame import TaskQueue
+from relnav_sim.runner.bound import failed_bound
 from relnav_sim.runner.bound_task import BoundTask, Task
-from relnav_sim.runner.failure_log import log_failure
-from relnav_sim.runner.headline import Figures, headline_figures
-from relnav_sim.runner.survive import failed_block, simulate_surviving
-from relnav_sim.runner.work import Block
-from relnav_sim.runner.worker_process import packed, prepare_worker, unpacked
+from relnav_sim.runner.compute import compute
+from relnav_sim.runner.headline import Figures
+from relnav_sim.runner.survive import failed_block, unknown_truth
+from relnav_sim.runner.worker import Worker
 
 Backend = Literal["loky", "sequential"]
 
 KILLED = "the worker process died: killed by the system, most likely out of memory, or a crash in compiled code"
-PARENT_CHECKED_EVERY_S = 0.25
+LOOKED_AT_EVERY_S = 0.5
+LONGEST_START_S = 300.0
+TRIES = 2
+
+
+class WorkersError(OSError):
+    """No worker process can be started; the message says why, as far as it is known."""
 
 
 @dataclass(frozen=True)
@@ -44,172 +46,238 @@ class Done:
     figures: Figures
 
 
-def computed(
-    blocks: Sequence[Task], workers: int, backend: Backend, timeout_s: float | None
-) -> Generator[Done, None, None]:
-    """Compute blocks in any order; yield each as soon as its shard is written.
+@dataclass
+class _Seat:
+    """A place for a worker.
 
-    A worker that the operating system kills takes down all workers. Blocks that were being computed then are
-    suspects: each is computed alone, and cut until the run that kills stands alone; that run is recorded as failed.
+    Attributes:
+        worker: Its process; None: none has been started.
+        future: What it is at, its start or a task; None: nothing.
+        task: The task; None: none.
+        alone: Whether no other task may be computed meanwhile.
+        watched_s: How long it has been at it.
+        failed_starts: How often in succession no process came up.
+    """
+
+    worker: Worker | None = None
+    future: Future[Any] | None = None
+    task: Task | None = None
+    alone: bool = False
+    watched_s: float = 0.0
+    failed_starts: int = 0
+
+    @property
+    def is_idle(self) -> bool:
+        return self.worker is not None and self.future is None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it is idle or about to be."""
+        return self.worker is not None and self.task is None
+
+    @property
+    def is_lost(self) -> bool:
+        return self.worker is not None and self.worker.is_lost
+
+    def start(self) -> None:
+        self.worker = Worker()
+        self._begin(self.worker.started, None)
+
+    def compute(self, task: Task, alone: bool) -> None:
+        assert self.worker is not None
+        self.alone = alone
+        self._begin(self.worker.submit(task), task)
+
+    def _begin(self, future: Future[Any], task: Task | None) -> None:
+        self.future, self.task, self.watched_s = future, task, 0.0
+
+    def rest(self) -> None:
+        self.future = self.task = None
+
+    def end(self) -> None:
+        if self.worker is not None:
+            self.worker.end()
+        self.worker = None
+        self.rest()
+
+
+class Pool:
+    """Worker processes that stay from one set of tasks to the next; a context manager.
+
+    A task whose process dies, that takes too long or that lacks memory is cut until the run and the filter to blame
+    stand alone; these are written as failed, and the others are kept.
 
     Args:
-        blocks: What to compute; no other process is at work on them and no marker of theirs stands.
-        workers: Processes.
+        workers: Processes; the results do not depend on it.
         backend: ``loky`` or ``sequential``, in this process.
-        timeout_s: Most seconds for a block; one that takes longer is cut until the runs that do stand alone.
+        timeout_s: Most seconds for a task, from when a worker begins it; None: no limit.
+
+    Raises:
+        ValueError: A limit of time for tasks in this process, which nothing could end.
     """
-    if backend == "sequential":
-        for block in blocks:
-            yield compute(block, timeout_s)
-    elif workers == 1:
-        # With one worker joblib computes in this process, which a bad run would then take with it.
-        yield from _one_by_one(blocks, timeout_s)
-    else:
-        yield from _in_parallel(blocks, workers, timeout_s)
 
+    def __init__(self, workers: int = 2, backend: Backend = "loky", timeout_s: float | None = None) -> None:
+        if backend == "sequential" and timeout_s is not None:
+            raise ValueError("timeout_s needs worker processes: what hangs in this process can't be ended from outside")
+        self._backend = backend
+        self._timeout_s = timeout_s
+        self._seats = [_Seat() for _ in range(workers)]
 
-def compute(block: Task, timeout_s: float | None) -> Done:
-    """Compute one block or bound and write its file."""
-    from threadpoolctl import threadpool_limits
+    def __enter__(self) -> Self:
+        return self
 
-    block.busy.touch()
-    # Threads of BLAS would fight with the other workers; the matrices here are small.
-    with threadpool_limits(1):
-        done = _bound(block, timeout_s) if isinstance(block, BoundTask) else _simulated(block, timeout_s)
-    block.busy.unlink(missing_ok=True)
-    return done
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for seat in self._seats:
+            seat.end()
 
+    def computed(self, tasks: Sequence[Task]) -> Generator[Done, None, None]:
+        """Compute tasks in any order; yield each, or each of its pieces, as soon as its file is written.
 
-def _bound(task: BoundTask, timeout_s: float | None) -> Done:
-    write_bound(task.path, bound_surviving(task.case, task.seed, timeout_s))
-    return Done(task, 0, {})
+        Raises:
+            WorkersError: No worker comes up; what is finished is kept.
+            OSError: A file can't be written.
+        """
+        queue = TaskQueue(tasks)
+        yield from self._here(queue) if self._backend == "sequential" else self._by_workers(queue)
 
+    def _here(self, queue: TaskQueue) -> Iterator[Done]:
+        while queue:
+            task = queue.take()
+            try:
+                outcome = compute(task)
+            except MemoryError as error:
+                if queue.lacked_memory(task, alone=True):
+                    yield failed_task(task, str(error), retry=True)
+            else:
+                yield Done(task, outcome.failures, outcome.figures)
 
-def _simulated(block: Block, timeout_s: float | None) -> Done:
-    log = partial(log_failure, block.folder)
-    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index, timeout_s, log)
-    write_shard(block.path, result, block.seed, block.filter_ids)
-    return Done(block, len(result.failures), headline_figures(result))
-
-
-def _in_parallel(blocks: Sequence[Task], workers: int, timeout_s: float | None) -> Iterator[Done]:
-    from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    waiting = {block.path: block for block in blocks}
-    while waiting:
+    def _by_workers(self, queue: TaskQueue) -> Iterator[Done]:
         try:
-            with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
-                parallel = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-                calls = (
-                    delayed(_compute_as_worker)(packed(block), timeout_s, os.getpid())
-                    for block in list(waiting.values())
-                )
-                with _no_interrupt_for_children():
-                    results = parallel(calls)
-                with closing(results):
-                    for done in results:
-                        del waiting[done.block.path]
+            while queue or self._computing():
+                self._hand_out(queue)
+                for seat in self._news():
+                    if seat.task is None:
+                        self._seat_started(seat)
+                    elif (done := self._ended(seat, seat.task, queue)) is not None:
                         yield done
-        except TerminatedWorkerError:
-            suspects = [block for block in waiting.values() if block.busy.exists()]
-            for suspect in suspects:
-                del waiting[suspect.path]
-            yield from _one_by_one(suspects, timeout_s, suspects={suspect.path for suspect in suspects})
+        finally:
+            for seat in self._computing():
+                seat.end()
+
+    def _computing(self) -> list[_Seat]:
+        return [seat for seat in self._seats if seat.task is not None]
+
+    def _hand_out(self, queue: TaskQueue) -> None:
+        """Give tasks to the workers that have none, and start as many workers as there are tasks for."""
+        if any(seat.alone for seat in self._computing()):
+            return
+        for seat in self._seats:
+            alone = queue.suspecting or len(self._seats) == 1
+            if queue and seat.is_idle and not (alone and self._computing()):
+                seat.compute(queue.take(), alone)
+                if alone:
+                    return
+        missing = (1 if queue.suspecting else len(queue)) - sum(seat.is_free for seat in self._seats)
+        empty = [seat for seat in self._seats if seat.worker is None]
+        for seat in empty[: max(missing, 0)]:
+            try:
+                seat.start()
+            except (OSError, RuntimeError, MemoryError) as error:
+                self._not_started(seat, error)
+
+    def _news(self) -> list[_Seat]:
+        """Wait a moment; return the seats whose work or start has ended or has taken too long.
+
+        Only the time of this waiting counts: not that of whoever takes the results, nor a while in which this process
+        was stopped itself.
+        """
+        busy = {seat.future: seat for seat in self._seats if seat.future is not None}
+        before = time.monotonic()
+        finished, going_on = wait(busy, LOOKED_AT_EVERY_S, FIRST_COMPLETED)
+        watched_s = min(time.monotonic() - before, 2 * LOOKED_AT_EVERY_S)
+        for future in going_on:
+            busy[future].watched_s += watched_s
+        return [s for future, s in busy.items() if future in finished or s.is_lost or self._too_long(s)]
+
+    def _too_long(self, seat: _Seat) -> bool:
+        limit = LONGEST_START_S if seat.task is None else self._timeout_s
+        return limit is not None and seat.watched_s >= limit
+
+    def _seat_started(self, seat: _Seat) -> None:
+        assert seat.future is not None
+        error: BaseException | None = TimeoutError(f"it was not ready for work in {LONGEST_START_S:g} s")
+        if seat.future.done():
+            error = seat.future.exception()
+        elif seat.is_lost:
+            error = RuntimeError("no thread to watch over it could be started, most likely for want of memory")
+        if error is not None:
+            self._not_started(seat, error)
+            return
+        seat.failed_starts = 0
+        seat.rest()
+
+    def _not_started(self, seat: _Seat, error: BaseException) -> None:
+        """Try once more; then go on without this seat, if there is another one whose worker is at work."""
+        seat.end()
+        seat.failed_starts += 1
+        if seat.failed_starts < TRIES:
+            return
+        self._seats.remove(seat)
+        if not any(other.is_idle or other.task is not None for other in self._seats):
+            raise WorkersError(_cannot_start(error)) from None
+
+    def _ended(self, seat: _Seat, task: Task, queue: TaskQueue) -> Done | None:
+        """Return what came of a task; None where it or its pieces come up again."""
+        from joblib.externals.loky.process_executor import BrokenProcessPool
+
+        assert seat.future is not None
+        future, alone = seat.future, seat.alone
+        error = future.exception() if future.done() else BrokenProcessPool() if seat.is_lost else None
+        if future.done() and error is None:
+            seat.rest()
+            outcome = future.result()
+            return Done(task, outcome.failures, outcome.figures)
+        seat.end()  # also after want of memory: who knows what it still holds
+        task.busy.unlink(missing_ok=True)
+        if error is None:
+            reason = f"took longer than {self._timeout_s:g} s"
+            return failed_task(task, reason, retry=False) if queue.too_long(task) else None
+        if isinstance(error, BrokenProcessPool):
+            return failed_task(task, KILLED, retry=False) if queue.killed(task, alone) else None
+        if isinstance(error, MemoryError):
+            return failed_task(task, str(error), retry=True) if queue.lacked_memory(task, alone) else None
+        raise error
 
 
-def _one_by_one(
-    blocks: Sequence[Task], timeout_s: float | None, suspects: Collection[Path] = frozenset()
-) -> Iterator[Done]:
-    """Compute blocks in one worker process, so that it is known which of them kills it; cut that one.
-
-    What can't be cut is blamed the second time only: the first time it may have been somebody who killed the worker.
+def failed_task(task: Task, reason: str, retry: bool) -> Done:
+    """Write a task that can't be computed nor cut as failed, without a look at its truth, which may be the cause.
 
     Args:
-        blocks: What to compute.
-        timeout_s: As in `computed`.
-        suspects: Files of the blocks that were being computed when a worker died.
+        task: The task.
+        reason: Why, in words.
+        retry: Whether its runs lacked memory, so that they count as missing.
     """
-    from joblib.externals.loky import ProcessPoolExecutor
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    waiting = list(reversed(blocks))
-    suspects = set(suspects)
-    while waiting:
-        executor = ProcessPoolExecutor(max_workers=1, env={"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"})
-        try:
-            while waiting:
-                with _no_interrupt_for_children():
-                    future = executor.submit(_compute_as_worker, packed(waiting[-1]), timeout_s, os.getpid())
-                done = future.result()
-                waiting.pop()
-                yield done
-        except TerminatedWorkerError:
-            block = waiting.pop()
-            block.busy.unlink(missing_ok=True)
-            if pieces := block.pieces():
-                waiting += reversed(pieces)
-                suspects.update(piece.path for piece in pieces)
-            elif block.path not in suspects:
-                suspects.add(block.path)
-                waiting.append(block)
-            else:
-                yield _blamed(block)
-        finally:
-            executor.shutdown(kill_workers=True)
+    if isinstance(task, BoundTask):
+        write_bound(task.path, failed_bound(task.case, task.seed, reason, retry=True))
+        return Done(task, 0, {})
+    (name,) = task.case.config.filters  # what can't be cut has no more
+    truth = unknown_truth(task.case, task.runs)
+    result = failed_block(task.case, task.runs, truth, reason, task.case_index, name, retry)
+    write_shard(task.path, result, task.seed, task.filter_ids)
+    return Done(task, 0 if retry else 1, {})
 
 
-def _blamed(block: Task) -> Done:
-    if isinstance(block, BoundTask):
-        write_bound(block.path, failed_bound(block.case, block.seed, KILLED, retry=True))
-        return Done(block, 0, {})
-    result = failed_block(block.case, block.seed, block.runs, KILLED, block.case_index, _only_filter(block))
-    write_shard(block.path, result, block.seed, block.filter_ids)
-    return Done(block, len(result.failures), {})
+def _cannot_start(error: BaseException) -> str:
+    """Return that no worker came up and why: what it said, or that it ended without a word to this process."""
+    from joblib.externals.loky.process_executor import BrokenProcessPool
 
-
-def _only_filter(block: Block) -> str:
-    """Return the block's filter, which is then to blame; empty where the truth of the run itself may be.
-
-    A block of one run and one filter of several was cut out of one that killed; the other filters have run through.
-    """
-    names = tuple(block.case.config.filters)
-    return names[0] if len(names) == 1 else ""
-
-
-def _compute_as_worker(task: bytes, timeout_s: float | None, parent: int) -> Done:
-    """Compute a block in a worker process, which ends by itself if the campaign's process is killed."""
-    if os.getppid() != parent:
-        os._exit(1)
-    if not any(thread.name == _WATCH for thread in threading.enumerate()):
-        threading.Thread(target=_end_with_parent, args=(parent,), name=_WATCH, daemon=True).start()
-        prepare_worker()
-    return compute(unpacked(task), timeout_s)
-
-
-_WATCH = "relnav-parent-watch"
-
-
-def _end_with_parent(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECKED_EVERY_S)
-    os._exit(1)
-
-
-@contextmanager
-def _no_interrupt_for_children() -> Iterator[None]:
-    """Start processes that a Ctrl-C at the terminal or its end does not reach: the parent ends them."""
-    from multiprocessing.resource_tracker import ensure_running
-
-    from joblib.externals.loky.backend import resource_tracker
-
-    # Workers inherit the mask. The trackers start with the first worker and would unblock SIGINT for it, so they come
-    # before; SIGHUP they leave alone, and it would kill them.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
-    try:
-        ensure_running()
-        resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    if isinstance(error, BrokenProcessPool):
+        why = "it ends as soon as it begins; what it says stands above"
+    else:
+        why = f"{type(error).__name__}: {error}\n{error.__cause__ or ''}".rstrip()
+    return (
+        "no worker process could be started; what is finished is kept, the same command goes on once this is mended, "
+        f"and --backend sequential needs no workers; the reason: {why}"
+    )

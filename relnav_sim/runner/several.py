@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left
-from relnav_sim.runner.folder import check_same_campaign, working_folder, write_folder_header
-from relnav_sim.runner.pool import computed
+from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.folder import shard_folder
+from relnav_sim.runner.job import Job, Say, job_of
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
-from relnav_sim.runner.run import result_header, run_campaign
-from relnav_sim.runner.sessions import begin_session, end_session
 from relnav_sim.runner.tally import Tally
-from relnav_sim.runner.work import Block, blocks_left, finished_work
-
-Say = Callable[[str], None]
+from relnav_sim.runner.work import Block
 
 
-@dataclass
-class _Job:
-    """A campaign under way: its results file, its folder, held until all is computed, and what is left."""
+@dataclass(frozen=True)
+class _Share:
+    """One of the campaigns.
 
-    campaign: Campaign
-    out: Path
-    folder: Path
+    Attributes:
+        job: The campaign; its folder is held until its results file is written.
+        hold: Gives the folder free.
+        waiting: What is still to be done of it.
+    """
+
+    job: Job
     hold: ExitStack
-    left: list[Task] = field(default_factory=list)
-    waiting: set[Hashable] = field(default_factory=set)
+    waiting: set[Hashable]
+
+    def write(self, say: Say) -> None:
+        self.job.write()
+        self.hold.close()
+        say(f"{self.job.campaign.name} is complete")
 
 
 def run_campaigns(
@@ -56,50 +61,38 @@ def run_campaigns(
     """
     with ExitStack() as held:
         # All folders first: a refusal should not come after an hour, and leaves no trace.
-        waiting = [_held(campaign, out, held.enter_context(ExitStack())) for campaign, out in jobs]
-        for job in waiting:
-            _begin(job, say)
-        named = {job.folder: job for job in waiting}
-        tasks = [task for job in waiting for task in job.left]
-        tally = Tally([_named(task, job) for job in waiting for task in job.left if isinstance(task, Block)], {})
-        for job in waiting:
-            if not job.left:
-                _merge(job, workers, say)
-        with progress_of(tally, progress) as bar, closing(computed(tasks, workers, "loky", None)) as done_tasks:
+        holds = [held.enter_context(ExitStack()) for _ in jobs]
+        found = [
+            hold.enter_context(job_of(campaign, out, _named_in(say, campaign), remedy=_remedy(out)))
+            for (campaign, out), hold in zip(jobs, holds, strict=True)
+        ]
+        pool = held.enter_context(Pool(workers))
+        shares, tasks = {}, []
+        for job, hold in zip(found, holds, strict=True):
+            job.take_stock()
+            left = job.tasks(job.campaign.runs)
+            tasks += left
+            shares[job.folder] = _Share(job, hold, {unit for task in left for unit in _units(task)})
+            if not left:
+                shares[job.folder].write(say)
+        tally = Tally([_named(task, shares[task.folder].job) for task in tasks if isinstance(task, Block)], {})
+        with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
             for done in done_tasks:
-                job = named[done.block.folder]
-                job.waiting -= _units(done.block)
-                if not isinstance(done.block, BoundTask):
-                    bar.advance(_named(done.block, job), done.figures)
-                if not job.waiting:
-                    _merge(job, workers, say)
+                share = shares[done.block.folder]
+                share.job.accept(done)
+                share.waiting.difference_update(_units(done.block))
+                if isinstance(done.block, Block):
+                    bar.advance(_named(done.block, share.job), done.figures)
+                if not share.waiting:
+                    share.write(say)
 
 
-def _held(campaign: Campaign, out: Path, hold: ExitStack) -> _Job:
-    folder = hold.enter_context(working_folder(out))
-    aside = f"move {out.name} and {folder.name} aside to start over"
-    check_same_campaign(out, result_header(campaign), f"give another --out, or {aside}")
-    return _Job(campaign, out, folder, hold)
+def _named_in(say: Say, campaign: Campaign) -> Say:
+    return lambda sentence: say(f"{campaign.name}: {sentence}")
 
 
-def _begin(job: _Job, say: Say) -> None:
-    """Find out what is left of a campaign."""
-    write_folder_header(job.folder, result_header(job.campaign))
-    finished = finished_work(job.folder, job.campaign, say)
-    bounds = bounds_left(bound_tasks(job.campaign, job.folder), say)
-    job.left = [*blocks_left(job.campaign, finished.runs, job.folder), *bounds]
-    job.waiting = {unit for task in job.left for unit in _units(task)}
-    if job.left:
-        begin_session(job.folder)
-
-
-def _merge(job: _Job, workers: int, say: Say) -> None:
-    """Write the results file of a campaign that is complete."""
-    if job.left:
-        end_session(job.folder)
-    job.hold.close()
-    run_campaign(job.campaign, job.out, workers)
-    say(f"{job.campaign.name} is complete")
+def _remedy(out: Path) -> str:
+    return f"give another --out, or move {out.name} and {shard_folder(out).name} aside to start over"
 
 
 def _units(task: Task) -> set[Hashable]:
@@ -109,7 +102,7 @@ def _units(task: Task) -> set[Hashable]:
     return {(task.case.id, name, run) for name in task.case.config.filters for run in task.runs}
 
 
-def _named(block: Block, job: _Job) -> Block:
+def _named(block: Block, job: Job) -> Block:
     """Return a block whose case says its campaign, for the eyes of the progress alone."""
     several = len(job.campaign.cases) > 1
     label = f"{job.campaign.name}, {block.case.label}" if several else job.campaign.name

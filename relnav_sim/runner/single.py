@@ -18,8 +18,9 @@ from relnav_sim.results.layout import case_group
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.runner.failure_log import keep_log
-from relnav_sim.runner.pool import Backend, computed
-from relnav_sim.runner.run import default_out, result_header
+from relnav_sim.runner.job import result_header
+from relnav_sim.runner.pool import Backend, Pool
+from relnav_sim.runner.run import default_out
 from relnav_sim.runner.work import Block
 
 
@@ -58,9 +59,10 @@ def run_single(
     started, clock = datetime.now(UTC), time.monotonic()
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
         block = Block(campaign.seed, 0, chosen, (run,), Path(folder))
-        shards = [done.block.path for done in computed([block], 1, backend, timeout_s)]
+        with Pool(1, backend, timeout_s) as pool:
+            shards = [done.block.path for done in pool.computed([block])]
         provenance = collect_provenance(started, datetime.now(UTC), time.monotonic() - clock)
-        merge_shards(shards, replace(result_header(alone), only=run), provenance, out)
+        merge_shards(shards, replace(result_header(alone), only=run), provenance, out, complete=False)
         keep_log(Path(folder), out)
     return out
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import FrameType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +14,7 @@ from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.merge import united_columns
 from relnav_sim.runner.block import scoring_rules, simulate_block
 from relnav_sim.runner.breakdown import Breakdown, breakdown
+from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.work import with_filters
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
@@ -25,16 +23,11 @@ Array = NDArray[np.float64]
 Log = Callable[[str, str], None]
 
 
-class BlockTimeout(BaseException):
-    """A block has taken longer than it may. Not an `Exception`, so that no filter's own handler swallows it."""
-
-
 def simulate_surviving(
     case: Case,
     seed: int,
     runs: Sequence[int],
     case_index: int = 0,
-    timeout_s: float | None = None,
     log: Log = lambda heading, traceback: None,
 ) -> BlockResult:
     """Return the results of some runs; a run or a filter that fails is recorded as failed, the others are kept.
@@ -46,30 +39,28 @@ def simulate_surviving(
         seed: The campaign's seed.
         runs: Numbers of the runs, ascending.
         case_index: Number of the case.
-        timeout_s: Most seconds for these runs; if they take longer, their halves have as long each, down to single
-            runs and filters, which then count as failed.
         log: Told of every exception that a failed run is due to: whose it is, and its traceback.
+
+    Raises:
+        MemoryError: There is too little memory: no fault of a run or a filter.
     """
 
     def again(part: Case, runs: Sequence[int]) -> BlockResult:
-        return simulate_surviving(part, seed, runs, case_index, timeout_s, log)
+        return simulate_surviving(part, seed, runs, case_index, log)
 
-    def failed(part: Case, broken: Breakdown, filter: str) -> BlockResult:
-        if broken.traceback:
-            whose = f"filter {filter}" if filter else "truth or sensors"
-            log(f"case {part.label}, run {runs[0]}, {whose}, epoch {broken.epoch}", broken.traceback)
-        return failed_block(part, seed, runs, broken.reason, case_index, filter, broken.epoch)
+    def failed(part: Case, broken: Breakdown, filter: str = "") -> BlockResult:
+        whose = f"filter {filter}" if filter else "truth or sensors"
+        log(f"case {part.label}, run {runs[0]}, {whose}, epoch {broken.epoch}", broken.traceback)
+        truth = _truth(part, seed, runs)
+        return failed_block(part, runs, truth, broken.reason, case_index, filter, epoch=broken.epoch)
 
     names = list(case.config.filters)
     try:
-        with time_limit(timeout_s):
-            outcome = simulate_block(case, seed, runs, case_index)
-    except BlockTimeout:
-        if len(runs) == 1 and len(names) > 1:
-            return _side_by_side([again(with_filters(case, [name]), runs) for name in names])
-        broken, blamed = Breakdown(f"took longer than {timeout_s:g} s"), names[0] if len(names) == 1 else ""
+        outcome = simulate_block(case, seed, runs, case_index)
     except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
-        broken, blamed = breakdown(error, epoch=-1), ""
+        if lacks_memory(error):
+            raise
+        broken = breakdown(error, epoch=-1)
     else:
         parts = [replace(outcome.result, filters=dict(outcome.result.filters))] if outcome.result.filters else []
         for name, broken in outcome.broken.items():
@@ -81,22 +72,30 @@ def simulate_surviving(
         whole = _side_by_side(parts)
         return replace(whole, filters={name: whole.filters[name] for name in names})
     if len(runs) == 1:
-        return failed(case, broken, blamed)
+        return failed(case, broken)
     return _joined([again(case, half) for half in _halves(runs)])
 
 
 def failed_block(
-    case: Case, seed: int, runs: Sequence[int], reason: str, case_index: int = 0, filter: str = "", epoch: int = -1
+    case: Case,
+    runs: Sequence[int],
+    truth: Array,
+    reason: str,
+    case_index: int = 0,
+    filter: str = "",
+    retry: bool = False,
+    epoch: int = -1,
 ) -> BlockResult:
-    """Return the result of runs of which nothing but the reason for their failure is known.
+    """Return the result of runs of which nothing but the truth and the reason for their failure is known.
 
     Args:
         case: The case.
-        seed: The campaign's seed.
         runs: Numbers of the runs.
+        truth: True relative states at the stored epochs, as in `BlockResult`; NaN where they are not known.
         reason: Why, in words.
         case_index: Number of the case.
         filter: The filter to blame; empty: the whole run.
+        retry: Whether another attempt may succeed.
         epoch: The epoch at which they failed; -1: not known.
     """
     times = scoring_rules(case.config).stored_s
@@ -105,45 +104,28 @@ def failed_block(
         case_id=case.id,
         runs=tuple(runs),
         time_s=times,
-        relative=_truth(case, seed, runs, times),
+        relative=truth,
         filters={name: FilterResult.all_failed(len(runs), len(times), epoch) for name in case.config.filters},
         failures=tuple(Failure(run, filter, epoch, reason) for run in runs),
         shared_truth=not case.config.truth.is_dispersed,
+        retry=retry,
     )
 
 
-def _truth(case: Case, seed: int, runs: Sequence[int], times_s: Array) -> Array:
+def unknown_truth(case: Case, runs: Sequence[int]) -> Array:
+    """Return the relative states of a truth that may be what hangs, or what kills its process: NaN."""
+    trajectories = len(runs) if case.config.truth.is_dispersed else 1
+    return np.full((trajectories, len(scoring_rules(case.config).stored_s), len(layout.COMPONENTS)), np.nan)
+
+
+def _truth(case: Case, seed: int, runs: Sequence[int]) -> Array:
     """Return the true relative states at the stored epochs; NaN where the truth itself is what fails."""
-    options = case.config.truth
+    config = case.config
     try:
-        trajectory = truth_trajectory(options, case.config.clock.duration_s, RandomSource(seed, tuple(runs)))
-        return trajectory.at(times_s).relative
+        trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, tuple(runs)))
+        return trajectory.at(scoring_rules(config).stored_s).relative
     except Exception:  # the failure is recorded with its reason already
-        trajectories = len(runs) if options.is_dispersed else 1
-        return np.full((trajectories, len(times_s), len(layout.COMPONENTS)), np.nan)
-
-
-@contextmanager
-def time_limit(seconds: float | None) -> Iterator[None]:
-    """Raise `BlockTimeout` in the block after so many seconds; main thread only.
-
-    Args:
-        seconds: The limit; None: no limit.
-    """
-    if seconds is None:
-        yield
-        return
-
-    def expire(number: int, frame: FrameType | None) -> None:
-        raise BlockTimeout
-
-    before = signal.signal(signal.SIGALRM, expire)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        return unknown_truth(case, runs)
 
 
 def _halves(runs: Sequence[int]) -> tuple[Sequence[int], Sequence[int]]:

@@ -24,12 +24,16 @@ class Tally:
 
     def __init__(self, blocks: Sequence[Block], earlier: Mapping[tuple[str, str], Mapping[int, float]]) -> None:
         self.total = sum(len(block.runs) for block in blocks)
-        self.done = 0
+        self._pairs = sum(map(_pairs, blocks))
+        self._pairs_done = 0
         self._labels = {block.case.id: block.case.label for block in blocks}
         self._runs_of: dict[str, int] = {}
         for block in blocks:
             self._runs_of[block.case.id] = self._runs_of.get(block.case.id, 0) + len(block.runs)
-        self._done_of = dict.fromkeys(self._runs_of, 0)
+        self._pairs_of = dict.fromkeys(self._runs_of, 0)
+        for block in blocks:
+            self._pairs_of[block.case.id] += _pairs(block)
+        self._pairs_done_of = dict.fromkeys(self._runs_of, 0)
         self._figures = {key: dict(figures) for key, figures in earlier.items()}
         self._filters = {block.case.id: tuple(block.case.config.filters) for block in blocks}
         self._work = sum(map(_work, blocks))
@@ -37,13 +41,18 @@ class Tally:
         self._began = time.monotonic()
 
     def count(self, block: Block, figures: Figures) -> None:
-        """Count a block that is done."""
+        """Count a block that is done, or a piece of one that had to be cut."""
         case = block.case.id
-        self.done += len(block.runs)
-        self._done_of[case] += len(block.runs)
+        self._pairs_done += _pairs(block)
+        self._pairs_done_of[case] += _pairs(block)
         self._work_done += _work(block)
         for name, of_runs in figures.items():
             self._figures.setdefault((case, name), {}).update(of_runs)
+
+    @property
+    def done(self) -> int:
+        """Runs that are done; of those of which only some filters are, the share."""
+        return self.total * self._pairs_done // self._pairs if self._pairs else 0
 
     @property
     def elapsed_s(self) -> float:
@@ -53,11 +62,11 @@ class Tally:
     @property
     def left_s(self) -> float:
         """Seconds to go, by the cost of what is left against that of what was done; infinite before the first."""
-        return self.elapsed_s * (self._work / self._work_done - 1) if self._work_done else math.inf
+        return self.elapsed_s * max(self._work / self._work_done - 1, 0.0) if self._work_done else math.inf
 
     def cases_under_way(self) -> list[tuple[str, str, str]]:
         """Return label, ``done/total`` and the filters' figures of every case that is begun and not done."""
-        return [self.row(case) for case, runs in self._runs_of.items() if 0 < self._done_of[case] < runs]
+        return [self.row(case) for case, runs in self._runs_of.items() if 0 < self._done_of(case) < runs]
 
     def cases(self) -> list[tuple[str, str, str]]:
         """Return the same of every case."""
@@ -65,7 +74,10 @@ class Tally:
 
     def row(self, case: str) -> tuple[str, str, str]:
         """Return label, ``done/total`` and figures of a case."""
-        return self._labels[case], f"{self._done_of[case]}/{self._runs_of[case]}", self._figures_in_words(case)
+        return self._labels[case], f"{self._done_of(case)}/{self._runs_of[case]}", self._figures_in_words(case)
+
+    def _done_of(self, case: str) -> int:
+        return self._runs_of[case] * self._pairs_done_of[case] // self._pairs_of[case]
 
     def _figures_in_words(self, case: str) -> str:
         """Return the running means with the half widths of their 95 % intervals, the first few filters'."""
@@ -73,6 +85,11 @@ class Tally:
         words = [f"{name} {_mean_in_words(self._figures.get((case, name), {}))}" for name in names[:FILTERS_SHOWN]]
         more = [f"and {len(names) - FILTERS_SHOWN} more"] if len(names) > FILTERS_SHOWN else []
         return ", ".join([*words, *more])
+
+
+def _pairs(block: Block) -> int:
+    """Return how many pairs of a run and a filter a block has: pieces of a block have as many as the block."""
+    return len(block.runs) * len(block.case.config.filters)
 
 
 def _work(block: Block) -> float:

@@ -51,12 +51,16 @@ class Block:
         return self.path.with_suffix(".busy")
 
     def pieces(self) -> list[Block]:
-        """Return the block cut in two, a single run into its filters; nothing where it can't be cut."""
-        if len(self.runs) > 1:
-            middle = len(self.runs) // 2
-            return [replace(self, runs=self.runs[:middle]), replace(self, runs=self.runs[middle:])]
+        """Return the block cut in two, first by filters, then by runs; nothing where it can't be cut.
+
+        Most often it is one filter that goes wrong, and it may do so in every run: the others are then soon done.
+        """
         names = list(self.case.config.filters)
-        return [replace(self, case=with_filters(self.case, [name])) for name in names] if len(names) > 1 else []
+        if len(names) > 1:
+            middle = len(names) // 2
+            return [replace(self, case=with_filters(self.case, part)) for part in (names[:middle], names[middle:])]
+        middle = len(self.runs) // 2
+        return [replace(self, runs=part) for part in (self.runs[:middle], self.runs[middle:])] if middle else []
 
 
 @dataclass(frozen=True)
@@ -94,9 +98,10 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
     Args:
         folder: The shards' folder.
         campaign: The campaign.
-        say: Told of shards that are damaged and will be computed again.
+        say: Told of shards that are damaged, and of runs that lacked memory; they will be computed again.
     """
     finished = Finished()
+    lacked_memory = 0
     known = {(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()}
     for path in sorted(folder.glob("*.h5")):
         try:
@@ -106,7 +111,13 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
             path.unlink()
             continue
         if info.seed == campaign.seed and any((info.case_id, *item) in known for item in info.filter_ids.items()):
+            if info.retry:
+                lacked_memory += len(block.failures)
+                path.unlink()
+                continue
             finished.add(path, info.case_id, info.filter_ids, info.runs, headline_figures(block))
+    if lacked_memory:
+        say(f"{lacked_memory} of the runs of filters lacked memory the last time; trying them again")
     return finished
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import TuneSpan
 from relnav_sim.results import layout
 from relnav_sim.results.shards import read_shard
-from relnav_sim.runner.pool import Backend, computed
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.tuning.objective import Figures
 
@@ -31,7 +30,8 @@ class Bench:
         seed: Seed of the runs.
         runs: Number of runs of each case.
         span: What the figures are taken over.
-        workers: Processes; the figures do not depend on it.
+        pool: Computes the runs.
+        workers: How many processes it has; the figures do not depend on it.
         folder: An empty folder for shards, which are removed once they are read.
         tell: Told of candidate runs that are done.
     """
@@ -42,6 +42,7 @@ class Bench:
         seed: int,
         runs: int,
         span: TuneSpan,
+        pool: Pool,
         workers: int,
         folder: Path,
         tell: Callable[[int], None],
@@ -50,6 +51,7 @@ class Bench:
         self._seed = seed
         self._runs = runs
         self._span = layout.SPANS.index(span)
+        self._pool = pool
         self._workers = workers
         self._folder = folder
         self._tell = tell
@@ -65,19 +67,16 @@ class Bench:
         shape = (len(candidates), len(cases), self._runs)
         position, velocity, anees = (np.full(shape, np.nan) for _ in range(3))
         failed = np.ones(shape, dtype=bool)
-        # One worker is this process: a second one would only cost its start in every round.
-        backend: Backend = "sequential" if self._workers == 1 else "loky"
-        with closing(computed(blocks, self._workers, backend, None)) as done_blocks:
-            for done in done_blocks:
-                info, block = read_shard(done.block.path)
-                done.block.path.unlink()
-                for name, result in block.filters.items():
-                    at = (int(name), info.case_index, list(info.runs))
-                    position[at] = result.summary["rms"][:, self._span, _R]
-                    velocity[at] = result.summary["rms"][:, self._span, _V]
-                    anees[at] = result.summary["anees"][:, self._span, _FULL]
-                    failed[at] = result.summary["failed"] != 0
-                self._tell(len(info.runs) * len(block.filters))
+        for done in self._pool.computed(blocks):
+            info, block = read_shard(done.block.path)
+            done.block.path.unlink()
+            for name, result in block.filters.items():
+                at = (int(name), info.case_index, list(info.runs))
+                position[at] = result.summary["rms"][:, self._span, _R]
+                velocity[at] = result.summary["rms"][:, self._span, _V]
+                anees[at] = result.summary["anees"][:, self._span, _FULL]
+                failed[at] = result.summary["failed"] != 0
+            self._tell(len(info.runs) * len(block.filters))
         return [Figures(*rows) for rows in zip(position, velocity, anees, failed, strict=True)]
 
     def _blocks(self, place: int, case: Case) -> Iterator[Block]:

@@ -15,6 +15,7 @@ from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
+from relnav_sim.runner.pool import Pool
 from relnav_sim.statistics.intervals import paired_difference
 from relnav_sim.tuning.bench import Bench
 from relnav_sim.tuning.objective import Figures, Score, objective
@@ -67,10 +68,15 @@ def tune_campaign(
     plans = [_Plan(name, scalars, chosen, options) for name, scalars in free.items()]
     seed, check_seed = derived_seed(campaign.seed, SEARCH_WORD), derived_seed(campaign.seed, CHECK_WORD)
     planned = len(plans) * len(chosen) * (options.budget * options.runs + 2 * options.check_runs)
-    with TemporaryDirectory(prefix="relnav_tune_") as folder, progress_of(planned, progress) as tell:
+    with (
+        TemporaryDirectory(prefix="relnav_tune_") as folder,
+        # One worker is this process: a second one would only cost its start.
+        Pool(workers, "sequential" if workers == 1 else "loky") as pool,
+        progress_of(planned, progress) as tell,
+    ):
 
         def bench(seed: int, runs: int) -> Bench:
-            return Bench(chosen, seed, runs, options.span, workers, Path(folder), tell)
+            return Bench(chosen, seed, runs, options.span, pool, workers, Path(folder), tell)
 
         lost = _search_all(plans, bench(seed, options.runs))
         unused = sum(options.budget - len(plan.evaluations) for plan in plans)

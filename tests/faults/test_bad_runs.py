@@ -1,9 +1,11 @@
 """A filter of somebody else's that kills, raises, fills the memory or hangs in run 3 costs that run and no other."""
 
 import pytest
-from relnav_process import installed
+from relnav_process import installed, wait_until, workers
+from small_campaign import assert_same_bits
 
 from relnav_sim import open_results
+from relnav_sim.results.block import Failure
 from relnav_sim.statistics.intervals import wilson_interval
 
 PLUGIN = '''
@@ -52,17 +54,32 @@ class Raises(Bad):
     def go_wrong(self, belief):
         raise ZeroDivisionError("too interesting")
 
-@register_filter("fills", KalmanOptions)
-class Fills(Bad):
-    """Asks for more memory than there is."""
+@register_filter("lacks", KalmanOptions)
+class Lacks(Bad):
+    """Has too little memory until there is a file ``enough``."""
     def go_wrong(self, belief):
-        np.empty((1 << 50,))
+        if not os.path.exists("enough"):
+            try:
+                np.empty((1 << 50,))
+            except MemoryError:
+                raise ValueError("no room")
 
 @register_filter("hangs", KalmanOptions)
 class Hangs(Bad):
-    """Never returns."""
+    """Never returns, and swallows whatever should end it."""
     def go_wrong(self, belief):
-        time.sleep(600)
+        while True:
+            try:
+                time.sleep(0.1)
+            except BaseException:
+                pass
+
+@register_filter("holds", KalmanOptions)
+class Holds(Bad):
+    """Never returns, from compiled code that leaves no other thread a turn."""
+    def go_wrong(self, belief):
+        open("holding", "w").close()
+        sum(range(10**15))
 
 @register_filter("unstartable", KalmanOptions)
 class Unstartable(KalmanFilter):
@@ -105,17 +122,16 @@ def failures(out):
     return {failure.filter: failure.reason for failure in found}
 
 
-def test_exceptions_memory_and_divergence(with_plugin):
-    here = with_plugin("exits", "raises", "fills", "unstartable", "diverges")
+def test_exceptions_and_divergence(with_plugin):
+    here = with_plugin("exits", "raises", "unstartable", "diverges")
     code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential")
     assert code == 1
-    assert "5 runs of a filter failed" in stderr and "Traceback" not in stderr
+    assert "4 runs of a filter failed" in stderr and "Traceback" not in stderr
     reasons = failures(here.out)
-    assert reasons.keys() == {"exits", "raises", "fills", "unstartable", "diverges"}
+    assert reasons.keys() == {"exits", "raises", "unstartable", "diverges"}
     assert reasons["exits"].startswith("SystemExit: enough (bad_filters.py:")
     assert reasons["raises"].startswith("ZeroDivisionError: too interesting (bad_filters.py:")
     assert reasons["unstartable"].startswith("RuntimeError: no start (bad_filters.py:")
-    assert "Unable to allocate" in reasons["fills"]
     assert "covariance" in reasons["diverges"] or "mean" in reasons["diverges"]
 
 
@@ -139,12 +155,69 @@ def test_a_run_that_cannot_be_cut_is_blamed_the_second_time_only(with_plugin):
     assert (here.folder / "killed").exists()
 
 
+@pytest.mark.parametrize("options", [("--backend", "sequential"), pytest.param((), marks=pytest.mark.slow)])
+def test_want_of_memory_is_no_failure_of_the_filter_and_is_tried_again(with_plugin, options):
+    here = with_plugin("lacks")
+    code, _, stderr = here.run("run", "small.yaml", *options)
+    assert code == 1 and "1 of the runs of filters lacked memory" in stderr and "failed;" not in stderr
+    with open_results(here.out) as results:
+        assert results.missing() == {(results.cases[0], "lacks"): (3,)}
+        assert results.case_runs(0, "lacks").tolist() == [0, 1, 2, 4, 5]
+        assert not any(results.statistic(0, name, "failed").any() for name in results.filters)
+        ((_, failure),) = results.failures()
+        assert results.lacked_memory() == results.failures()
+    assert (failure.run, failure.filter) == (3, "lacks")
+    assert failure.reason.startswith("not enough memory: ") and "no room" in failure.reason
+    code, _, stderr = here.run("run", "small.yaml", *options)
+    assert code == 1 and "1 of the runs of filters lacked memory the last time; trying them again" in stderr
+    (here.folder / "enough").touch()
+    code, _, stderr = here.run("run", "small.yaml", *options)
+    assert code == 0, stderr
+    again = here.out.rename(here.folder / "again.h5")
+    code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential", "--fresh")
+    assert code == 0, stderr
+    assert_same_bits(again, here.out)
+
+
+ALONE = ("--set", "bound=false", "--set", "block_runs=1", "--runs", "4")
+
+
+@pytest.mark.parametrize("kind", ["hangs", pytest.param("holds", marks=pytest.mark.slow)])
+def test_a_run_that_hangs_is_ended_from_outside(with_plugin, kind):
+    here = with_plugin(kind)
+    code, _, stderr = here.run("run", "small.yaml", "--timeout-s", "4", *ALONE)
+    assert code == 1 and "4 of 4 runs done" in stderr, stderr
+    with open_results(here.out) as results:
+        assert not results.missing()
+        assert [failure for _, failure in results.failures()] == [Failure(3, kind, -1, "took longer than 4 s")]
+        for name in results.filters:
+            assert results.statistic(0, name, "failed").tolist() == [0, 0, 0, int(name == kind)]
+    assert not list(here.shards.glob("*.busy"))
+
+
 @pytest.mark.slow
-def test_a_run_that_hangs_is_cut_out(with_plugin):
+def test_a_run_that_hangs_is_cut_out_of_its_block(with_plugin):
     here = with_plugin("hangs")
-    code, _, stderr = here.run("run", "small.yaml", "--workers", "1", "--timeout-s", "2.5")
+    code, _, stderr = here.run("run", "small.yaml", "--timeout-s", "4")
     assert code == 1, stderr
-    assert failures(here.out) == {"hangs": "took longer than 2.5 s"}
+    assert failures(here.out) == {"hangs": "took longer than 4 s"}
+
+
+def test_no_time_limit_without_worker_processes(with_plugin):
+    here = with_plugin("raises")
+    code, _, stderr = here.run("run", "small.yaml", "--timeout-s", "4", "--backend", "sequential")
+    assert code == 2
+    assert stderr == "relnav: --timeout-s needs worker processes, which can be ended; leave out --backend sequential\n"
+
+
+def test_workers_die_with_their_parent_whatever_they_are_at(with_plugin):
+    here = with_plugin("holds")
+    process = here.start("run", "small.yaml", *ALONE)
+    assert wait_until((here.folder / "holding").exists)
+    assert workers(process.pid)
+    process.kill()
+    process.wait()
+    assert wait_until(lambda: not workers(process.pid), 20)
 
 
 def test_fail_fast_keeps_what_is_finished_and_a_later_command_goes_on(with_plugin):

@@ -7,7 +7,10 @@ from small_campaign import assert_same_bits
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.results.block import RefusedError
-from relnav_sim.runner import several
+from relnav_sim.runner import compute, job, several
+from relnav_sim.runner.bound import failed_bound
+from relnav_sim.runner.folder import working_folder
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.several import run_campaigns
 
 
@@ -33,15 +36,15 @@ def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):
 def test_an_interruption_keeps_the_campaigns_that_are_complete(campaign, tmp_path, monkeypatch):
     jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2)]
     alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
-    compute = several.computed
 
-    def interrupted(tasks, workers, backend, timeout_s):
-        for task in compute(tasks, workers, "sequential", timeout_s):
-            if task.block.seed == 2:
-                raise KeyboardInterrupt
-            yield task
+    class Interrupted(Pool):
+        def computed(self, tasks):
+            for done in Pool(backend="sequential").computed(tasks):
+                if done.block.seed == 2:
+                    raise KeyboardInterrupt
+                yield done
 
-    monkeypatch.setattr(several, "computed", interrupted)
+    monkeypatch.setattr(several, "Pool", Interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_campaigns(jobs)
     assert_same_bits(alone, tmp_path / "1.h5")
@@ -54,15 +57,15 @@ def test_a_campaign_is_complete_with_the_pieces_of_its_blocks(campaign, tmp_path
     jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2, 3)]
     alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
     run_campaign(*jobs[1], backend="sequential").unlink()
-    compute = several.computed
 
-    def cut(tasks, workers, backend, timeout_s):
-        for task in tasks:
-            if task.seed == 3:
-                raise KeyboardInterrupt
-            yield from compute(task.pieces() or [task], workers, "sequential", timeout_s)
+    class Cutting(Pool):
+        def computed(self, tasks):
+            for task in tasks:
+                if task.seed == 3:
+                    raise KeyboardInterrupt
+                yield from Pool(backend="sequential").computed(task.pieces() or [task])
 
-    monkeypatch.setattr(several, "computed", cut)
+    monkeypatch.setattr(several, "Pool", Cutting)
     with pytest.raises(KeyboardInterrupt):
         run_campaigns(jobs)
     assert_same_bits(alone, tmp_path / "1.h5")
@@ -82,3 +85,28 @@ def test_other_settings_are_refused_before_anything_runs(campaign, tmp_path):
         (tmp_path / name).rename(tmp_path / f"old_{name}")
     run_campaigns(jobs, workers=1)
     assert (tmp_path / "first.h5").exists() and (tmp_path / "second.h5").exists()
+
+
+def test_the_folder_is_held_until_the_file_is_written_and_lacking_bounds_are_told(campaign, tmp_path, monkeypatch):
+    jobs = [(campaign("runs=1", f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2)]
+    write, written = job.merge_pieces, []
+
+    def refused(pieces, header, provenance, out, **options):
+        with pytest.raises(RefusedError, match="another relnav is at work"), working_folder(out):
+            pass
+        written.append(out)
+        write(pieces, header, provenance, out, **options)
+
+    def no_memory(case, seed):
+        return failed_bound(case, seed, "no room", retry=True)
+
+    monkeypatch.setattr(job, "merge_pieces", refused)
+    monkeypatch.setattr(several, "Pool", lambda workers: Pool(backend="sequential"))
+    bounds = []
+    monkeypatch.setattr(compute, "bound_surviving", lambda case, seed: bounds.append(seed) or no_memory(case, seed))
+    said = []
+    run_campaigns(jobs, say=said.append)
+    assert sorted(written) == [out for _, out in jobs]
+    assert sorted(bounds) == [1, 1, 2, 2], "each of the two cases' bounds once"
+    lacks = [sentence for sentence in said if "lacks a Cramér-Rao bound: no room; the same command" in sentence]
+    assert len(lacks) == 4 and all(sentence.startswith("small: ") for sentence in lacks)

@@ -1,0 +1,60 @@
+"""One task, a block of runs or a bound, computed and written to its file; in a worker process or in this one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from relnav_sim.results.bound import write_bound
+from relnav_sim.results.shards import write_shard
+from relnav_sim.runner.bound import bound_surviving
+from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.headline import Figures, headline_figures
+from relnav_sim.runner.memory import lacks_memory, memory_in_words
+from relnav_sim.runner.survive import simulate_surviving
+from relnav_sim.runner.work import Block
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task whose file is written; small, so that a worker hands it over in one go.
+
+    Attributes:
+        failures: Failed runs of filters in it.
+        figures: The headline figures of its runs.
+    """
+
+    failures: int
+    figures: Figures
+
+
+def compute(task: Task) -> Outcome:
+    """Compute a task and write its file.
+
+    Raises:
+        MemoryError: There is too little memory for it; the message says what there was none for.
+        OSError: The file can't be written.
+    """
+    from threadpoolctl import threadpool_limits
+
+    task.busy.touch()
+    try:
+        # Threads of BLAS would fight with the other workers; the matrices here are small.
+        with threadpool_limits(1):
+            return _bound(task) if isinstance(task, BoundTask) else _simulated(task)
+    except Exception as error:
+        if lacks_memory(error):
+            raise MemoryError(memory_in_words(error)) from None
+        raise
+    finally:
+        task.busy.unlink(missing_ok=True)
+
+
+def _bound(task: BoundTask) -> Outcome:
+    write_bound(task.path, bound_surviving(task.case, task.seed))
+    return Outcome(0, {})
+
+
+def _simulated(block: Block) -> Outcome:
+    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index)
+    write_shard(block.path, result, block.seed, block.filter_ids)
+    return Outcome(len(result.failures), headline_figures(result))
