@@ -15,7 +15,7 @@ from yaml import events
 
 from relnav_sim.campaign.problems import Path, Problem, quoted
 from relnav_sim.campaign.scalars import RefusedScalarError, resolve
-from relnav_sim.visible_text import acts
+from relnav_sim.printable import acts
 
 MOST_BYTES = 250_000
 MOST_VALUES = 10_000

@@ -12,8 +12,8 @@ from typing import Any
 
 import typer
 
+from relnav_sim.printable import visible
 from relnav_sim.standard_streams import output_error
-from relnav_sim.visible_text import visible
 
 
 class Exit(IntEnum):

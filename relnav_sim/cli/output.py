@@ -10,7 +10,7 @@ import typer
 
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.files import regular
-from relnav_sim.visible_text import visible
+from relnav_sim.printable import visible
 
 _PIPED_WIDTH = 120
 

@@ -51,7 +51,7 @@ def validate(
         ]
     )
     for sentence in (*campaign_warnings(campaign), *convergence_warnings(campaign)):
-        typer.echo(f"warning: {sentence}", err=True)
+        say(f"warning: {sentence}", err=True)
 
 
 def check_tuning(campaign: Campaign) -> None:

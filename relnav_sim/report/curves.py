@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.printable import visible
 from relnav_sim.report.axes import AXIS_COMPONENTS, Array, axis_names
 from relnav_sim.report.facts import CaseFacts, FilterFacts
 from relnav_sim.report.figures.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.statistics.intervals import chi_square_band
-from relnav_sim.visible_text import visible
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results

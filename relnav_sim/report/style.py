@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.printable import visible
 from relnav_sim.report.isolation import isolated
-from relnav_sim.visible_text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

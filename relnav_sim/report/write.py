@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from relnav_sim.printable import visible
 from relnav_sim.report import html, markdown
 from relnav_sim.report.axes import checked_axes
 from relnav_sim.report.compose import MOST_FIGURES, compose
@@ -12,7 +13,6 @@ from relnav_sim.report.latex import latex
 from relnav_sim.report.page import page_tables
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.visible_text import visible
 
 FORMATS = ("html", "md", "csv", "latex")
 USUAL = ("html", "md", "csv")

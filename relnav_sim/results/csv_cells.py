@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from relnav_sim.visible_text import visible
+from relnav_sim.printable import visible
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 

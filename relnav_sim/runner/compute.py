@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.bound import bound_surviving
 from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.failure_log import log_failure
 from relnav_sim.runner.headline import Figures, headline_figures
 from relnav_sim.runner.memory import lacks_memory, memory_in_words
 from relnav_sim.runner.survive import simulate_surviving
@@ -55,6 +57,8 @@ def _bound(task: BoundTask) -> Outcome:
 
 
 def _simulated(block: Block) -> Outcome:
-    result = simulate_surviving(block.case, block.seed, block.runs, block.case_index)
+    result = simulate_surviving(
+        block.case, block.seed, block.runs, block.case_index, partial(log_failure, block.folder)
+    )
     write_shard(block.path, result, block.seed, block.filter_ids)
     return Outcome(len(result.failures), headline_figures(result))

@@ -104,6 +104,9 @@ def _started_apart() -> Iterator[None]:
 
 def _make_ready() -> None:
     """Load what tasks need, so that an environment in which that fails shows at the start and with its traceback."""
+    from relnav_sim.runner.worker_process import prepare_worker
+
+    prepare_worker()
     importlib.import_module("relnav_sim.runner.compute")
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import pickle
 import warnings
 from multiprocessing.util import Finalize
-from typing import Any
 
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.standard_streams import open_missing
@@ -28,15 +26,3 @@ def prepare_worker() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the campaign's process has said which are left out
         filter_kinds()
-
-
-def packed(task: Any) -> bytes:
-    """Return a task as bytes, which a worker unpacks when it is prepared; classes of a script go along."""
-    from joblib.externals.loky.backend.reduction import dumps
-
-    return bytes(dumps(task))
-
-
-def unpacked(task: bytes) -> Any:
-    """Return what `packed` was given."""
-    return pickle.loads(task)

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from relnav_sim.campaign import CampaignError, parse_campaign
 from relnav_sim.cli.app import app
+from relnav_sim.printable import visible
 from relnav_sim.results.csv_cells import csv_cell
-from relnav_sim.visible_text import visible
 
 ResultMaker = Callable[..., Path]
 ACTING = "\x1b[31m\x07\x9b1m\x85\u200f\u202e\u2066\u2028\x7f"
