@@ -128,11 +128,11 @@ class AdaptiveAlphaFilter(GaussianFilter):
             case "responsibilities":
                 used, alpha, log_likelihood = self._mixture_noise(nu, M, mean, epoch)
         posterior, after = joseph_update(belief, nu, H, used)
-        failed = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
+        singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
         extras = {"alpha": alpha, "nis_after": after.nis, **extras}
         return (
             replace(belief, mean=posterior.mean, covariance=posterior.covariance),
-            replace(before, log_likelihood=log_likelihood, extras=extras, failed=failed),
+            replace(before, log_likelihood=log_likelihood, extras=extras, failed={**after.failed, **singular}),
         )
 
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:

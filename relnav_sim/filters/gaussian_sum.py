@@ -29,6 +29,8 @@ from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# Share of the variances by which singular covariances are widened to compare them, well above their rounding.
+_TRIFLE = 1e-12
 
 
 class GaussianSumOptions(Options):
@@ -158,7 +160,8 @@ def reduced(mixture: GaussianSum, components: int) -> GaussianSum:
         cost[:, drop, rows] = np.inf
     # The heaviest components come first; merged ones weigh nothing and fall behind.
     order = np.argsort(-weights, axis=0, kind="stable")[:components]
-    return GaussianSum(*(runs_first(_chosen(part, order)) for part in every[:3]))
+    weights, means, covariances = (runs_first(_chosen(part, order)) for part in every[:3])
+    return GaussianSum(weights, means, symmetric(covariances))
 
 
 def _along(part: Array, which: Indices) -> Indices:
@@ -194,5 +197,12 @@ def _merging_costs(one: Sequence[Array], others: Sequence[Array]) -> Array:
 
 
 def _log_determinants(covariances: Array) -> Array:
-    """Return log det of (..., n, n, runs): (..., runs)."""
-    return log_determinant_of(factor(np.moveaxis(covariances, (-3, -2), (0, 1))))
+    """Return log det of (..., n, n, runs): (..., runs); a singular matrix gets a trifle of its variances first."""
+    C = np.moveaxis(covariances, (-3, -2), (0, 1))
+    result = log_determinant_of(factor(C))
+    singular = ~np.isfinite(result)
+    if singular.any():
+        trifle = np.einsum("ii...->i...", C) * _TRIFLE + np.finfo(float).tiny
+        widened = C + np.eye(len(C)).reshape(len(C), len(C), *[1] * (C.ndim - 2)) * trifle
+        result = np.where(singular, log_determinant_of(factor(widened)), result)
+    return result

@@ -13,7 +13,7 @@ from scipy.special import chdtri
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide, whitened
+from relnav_sim.filters.square_root_update import degenerate_innovation, drowned_variances, square_root_update
 from relnav_sim.linalg import (
     LOG_TWO_PI,
     back,
@@ -127,18 +127,30 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     covariance = P - product(WT, W)
     wide, lost = exceeds(S, R, WIDE), nearly_singular(S, L)
     if wide.any():
-        covariance = np.where(wide, _joseph(P, H, R, back(L, W), HP), covariance)
-        lost = lost | exceeds(S, R, WIDEST)
+        KT = back(L, W)
+        covariance = np.where(wide, _joseph(P, H, R, KT, HP), covariance)
+        lost = lost | (wide & (exceeds(S, R, WIDEST) | _drowned(P, H, KT, covariance)))
     update = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
     if not lost.any():
         return update
     rows = np.flatnonzero(lost)
-    prior, h, r = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows), of_runs(R, rows)
+    prior, h = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows)
     X = semidefinite_root(prior.covariance)
-    size = np.abs(prior.mean) + np.sqrt(np.abs(np.einsum("bii->bi", prior.covariance)))
-    reading = np.einsum("bij,bj->bi", np.abs(h), size)
-    exact, innovation = square_root_update(prior, h @ X, X, r, residual[rows], reading)
-    return replace_runs(rows, update, (exact, unless_too_wide(innovation, exact.covariance, h, r)))
+    exact = square_root_update(prior, h, X, h @ X, of_runs(R, rows), residual[rows], reading_size(prior, h))
+    return replace_runs(rows, update, exact)
+
+
+def reading_size(belief: Gaussian, H: Array) -> Array:
+    """Return how large the numbers are that H m is a sum of, (runs, m): its rounding is a share of that."""
+    size = np.abs(belief.mean) + np.sqrt(np.abs(np.einsum("bii->bi", belief.covariance)))
+    return np.einsum("bij,bj->bi", np.abs(H), size)
+
+
+def _drowned(P: Array, H: Array, KT: Array, covariance: Array) -> NDArray[np.bool_]:
+    """Return the runs in which a variance is below the rounding of those before; arguments runs last."""
+    h = np.broadcast_to(H, (*H.shape[:2], P.shape[2]))
+    drowned = drowned_variances(runs_first(P), runs_first(h), runs_first(KT.swapaxes(0, 1)), runs_first(covariance))
+    return np.asarray(drowned.any(axis=1))
 
 
 def replace_runs(
@@ -208,7 +220,7 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
     if not singular.any():
         return innovation
     rows = np.flatnonzero(singular)
-    told = whitened(semidefinite_root(S[rows]), residual[rows], reading[rows]).innovation
+    told = degenerate_innovation(S[rows], residual[rows], reading[rows])
     innovation.nis[rows], innovation.log_likelihood[rows] = told.nis, told.log_likelihood
     return innovation
 

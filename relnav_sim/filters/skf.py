@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 # A step that takes away more than all but this share of the covariance is halved, at most so many times.
 _LEAST_KEPT = 0.01
 _HALVINGS = 40
+# Ratio of H P H^T to R beyond which differences of whitened residuals hold too few digits for a search.
+_WIDEST = 1e12
 
 
 class StochasticSearchOptions(GaussianFilterOptions):
@@ -62,8 +64,9 @@ class StochasticSearchFilter(SamplingFilter):
 
     The authors' gradient steps are affine-invariant, so they are taken here in whitened coordinates of the states
     the measurement depends on; the other states follow by regression, exactly. nis and log_likelihood are those of
-    the Gaussian innovation; extra `fallback`: 1 where no step kept the covariance positive definite, or numbers
-    broke down, and the iterated extended Kalman update was taken.
+    the Gaussian innovation; extra `fallback`: 1 where no step kept the covariance positive definite, numbers broke
+    down, or the reading is too precise for the prediction (a million standard deviations), and the iterated extended
+    Kalman update was taken.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: StochasticSearchOptions) -> None:
@@ -82,8 +85,11 @@ class StochasticSearchFilter(SamplingFilter):
         mean, covariance = self._search(prior, belief, z, step)
         posterior = prior.posterior(mean, covariance)
         usable = np.isfinite(posterior.covariance.sum(axis=(1, 2)) + posterior.mean.sum(axis=1))
+        model = self.linearise(belief, z, step.epoch)
+        seen, noise = (np.einsum("...ii->...i", A) for A in (model.HPH, model.R))
+        usable &= (seen <= _WIDEST * noise).all(axis=-1)
         posterior, failed = self.with_fallback(posterior, usable, belief, z, 1.0, step)
-        innovation = self.linearise(belief, z, step.epoch).innovation()
+        innovation = model.innovation()
         return posterior, replace(innovation, extras={"fallback": 1.0 - usable}, failed=failed)
 
     def _search(self, prior: WhitenedPrior, belief: Gaussian, z: Array, step: Step) -> tuple[Array, Array]:

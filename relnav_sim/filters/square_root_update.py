@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.square_root import semidefinite_root, triangular_root
-from relnav_sim.linalg import LOG_TWO_PI, symmetric, transpose
+from relnav_sim.filters.square_root import not_definite, semidefinite_root, triangular_root
+from relnav_sim.linalg import LOG_TWO_PI, log_determinant, symmetric, transpose, whiten
 
 Array = NDArray[np.float64]
 
@@ -25,66 +25,23 @@ _REPEATED = 1e-9
 
 
 @dataclass(frozen=True)
-class Whitened:
-    """A residual in units of its own root, L^-1 nu, where L may lack rank.
-
-    Attributes:
-        values: (runs, m); zero in the directions without variance.
-        dead: The directions without variance (runs, m): the reading tells nothing new there.
-        innovation: NIS and log-likelihood in the directions that have variance; a residual in the others that is more
-            than rounding contradicts them, which has no probability.
-    """
-
-    values: Array
-    dead: NDArray[np.bool_]
-    innovation: Innovation
-
-
-def whitened(L: Array, residual: Array, reading: Array) -> Whitened:
-    """Return a residual whitened by a root of its covariance that may lack rank.
-
-    Args:
-        L: Lower-triangular roots (runs, m, m), diagonal >= 0.
-        residual: (runs, m).
-        reading: How large the compared readings and their parts are, (runs, m); decides what counts as rounding.
-    """
-    runs, m = residual.shape
-    # A pivot within rounding of zero, measured by the row it was left of and by what the row was computed from.
-    rounding = 16 * m * np.finfo(float).eps * (np.sqrt(np.einsum("bij,bij->bi", L, L)) + reading)
-    values, dead = np.zeros((runs, m)), np.zeros((runs, m), dtype=bool)
-    log_determinant, contradicts = np.zeros(runs), np.zeros(runs, dtype=bool)
-    for i in range(m):
-        left = residual[:, i] - np.einsum("bj,bj->b", L[:, i, :i], values[:, :i])
-        pivot = L[:, i, i]
-        dead[:, i] = pivot <= rounding[:, i]
-        live = np.where(dead[:, i], 1.0, pivot)
-        values[:, i] = np.where(dead[:, i], 0.0, left / live)
-        log_determinant += np.where(dead[:, i], 0.0, 2 * np.log(live) + LOG_TWO_PI)
-        most = _REPEATED * (reading[:, i] + np.abs(residual).max(axis=1)) + rounding[:, i]
-        contradicts |= dead[:, i] & (np.abs(left) > most)
-    nis = np.einsum("bi,bi->b", values, values)
-    log_likelihood = -0.5 * (nis + log_determinant)
-    innovation = Innovation(
-        np.where(contradicts, np.inf, nis),
-        np.where(contradicts, -np.inf, log_likelihood),
-        failed=dict.fromkeys(np.flatnonzero(contradicts).tolist(), CONTRADICTION),
-    )
-    return Whitened(values, dead, innovation)
-
-
-@dataclass(frozen=True)
 class RootUpdate:
     """An update in terms of roots.
 
     Attributes:
         gain: K S^(1/2), (runs, n, m): what one unit of the whitened residual moves.
-        root: P+^(1/2), (runs, n, n or more).
-        residual: The whitened residual.
+        root: P+^(1/2), (runs, n, n).
+        innovation_root: S^(1/2), lower triangular, (runs, m, m); the identity for channels that tell nothing new.
+        white: The whitened residual (runs, m), zero in these channels.
+        innovation: NIS and log-likelihood of the others. A residual in a channel that tells nothing new, beyond
+            rounding, contradicts what is known, which has no probability.
     """
 
     gain: Array
     root: Array
-    residual: Whitened
+    innovation_root: Array
+    white: Array
+    innovation: Innovation
 
 
 def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array) -> RootUpdate:
@@ -92,57 +49,128 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
 
     The triangular form of [[Y, R^(1/2)], [X, 0]] is [[S^(1/2), 0], [K S^(1/2), P+^(1/2)]] (Kaminski, Bryson and
     Schmidt, IEEE Trans. Automatic Control 16(6), 1971). Neither S nor P is formed, so that a prior may be wider than
-    the noise by all the digits of a number, and singular noise or a singular prior does no harm.
+    the noise by all the digits of a number, and singular noise or a singular prior does no harm: a channel without
+    variance of its own, given those before it, is left out.
 
     Args:
         X: Deviations of the state, X X^T = P, (runs, n, q), q >= n.
         Y: The same of the reading, Y X^T = H P, (runs, m, q).
         noise_root: R^(1/2), R positive semidefinite, (runs, m, m).
         nu: Residual (runs, m).
-        reading: As in `whitened`.
+        reading: How large the compared readings and their parts are, (runs, m); decides what counts as rounding.
     """
     (runs, n, _), m = X.shape, nu.shape[1]
     top = np.concatenate([Y, noise_root], axis=2)
-    array = triangular_root(np.concatenate([top, np.concatenate([X, np.zeros((runs, n, m))], axis=2)], axis=1))
-    residual = whitened(array[:, :m, :m], nu, reading)
-    gain, root = array[:, m:, :m], array[:, m:, m:]
-    if residual.dead.any():
-        # What belongs to a direction that the reading does not tell of stays in the covariance.
-        root = np.concatenate([root, gain * residual.dead[:, None]], axis=2)
-        gain = gain * ~residual.dead[:, None]
-    return RootUpdate(gain, root, residual)
+    bottom = np.concatenate([X, np.zeros((runs, n, noise_root.shape[2]))], axis=2)
+    array = triangular_root(np.concatenate([top, bottom], axis=1))
+    gain, root, L = array[:, m:, :m].copy(), array[:, m:, m:].copy(), array[:, :m, :m].copy()
+    rounding = 16 * m * np.finfo(float).eps * (np.linalg.norm(top, axis=2) + reading)
+    pivots = np.einsum("bii->bi", L)
+    # Written so that what is not a number is left alone.
+    dead, contradicts = (pivots <= rounding).any(axis=1), np.zeros(runs, dtype=bool)
+    live = np.ones((runs, m), dtype=bool)
+    for run in np.flatnonzero(dead):
+        most = _REPEATED * (reading[run] + np.abs(nu[run]).max()) + rounding[run]
+        kept, T, contradicts[run] = _informative(top[run], bottom[run], nu[run], rounding[run], most)
+        r = len(kept)
+        live[run] = False
+        live[run, kept] = True
+        L[run], gain[run] = np.eye(m), 0.0
+        L[run][np.ix_(kept, kept)], gain[run][:, kept], root[run] = T[:r, :r], T[r:, :r], T[r:, r:]
+    # A state that is left with nothing but the rounding of its deviations is known.
+    trifle = 16 * (n + m) * np.finfo(float).eps * np.linalg.norm(X, axis=2)
+    root *= (np.linalg.norm(root, axis=2) > trifle)[:, :, None]
+    white = np.where(live, whiten(L, np.where(live, nu, 0.0)), 0.0)
+    nis = np.einsum("bi,bi->b", white, white)
+    log_likelihood = -0.5 * (nis + log_determinant(L) + LOG_TWO_PI * live.sum(axis=1))
+    innovation = Innovation(
+        np.where(contradicts, np.inf, nis),
+        np.where(contradicts, -np.inf, log_likelihood),
+        failed=dict.fromkeys(np.flatnonzero(contradicts).tolist(), CONTRADICTION),
+    )
+    return RootUpdate(gain, root, L, white, innovation)
+
+
+def _informative(top: Array, bottom: Array, nu: Array, rounding: Array, most: Array) -> tuple[list[int], Array, bool]:
+    """Return which channels of one run tell something new, the triangular form of these, and a contradiction.
+
+    Args:
+        top: [Y, R^(1/2)], (m, q).
+        bottom: [X, 0], (n, q).
+        nu: (m,).
+        rounding: Of a pivot, (m,).
+        most: Of a residual in a channel that is known, (m,).
+    """
+    kept, contradicts = list(range(len(nu))), False
+    while True:
+        T = triangular_root(np.concatenate([top[kept], bottom])[None])[0]
+        white: list[float] = []
+        for i, channel in enumerate(kept):
+            left = nu[channel] - T[i, :i] @ np.array(white)
+            if T[i, i] <= rounding[channel]:
+                contradicts = contradicts or bool(abs(left) > most[channel])
+                kept.remove(channel)
+                break
+            white.append(left / T[i, i])
+        else:
+            return kept, T, contradicts
+
+
+def degenerate_innovation(S: Array, residual: Array, reading: Array) -> Innovation:
+    """Return NIS and log-likelihood of residuals (runs, m) in the range of their covariance S (runs, m, m)."""
+    runs, m = residual.shape
+    return root_update(
+        np.zeros((runs, 0, m)), semidefinite_root(S), np.zeros((runs, m, 0)), residual, reading
+    ).innovation
 
 
 def square_root_update(
-    belief: Gaussian, Y: Array, X: Array, R: Array, nu: Array, reading: Array
+    belief: Gaussian, H: Array, X: Array, Y: Array, R: Array, nu: Array, reading: Array
 ) -> tuple[Gaussian, Innovation]:
-    """Return the Kalman update by `root_update`; a variance that is nothing but its rounding becomes zero.
+    """Return the Kalman update by `root_update`; runs in which the covariance can't hold its digits fail.
 
     Args:
         belief: The prediction.
-        Y: As in `root_update`.
+        H: Jacobian (runs, m, n), for the sizes of what is rounded.
         X: As in `root_update`.
+        Y: As in `root_update`.
         R: Noise covariance, positive semidefinite, (runs, m, m).
         nu: Residual (runs, m).
-        reading: As in `whitened`.
+        reading: As in `root_update`.
     """
     update = root_update(X, Y, semidefinite_root(R), nu, reading)
     P = symmetric(update.root @ transpose(update.root))
-    before = np.einsum("bii->bi", belief.covariance)
-    rounding = np.square(16 * sum(Y.shape[1:]) * np.finfo(float).eps) * before
-    kept = np.einsum("bii->bi", P) > rounding
-    P = P * (kept[:, :, None] & kept[:, None, :])
-    mean = belief.mean + np.einsum("bnm,bm->bn", update.gain, update.residual.values)
-    return Gaussian(mean, P), update.residual.innovation
+    mean = belief.mean + np.einsum("bnm,bm->bn", update.gain, update.white)
+    L = update.innovation_root
+    K = transpose(np.asarray(np.linalg.solve(transpose(L), transpose(update.gain)), dtype=np.float64))
+    drowned = drowned_variances(belief.covariance, H, K, P)
+    exact = not_definite(R, len(nu))
+    known = drowned & exact[:, None]
+    P = np.where(known[:, :, None] | known[:, None, :], 0.0, P)
+    lost = ~exact & (drowned.any(axis=1) | _drowned_sums(H, P, R))
+    innovation = update.innovation
+    failed = dict.fromkeys(np.flatnonzero(lost).tolist(), TOO_WIDE) | dict(innovation.failed)
+    return Gaussian(mean, P), replace(innovation, failed=failed)
 
 
-def unless_too_wide(innovation: Innovation, P: Array, H: Array, R: Array) -> Innovation:
-    """Return the innovation with the runs failed whose covariance can't hold how precise the measurement was.
+def drowned_variances(P: Array, H: Array, K: Array, updated: Array) -> NDArray[np.bool_]:
+    """Return which variances (runs, n) an update leaves below the rounding of the covariance that it began with.
 
-    Where H mixes states, H P H^T is a small difference of large numbers, and digits below theirs are lost whatever
-    the arithmetic that found them. After the update it must not exceed R by more than a hundredth.
+    The posterior is A P A^T + K R K^T, A = I - K H, and P is known to its rounding only. Noise-free measurements
+    leave such variances where the state is known exactly; noise that is drowned in them can't be told any more.
+
+    Args:
+        P: Covariance before (runs, n, n).
+        H: (runs, m, n).
+        K: Gain (runs, n, m).
+        updated: Covariance after.
     """
+    before = np.abs(np.einsum("bii->bi", P))
+    moved = np.einsum("bij,bj->bi", np.abs(np.eye(P.shape[1]) - K @ H), np.sqrt(before))
+    return (np.einsum("bii->bi", updated) < 8 * np.finfo(float).eps * np.square(moved)) & (before > 0)
+
+
+def _drowned_sums(H: Array, P: Array, R: Array) -> NDArray[np.bool_]:
+    """Return the runs in which H P H^T, a small difference of large numbers, is not held to a hundredth of R."""
     error = 2 * np.finfo(float).eps * np.einsum("bij,bjk,bik->bi", np.abs(H), np.abs(P), np.abs(H))
-    noise = np.einsum("bii->bi", R)
-    lost = ((error > 0.01 * noise) & (noise > 0)).any(axis=1)
-    return replace(innovation, failed={**dict.fromkeys(np.flatnonzero(lost).tolist(), TOO_WIDE), **innovation.failed})
+    return np.asarray((error > 0.01 * np.einsum("bii->bi", R)).any(axis=1))

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
+from relnav_sim.filters.gauss_newton import jacobian_of_runs
+from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import semidefinite_root, triangular_root
+from relnav_sim.filters.square_root import not_definite, semidefinite_root, triangular_root
 from relnav_sim.filters.square_root_update import root_update
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -96,18 +97,20 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         R = self.measurement.noise(prior.mean, step.epoch)
         noise_root = np.broadcast_to(semidefinite_root(R.reshape(-1, m, m)), (runs, m, m))
         expected = images[:, 0] + shift
-        update = root_update(X, Y, noise_root, self.measurement.residual(z, expected), np.abs(z) + np.abs(expected))
-        gain, posterior, residual = update.gain, update.root, update.residual
-        if posterior.shape[2] > n:
-            posterior = triangular_root(posterior)
+        reading, exact = np.abs(z) + np.abs(expected), not_definite(R, runs)
+        if exact.any():
+            H = jacobian_of_runs(self.measurement, prior.mean, step.epoch)
+            reading = reading + np.where(exact[:, None], reading_size(Gaussian(prior.mean, prior.covariance), H), 0.0)
+        update = root_update(X, Y, noise_root, self.measurement.residual(z, expected), reading)
+        gain, posterior = update.gain, update.root
         if self._considered:
             # What the update took from the considered block is put back as further columns of the root.
             gain, kept = gain.copy(), np.zeros_like(gain)
             places = list(self._considered)
             kept[:, places], gain[:, places] = gain[:, places], 0.0
             posterior = triangular_root(_beside(posterior, kept))
-        mean = prior.mean + np.einsum("bnm,bm->bn", gain, residual.values)
-        return RootGaussian(mean, posterior), residual.innovation
+        mean = prior.mean + np.einsum("bnm,bm->bn", gain, update.white)
+        return RootGaussian(mean, posterior), update.innovation
 
     def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief, whose considered states `correct` has kept already."""

@@ -163,11 +163,11 @@ class TwoStepFilter(GaussianFilter):
         )
         B = np.eye(len(z[0])) + G @ after.regression
         observed = G @ after.covariance @ transpose(G) + B @ after.scatter @ transpose(B)
-        failed = dict.fromkeys(np.flatnonzero(not_definite(R, len(z))).tolist(), NEEDS_NOISE)
+        singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(z))).tolist(), NEEDS_NOISE)
         return (
             corrected,
             (measurement.residual(z, y_g), observed),
-            replace(innovation, extras={"iterations": iterations}, failed=failed),
+            replace(innovation, extras={"iterations": iterations}, failed={**innovation.failed, **singular}),
         )
 
     def _off_manifold(self, belief: TwoStepBelief, G: Array, R: Array, epoch: int) -> OffManifold:
@@ -225,7 +225,8 @@ def _first_step(before: OffManifold, nu: Array, G: Array, R: Array) -> tuple[Off
     B = np.eye(len(nu[0])) + G @ K
     c, innovation = joseph_update(Gaussian(before.mean_c, before.scatter), nu, B, W)
     moved = c.mean - before.mean_c
-    x, _ = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)
+    x, told = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)
+    innovation = replace(innovation, failed={**innovation.failed, **told.failed})
     gain = transpose(CholeskyFactor(W).solve(GP))
     return OffManifold(x.mean, c.mean, x.covariance, K - gain @ B, c.covariance), innovation
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import (
     WIDE,
     GaussianFilter,
@@ -17,11 +18,12 @@ from relnav_sim.filters.kalman import (
     innovation_last,
     nearly_singular,
     of_runs,
+    reading_size,
     replace_runs,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.filters.square_root_update import square_root_update, unless_too_wide
+from relnav_sim.filters.square_root_update import square_root_update
 from relnav_sim.linalg import (
     cholesky,
     factor,
@@ -37,6 +39,8 @@ from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.measurement import Measurement
 
 Array = NDArray[np.float64]
+
+_IMAGE_ROUNDING = 1e-14
 
 
 class UnscentedOptions(GaussianFilterOptions):
@@ -144,14 +148,15 @@ class UnscentedKalmanFilter(GaussianFilter):
         if isinstance(belief, PropagatedPoints) or not wide.any():
             return update
         rows = np.flatnonzero(wide)
-        reading = np.abs(images[rows, 0]) + np.abs(z[rows])
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
+        H = jacobian_of_runs(self.measurement, belief.mean, step.epoch)[rows]
+        reading = reading_size(prior, H) + np.abs(images[rows, 0]) + np.abs(z[rows])
         R = of_runs(matrices_last(R), rows)
-        exact = self._from_roots(prior, deviations[rows], offsets[rows], R, residual[rows], reading)
+        exact = self._from_roots(prior, H, deviations[rows], offsets[rows], R, residual[rows], reading)
         return replace_runs(rows, update, exact)
 
     def _from_roots(
-        self, prior: Gaussian, deviations: Array, offsets: Array, R: Array, residual: Array, reading: Array
+        self, prior: Gaussian, H: Array, deviations: Array, offsets: Array, R: Array, residual: Array, reading: Array
     ) -> tuple[Gaussian, Innovation]:
         """Return the same update for a prior that is far wider than the noise, or singular.
 
@@ -166,10 +171,11 @@ class UnscentedKalmanFilter(GaussianFilter):
         even = (ahead + behind) / 2
         shift = self._shift(deviations)
         Omega = 2 * self._weight * (transpose(even) @ even) + self._curvature * shift[:, :, None] * shift[:, None, :]
+        # What a linear measurement departs from its slope is the rounding of its images.
+        straight = np.einsum("bii->bi", Omega) <= np.square(_IMAGE_ROUNDING * reading)
+        Omega = np.where(straight[:, :, None] | straight[:, None, :], 0.0, Omega)
         X = transpose(offsets[:, :n]) / self._spread
-        posterior, innovation = square_root_update(prior, B, X, symmetric(Omega) + R, residual, reading)
-        H = B @ np.linalg.pinv(X)
-        return posterior, unless_too_wide(innovation, posterior.covariance, H, R)
+        return square_root_update(prior, H, X, B, symmetric(Omega) + R, residual, reading)
 
     def _offsets(self, P: Array) -> Array:
         """Return the sigma points' offsets from the mean, (runs, 2 n, n); P may be singular."""

@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.linalg import symmetric
+
 Array = NDArray[np.float64]
 
 
@@ -28,7 +30,7 @@ class BoundRecursion:
     @property
     def covariance(self) -> Array:
         """J^-1 now, (models, n, n) or (n, n)."""
-        return np.asarray(self._root.swapaxes(-1, -2) @ self._root)
+        return symmetric(self._root.swapaxes(-1, -2) @ self._root)
 
     def advance(self, transition: Array, noise_root: Array, information_root: Array) -> None:
         """Go to the next epoch.
@@ -53,7 +55,7 @@ class BoundRecursion:
 
 def matrix_root(A: ArrayLike) -> Array:
     """Return W (..., n, n) with W^T W = A for symmetric positive semidefinite matrices, singular ones too."""
-    values, vectors = np.linalg.eigh(np.asarray(A, dtype=float))
+    values, vectors = np.linalg.eigh(symmetric(np.asarray(A, dtype=float)))
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * vectors.swapaxes(-1, -2))
 
 

@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 from exact_kalman import exact_kalman
 from scipy.linalg import expm, solve_discrete_are
+from scipy.stats import multivariate_normal
 
-from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim import (
+    FunctionMeasurement,
+    LinearDynamics,
+    LinearMeasurement,
+    MixtureNoise,
+    create_filter,
+    run_filter,
+    smooth,
+)
+from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.statistics.bound import BoundRecursion, matrix_root
 
 I2, NONE = np.eye(2), np.zeros((2, 2))
 CV, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
@@ -27,10 +39,25 @@ SINGULAR = {
     "the_other_exact": (CV, Q, I2, np.diag([1, 0]), TWO, I2),
     "duplicate_sensor": (CV, Q, [[1, 0], [1, 0]], [[1, 1], [1, 1]], ONE.repeat(2, axis=1), I2),
     "duplicate_exact": (CV, Q, [[1, 0], [1, 0]], NONE, ONE.repeat(2, axis=1), I2),
+    "duplicate_then_another": (
+        CV,
+        Q,
+        [[1, 0], [1, 0], [0.3, 1]],
+        np.diag([0, 0, 0.5]),
+        np.concatenate([ONE, ONE, TWO[:, :1]], axis=1),
+        I2,
+    ),
     "correlated_noise": (CV, Q, I2, [[1, 1], [1, 1]], TWO, I2),
     "exact_sum": (CV, Q, [[1, 1]], [[0]], ONE, I2),
     "same_exact_reading_again": (I2, NONE, [[1, 0]], [[0]], np.full((4, 1), 3.0), I2),
     "exact_line": (CV, NONE, [[1, 0]], [[0]], (2 + 0.3 * np.arange(1, 7))[:, None], I2),
+}
+TRUTH = np.array([np.linalg.matrix_power(CV, k + 1) @ [2.0, -1.0] for k in range(6)])
+ROTATED = np.array([[1.0, 1.0], [1.0, -1.0]])
+FROM_AFAR = {  # F, Q, H, R, z, mean0, cov0
+    "same_exact_sum_again": (I2, NONE, [[0.1, 0.3]], [[0]], np.full((6, 1), 2.1), [0.3, 1e3], [[2, 0.3], [0.3, 1]]),
+    "exact_positions_of_a_wide_prior": (CV, NONE, [[1, 0]], [[0]], TRUTH[:, :1], [1e3, 0], 1e8 * I2),
+    "both_exact": (CV, NONE, ROTATED, NONE, TRUTH @ ROTATED.T, [0, 0], I2),
 }
 KNOWN = {
     "first_known": (I2, NONE, [[1, 1]], [[1]], ONE, np.diag([0, 1])),
@@ -82,6 +109,70 @@ def test_singular_covariances_are_no_obstacle(name, case):
 @pytest.mark.parametrize("case", WIDE)
 def test_a_wide_prior_meets_a_precise_reading(name, case):
     assert_exact(run(name, WIDE[case]), WIDE[case], 1e-6)
+
+
+@pytest.mark.parametrize("name", ["kf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
+@pytest.mark.parametrize("case", FROM_AFAR)
+def test_what_is_known_is_told_from_rounding(name, case):
+    F, noise, H, R, z, mean0, covariance = FROM_AFAR[case]
+    history = run_filter(
+        create_filter(name, LinearDynamics(F, noise), LinearMeasurement(H, R)), z[None], mean0, covariance
+    )
+    mean, P = exact_kalman(F, noise, H, R, z, mean0, covariance)
+    size = np.abs(mean).max() + np.abs(mean0).max()
+    sd = np.sqrt(np.einsum("kii->ki", P).clip(0))
+    assert not history.failures
+    assert (np.abs(history.mean[0] - mean) <= 1e-3 * sd + 1e-11 * size).all()
+    known = sd < 1e-9 * np.sqrt(np.max(covariance))
+    variances = np.einsum("kii->ki", history.covariance[0])
+    assert (variances[known] <= 1e-25 * np.max(covariance)).all()
+    np.testing.assert_allclose(variances[~known], np.square(sd[~known]), rtol=1e-4)
+
+
+@pytest.mark.parametrize("R", [1e-8, 1e-12])
+@pytest.mark.parametrize("name", ["kf", "iekf", "ukf", "two_step", "adaptive_alpha_kf", "huber", "imm"])
+def test_a_velocity_that_drowns_in_rounding_is_refused(name, R):
+    # Two positions to R tell the velocity to 2 R; the covariance before it, 5e7, ends at 1e-8.
+    problem = (CV, NONE, [[1, 0]], [[R]], TRUTH[:, :1], 1e8 * I2)
+    assert run(name, problem).failures[0].epoch == 1
+    assert not run("sr_ukf", problem).failures
+
+
+def test_a_singular_innovation_has_scipys_degenerate_density():
+    H, R = np.array([[1.0, 0.2], [1.0, 0.2], [0.3, 1.0]]), np.diag([0.0, 0.0, 0.5])
+    P, nu = np.array([[2.0, 0.4], [0.4, 1.0]]), np.array([0.7, 0.7, -0.4])
+    with np.errstate(all="ignore"):  # as `run_filter` does
+        _, innovation = joseph_update(Gaussian(np.zeros((1, 2)), P[None]), nu[None], H, R)
+    S = H @ P @ H.T + R
+    assert innovation.nis[0] == pytest.approx(nu @ np.linalg.pinv(S) @ nu, rel=1e-9)
+    # The density on the range of S: of the two readings that differ, in their own units.
+    distinct = multivariate_normal.logpdf(nu[1:], np.zeros(2), S[1:, 1:])
+    assert innovation.log_likelihood[0] == pytest.approx(distinct, abs=1e-10)
+
+
+def test_components_of_a_state_known_in_part_merge():
+    """With one state known the answer is that of the other state alone, which no singular matrix enters."""
+    noise = MixtureNoise([0.8, 0.2], [[[1.0]], [[25.0]]])
+    z = np.random.default_rng(3).normal(size=(2, 30, 1))
+    both = create_filter("gaussian_sum", LinearDynamics(I2, np.diag([0.0, 0.1])), LinearMeasurement([[1, 1]], noise))
+    alone = create_filter("gaussian_sum", LinearDynamics([[1.0]], [[0.1]]), LinearMeasurement([[1]], noise))
+    found, expected = run_filter(both, z, [0, 0], np.diag([0.0, 1.0])), run_filter(alone, z, [0], [[1.0]])
+    np.testing.assert_allclose(found.mean[..., 1], expected.mean[..., 0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.log_likelihood, expected.log_likelihood, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(found.covariance[..., 0, 0], 0.0)
+
+
+def test_smoother_and_bound_are_symmetric_to_the_bit():
+    F = 1.2 * np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+    dynamics = LinearDynamics(F, I2)
+    z = np.random.default_rng(0).normal(size=(2, 60, 1))
+    history = run_filter(create_filter("kf", dynamics, LinearMeasurement([[1, 0]], [[1]])), z, [0, 0], I2)
+    P = smooth(history, dynamics).covariance
+    np.testing.assert_array_equal(P, P.swapaxes(-1, -2))
+    recursion = BoundRecursion(np.eye(2))
+    for _ in range(50):
+        recursion.advance(F, matrix_root(Q), np.array([[1.0, 0.3]]))
+        np.testing.assert_array_equal(recursion.covariance, recursion.covariance.T)
 
 
 @pytest.mark.parametrize("name", ["mkf", "skf", "alpha_kf"])
