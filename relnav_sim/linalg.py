@@ -151,6 +151,12 @@ def symmetric(A: Array) -> Array:
     return (A + transpose(A)) / 2
 
 
+def diagonal_last(A: Array) -> Array:
+    """Return the diagonals (n, runs) of matrices (n, n, runs), as a view."""
+    n = len(A)
+    return A.reshape(n * n, -1)[:: n + 1]
+
+
 def symmetric_last(A: Array) -> Array:
     """Return the symmetric part of each matrix, runs last (n, n, runs)."""
     return (A + A.swapaxes(0, 1)) / 2

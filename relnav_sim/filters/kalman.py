@@ -17,6 +17,7 @@ from relnav_sim.filters.square_root_update import degenerate_innovation, drowned
 from relnav_sim.linalg import (
     LOG_TWO_PI,
     back,
+    diagonal_last,
     factor,
     forward,
     log_determinant_of,
@@ -177,20 +178,18 @@ _SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as
 
 def nearly_singular(S: Array, L: Array) -> NDArray[np.bool_]:
     """Return where S (m, m, runs), finite, is as good as singular: a pivot of its factor L is next to nothing."""
-    singular = np.zeros(S.shape[-1], dtype=bool)
-    for i in range(len(S)):
-        # Written so that a pivot that is not a number counts.
-        singular = singular | ~(L[i, i] * L[i, i] > _SINGULAR * S[i, i])
+    pivots = diagonal_last(L)
+    # Written so that a pivot that is not a number counts.
+    sound = pivots * pivots > _SINGULAR * diagonal_last(S)
+    if sound.all():
+        return np.zeros(S.shape[-1], dtype=bool)
     # A run that has diverged stays as it is.
-    return singular & np.isfinite(S.sum(axis=(0, 1))) if singular.any() else singular
+    return np.asarray(~sound.all(axis=0) & np.isfinite(S.sum(axis=(0, 1))))
 
 
 def exceeds(S: Array, R: Array, ratio: float) -> NDArray[np.bool_]:
     """Return where S (m, m, runs) is so many times as wide as R (m, m, runs or 1) in any channel."""
-    wide = S[0, 0] > ratio * R[0, 0]
-    for i in range(1, len(S)):
-        wide = wide | (S[i, i] > ratio * R[i, i])
-    return wide
+    return np.asarray((diagonal_last(S) > ratio * diagonal_last(R)).any(axis=0))
 
 
 def of_runs(A: Array, rows: NDArray[np.intp]) -> Array:

@@ -19,6 +19,7 @@ TOO_WIDE = (
     "holds its root, or a tighter start"
 )
 
+_EPS = float(np.finfo(float).eps)
 # A measurement that repeats what is known exactly may differ by this share of its size: rounding, its own and that
 # of the epochs that led to the prediction.
 _REPEATED = 1e-9
@@ -64,7 +65,7 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
     bottom = np.concatenate([X, np.zeros((runs, n, noise_root.shape[2]))], axis=2)
     array = triangular_root(np.concatenate([top, bottom], axis=1))
     gain, root, L = array[:, m:, :m].copy(), array[:, m:, m:].copy(), array[:, :m, :m].copy()
-    rounding = 16 * m * np.finfo(float).eps * (np.linalg.norm(top, axis=2) + reading)
+    rounding = 16 * m * _EPS * (_row_norms(top) + reading)
     pivots = np.einsum("bii->bi", L)
     # Written so that what is not a number is left alone.
     dead, contradicts = (pivots <= rounding).any(axis=1), np.zeros(runs, dtype=bool)
@@ -78,8 +79,7 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
         L[run], gain[run] = np.eye(m), 0.0
         L[run][np.ix_(kept, kept)], gain[run][:, kept], root[run] = T[:r, :r], T[r:, :r], T[r:, r:]
     # A state that is left with nothing but the rounding of its deviations is known.
-    trifle = 16 * (n + m) * np.finfo(float).eps * np.linalg.norm(X, axis=2)
-    root *= (np.linalg.norm(root, axis=2) > trifle)[:, :, None]
+    root *= (_row_norms(root) > 16 * (n + m) * _EPS * _row_norms(X))[:, :, None]
     white = np.where(live, whiten(L, np.where(live, nu, 0.0)), 0.0)
     nis = np.einsum("bi,bi->b", white, white)
     log_likelihood = -0.5 * (nis + log_determinant(L) + LOG_TWO_PI * live.sum(axis=1))
@@ -114,6 +114,10 @@ def _informative(top: Array, bottom: Array, nu: Array, rounding: Array, most: Ar
             white.append(left / T[i, i])
         else:
             return kept, T, contradicts
+
+
+def _row_norms(A: Array) -> Array:
+    return np.sqrt(np.einsum("bij,bij->bi", A, A))
 
 
 def degenerate_innovation(S: Array, residual: Array, reading: Array) -> Innovation:
@@ -167,10 +171,10 @@ def drowned_variances(P: Array, H: Array, K: Array, updated: Array) -> NDArray[n
     """
     before = np.abs(np.einsum("bii->bi", P))
     moved = np.einsum("bij,bj->bi", np.abs(np.eye(P.shape[1]) - K @ H), np.sqrt(before))
-    return (np.einsum("bii->bi", updated) < 8 * np.finfo(float).eps * np.square(moved)) & (before > 0)
+    return (np.einsum("bii->bi", updated) < 8 * _EPS * np.square(moved)) & (before > 0)
 
 
 def _drowned_sums(H: Array, P: Array, R: Array) -> NDArray[np.bool_]:
     """Return the runs in which H P H^T, a small difference of large numbers, is not held to a hundredth of R."""
-    error = 2 * np.finfo(float).eps * np.einsum("bij,bjk,bik->bi", np.abs(H), np.abs(P), np.abs(H))
+    error = 2 * _EPS * np.einsum("bij,bjk,bik->bi", np.abs(H), np.abs(P), np.abs(H))
     return np.asarray((error > 0.01 * np.einsum("bii->bi", R)).any(axis=1))

@@ -13,7 +13,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import not_definite, semidefinite_root, triangular_root
+from relnav_sim.filters.square_root import semidefinite_root, triangular_root
 from relnav_sim.filters.square_root_update import root_update
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.models.dynamics import Dynamics, Step
@@ -21,6 +21,9 @@ from relnav_sim.models.measurement import Measurement
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
+
+# Share of a noise's sigma that is left of it, given the channels before, from which on it counts as none.
+_NOISE_FREE = 1e-7
 
 
 class SquareRootUnscentedOptions(GaussianFilterOptions):
@@ -97,7 +100,8 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         R = self.measurement.noise(prior.mean, step.epoch)
         noise_root = np.broadcast_to(semidefinite_root(R.reshape(-1, m, m)), (runs, m, m))
         expected = images[:, 0] + shift
-        reading, exact = np.abs(z) + np.abs(expected), not_definite(R, runs)
+        reading = np.abs(z) + np.abs(expected)
+        exact = (np.einsum("bii->bi", noise_root) <= _NOISE_FREE * np.sqrt(np.einsum("...ii->...i", R))).any(axis=1)
         if exact.any():
             H = jacobian_of_runs(self.measurement, prior.mean, step.epoch)
             reading = reading + np.where(exact[:, None], reading_size(Gaussian(prior.mean, prior.covariance), H), 0.0)
