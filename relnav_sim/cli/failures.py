@@ -32,9 +32,9 @@ class Exit(IntEnum):
 
 EXIT_CODES = {
     "0": "all is well",
-    "1": "some runs failed; they are in the results, and counted in the report",
+    "1": "some runs failed, which the report counts, or lacked memory, which the same command tries again",
     "2": "the campaign or the arguments can't be used",
-    "3": "a file can't be read or written",
+    "3": "a file can't be read or written, no worker can start, or there is too little memory",
     "4, 5": "only of relnav report --check: a requirement is missed, or undecided",
     "70": "an error of relnav itself; please report it",
     "129, 130, 143": "ended by a closed terminal, Ctrl-C or SIGTERM; the same command continues",

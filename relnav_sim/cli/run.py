@@ -101,10 +101,13 @@ def run(
         from relnav_sim.results.block import RefusedError
         from relnav_sim.runner.run import run_campaign
 
+        def to_user(sentence: str) -> None:
+            say(sentence, err=True)
+
         try:
             if only is not None:
                 target = _single_target(campaign, result, case, number)
-                path = run_single(campaign, case, number, target, trace, backend.value, timeout_s)
+                path = run_single(campaign, case, number, target, trace, backend.value, timeout_s, to_user)
             else:
                 path = run_campaign(
                     campaign,
@@ -116,7 +119,7 @@ def run(
                     max_failures=0 if fail_fast else max_failures,
                     timeout_s=timeout_s,
                     progress=True,
-                    say=lambda sentence: say(sentence, err=True),
+                    say=to_user,
                 )
         except RefusedError as error:
             raise UserError(str(error)) from None

@@ -26,8 +26,7 @@ def validate(
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
     from relnav_sim.campaign.plan import START_S
-    from relnav_sim.campaign.warnings import campaign_warnings
-    from relnav_sim.statistics.convergence_seen import convergence_warnings
+    from relnav_sim.runner.warnings import warnings_before
 
     campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
     check_tuning(campaign)
@@ -50,7 +49,7 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
-    for sentence in (*campaign_warnings(campaign), *convergence_warnings(campaign)):
+    for sentence in warnings_before(campaign):
         say(f"warning: {sentence}", err=True)
 
 

@@ -15,6 +15,7 @@ from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bound
 from relnav_sim.runner.folder import START_OVER, check_same_campaign, working_folder, write_folder_header
+from relnav_sim.runner.memory import lacking_in_words
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, past_sessions, provenance_of
 from relnav_sim.runner.work import Block, Finished, blocks_left, filter_ids, finished_work
@@ -81,8 +82,11 @@ class Job:
             for key in ids
         }
 
-    def write(self) -> None:
-        """Write the results file from all that is finished, and say what it lacks."""
+    def write(self) -> bool:
+        """Write the results file from all that is finished, and say what it lacks.
+
+        Return whether there was memory for every run.
+        """
         if self.in_session:
             end_session(self.folder)
         self._say_what_is_left_out()
@@ -96,10 +100,8 @@ class Job:
                 again = "; the same command tries again" if bound.retry else ""
                 self.say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}{again}")
         if lacking := sum(len(piece.info.runs) for piece in pieces if piece.info.retry):
-            self.say(
-                f"{lacking} of the runs of filters lacked memory: they are left out of the result, and no failures of "
-                "their filters; the same command tries them again, and fewer --workers leave more memory to each"
-            )
+            self.say(f"{lacking_in_words(lacking)}, and fewer --workers leave more memory to each")
+        return not lacking
 
     def _provenance(self) -> Provenance:
         """Return where the result came from; written anew with nothing new in it, the file keeps what it says."""

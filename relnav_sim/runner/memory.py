@@ -22,6 +22,14 @@ def lacks_memory(error: BaseException) -> bool:
     return False
 
 
+def lacking_in_words(count: int) -> str:
+    """Return what became of so many runs of filters for which there was too little memory."""
+    return (
+        f"{count} of the runs of filters lacked memory: left out of the result, and no failure of a filter; the same "
+        "command tries again"
+    )
+
+
 def memory_in_words(error: BaseException) -> str:
     """Return the reason that a result gives for what failed for want of memory."""
     return f"not enough memory: {type(error).__name__}: {error}".rstrip(": ")

@@ -7,15 +7,14 @@ from contextlib import closing
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.campaign.warnings import campaign_warnings
 from relnav_sim.runner.folder import move_aside, shard_folder
 from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.progress import progress_of
 from relnav_sim.runner.stopping import look_at, looks
 from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.warnings import warnings_before
 from relnav_sim.runner.work import Block
-from relnav_sim.statistics.convergence_seen import convergence_warnings
 
 
 def run_campaign(
@@ -61,7 +60,7 @@ def run_campaign(
         move_aside(out, say)
     with job_of(campaign, out, say, part) as job, Pool(workers, backend, timeout_s) as pool:
         job.take_stock()
-        for sentence in (*campaign_warnings(campaign), *convergence_warnings(campaign)):
+        for sentence in warnings_before(campaign):
             say(f"warning: {sentence}")
         for runs in looks(campaign, part):
             goes_on = not job.in_session and len(job.finished.shards)

@@ -32,9 +32,10 @@ class _Share:
     waiting: set[Hashable]
 
     def write(self, say: Say) -> None:
-        self.job.write()
+        whole = self.job.write()
         self.hold.close()
-        say(f"{self.job.campaign.name} is complete")
+        if whole:
+            say(f"{self.job.campaign.name} is complete")
 
 
 def run_campaigns(

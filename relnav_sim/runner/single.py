@@ -17,10 +17,13 @@ from relnav_sim.results.block import RefusedError
 from relnav_sim.results.layout import case_group
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import collect_provenance
+from relnav_sim.results.read import open_results
 from relnav_sim.runner.failure_log import keep_log
-from relnav_sim.runner.job import result_header
+from relnav_sim.runner.job import Say, result_header
+from relnav_sim.runner.memory import lacking_in_words
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.run import default_out
+from relnav_sim.runner.warnings import warnings_before
 from relnav_sim.runner.work import Block
 
 
@@ -32,6 +35,7 @@ def run_single(
     trace: bool = False,
     backend: Backend = "loky",
     timeout_s: float | None = None,
+    say: Say = lambda sentence: None,
 ) -> Path:
     """Compute one run of one case; return its results file, which holds that case and run only.
 
@@ -43,6 +47,7 @@ def run_single(
         trace: Store every epoch.
         backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one.
         timeout_s: Most seconds for the run.
+        say: Told what a user should know, a sentence at a time.
 
     Raises:
         RefusedError: There is no such case or run.
@@ -55,6 +60,8 @@ def run_single(
     chosen = _traced(campaign.cases[index]) if trace else campaign.cases[index]
     content = {**campaign.content, **chosen.config.model_dump(mode="json", exclude={"name"}), "grid": {}, "zip": {}}
     alone = replace(campaign, cases=(chosen,), content=content, hash=campaign_hash(content))
+    for sentence in warnings_before(alone):
+        say(f"warning: {sentence}")
     out.parent.mkdir(parents=True, exist_ok=True)
     started, clock = datetime.now(UTC), time.monotonic()
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
@@ -64,6 +71,9 @@ def run_single(
         provenance = collect_provenance(started, datetime.now(UTC), time.monotonic() - clock)
         merge_shards(shards, replace(result_header(alone), only=run), provenance, out, complete=False)
         keep_log(Path(folder), out)
+    with open_results(out) as results:
+        if lacking := len(results.lacked_memory()):
+            say(lacking_in_words(lacking))
     return out
 
 

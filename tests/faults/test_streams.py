@@ -94,7 +94,7 @@ def test_no_data_file_gets_the_number_of_a_closed_stream(relnav):
     "words, code",
     [
         ("list filters | true", 0),
-        ("validate small.yaml | true", 0),
+        ("validate small.yaml --set statistics.convergence_hold_s=10 | true", 0),
         ("validate small.yaml --set runs=0 2>&1 | true", 2),
         ("list noise >&-", 0),
         pytest.param(f"list noise >{FULL}", 3, marks=needs_full_disk),

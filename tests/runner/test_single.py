@@ -54,3 +54,16 @@ def test_a_single_truth_for_all_runs(campaign, tmp_path):
     out = run_single(parsed, 0, 4, tmp_path / "one.h5", trace=True, backend="sequential")
     with open_results(out) as one, open_results(whole) as many:
         assert np.array_equal(one.truth(0)[:, ::4], many.truth(0))
+
+
+@pytest.mark.parametrize("many", [False, True], ids=["one run", "all runs"])
+def test_the_warnings_of_its_case_are_said_once(campaign, tmp_path, many):
+    short = campaign("statistics.convergence_hold_s=60", "sensors.radar.range_sigma_m=200000", "bound=false")
+    said: list[str] = []
+    if many:
+        run_campaign(short, tmp_path / "all.h5", backend="sequential", say=said.append)
+    else:
+        run_single(short, 0, 1, tmp_path / "one.h5", backend="sequential", say=said.append)
+    warned = [sentence for sentence in said if sentence.startswith("warning: ")]
+    assert len(warned) == len(set(warned)) == 2
+    assert "would not be positive" in warned[0] and "convergence cannot be judged" in warned[1]
