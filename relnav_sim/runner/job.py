@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.merge import merge_pieces
@@ -17,7 +18,7 @@ from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_le
 from relnav_sim.runner.folder import START_OVER, check_same_campaign, working_folder, write_folder_header
 from relnav_sim.runner.memory import lacking_in_words
 from relnav_sim.runner.pool import Done
-from relnav_sim.runner.sessions import begin_session, end_session, past_sessions, provenance_of
+from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
 from relnav_sim.runner.work import Block, Finished, blocks_left, filter_ids, finished_work
 
 Say = Callable[[str], None]
@@ -56,6 +57,11 @@ class Job:
         write_folder_header(self.folder, self.header)
         self.finished = finished_work(self.folder, self.campaign, self.say)
         self.bounds = bounds_left(bound_tasks(self.campaign, self.folder, self.part), self.say)
+        if self.finished.shards and (others := other_versions(self.folder)):
+            self.say(
+                f"warning: some of the finished runs are of relnav {', '.join(others)}, and their numbers may differ "
+                f"from those of {__version__}, see CHANGELOG.md; relnav run --fresh computes all anew"
+            )
 
     def tasks(self, runs: int) -> list[Task]:
         """Return what is left of the first so many runs, and of the bounds."""

@@ -13,6 +13,7 @@ from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from relnav_sim import __version__
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.provenance import (
     Provenance,
@@ -47,6 +48,11 @@ def past_sessions(folder: Path) -> list[Session]:
     last_block = datetime.fromtimestamp(min(newest, now.timestamp()), UTC)
     ended = [session if session.finished else _ended(session, last_block) for session in sessions]
     return [_before(session, now) for session in ended]
+
+
+def other_versions(folder: Path) -> list[str]:
+    """Return the other versions of relnav that have computed a part of what is in a folder of shards."""
+    return sorted({session.relnav.partition(" ")[0] for session in _read(folder)} - {__version__, ""})
 
 
 def provenance_of(sessions: Sequence[Session]) -> Provenance:

@@ -42,6 +42,19 @@ def test_a_killed_session_ends_with_its_last_shard(campaign, tmp_path):
     assert 0 < ended.wall_time_s <= session["wall_time_s"] + 1e-3
 
 
+def test_going_on_with_runs_of_another_version_is_said(campaign, tmp_path):
+    out, said = tmp_path / "out.h5", []
+    run_campaign(campaign("runs=2"), out, backend="sequential", say=said.append)
+    run_campaign(campaign("runs=4"), out, backend="sequential", say=said.append)
+    assert not any("of relnav" in sentence for sentence in said)
+    file = shard_folder(out) / SESSIONS
+    first, second = json.loads(file.read_text())
+    file.write_text(json.dumps([{**first, "relnav": "0.1.0 4bd0d51"}, second]))
+    run_campaign(campaign(), out, backend="sequential", say=said.append)
+    (sentence,) = (sentence for sentence in said if "of relnav" in sentence)
+    assert sentence.startswith("warning: some of the finished runs are of relnav 0.1.0, and")
+
+
 SOUND = {
     "command_line": "relnav",
     "started": "2026-01-02T03:04:05+00:00",
