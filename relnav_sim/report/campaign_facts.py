@@ -9,7 +9,7 @@ from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.report.wording import counted, figure
 from relnav_sim.results.seal import NO_SEAL
-from relnav_sim.results.settings import case_setting
+from relnav_sim.results.settings import filter_settings
 from relnav_sim.results.stopping import stopping_in_words
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def filters_table(results: Results) -> Table:
     rows = []
     for name in results.filters:
         first = next(i for i, header in enumerate(results.headers) if name in header.filters)
-        entry = case_setting(results, first, f"filters.{name}", {})
+        entry = filter_settings(results, first, name)
         settings = ", ".join(f"{path} = {value}" for path, value in flattened(entry) if path != "kind")
         rows.append(Row(name, (Words(str(entry.get("kind", ""))), Words(settings))))
     return Table(

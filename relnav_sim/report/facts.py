@@ -17,7 +17,7 @@ from relnav_sim.report.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.report.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.block import ExtraStates
-from relnav_sim.results.settings import case_setting
+from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.correlation import integrated_time
@@ -309,9 +309,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
 
 def _assumes_mixture(results: Results, index: int, name: str) -> bool:
     """Return whether a filter is told of the components of the radar's noise, and there are some in this case."""
-    # A filter's name may hold dots, which no path can.
     told = results.headers[index].variables.get(f"filters.{name}.assumed_noise")
-    told = told or case_setting(results, index, "filters", {}).get(name, {}).get("assumed_noise")
+    told = told or filter_settings(results, index, name).get("assumed_noise")
     if told != "mixture":
         return False
     parts = case_setting(results, index, "sensors.radar.noise", None)

@@ -20,6 +20,14 @@ def case_setting(results: Results, index: int, path: str, default: Any) -> Any:
     return _inside(results.campaign_content, keys, default)
 
 
+def filter_settings(results: Results, index: int, name: str) -> Mapping[str, Any]:
+    """Return the settings of a filter of a case; single ones that the campaign varies are not filled in."""
+    # A filter's name may hold dots, which no path can.
+    entry = results.headers[index].variables.get(f"filters.{name}")
+    entry = entry or case_setting(results, index, "filters", {}).get(name)
+    return entry if isinstance(entry, Mapping) else {}
+
+
 def _inside(value: Any, keys: list[str], default: Any) -> Any:
     for key in keys:
         if not isinstance(value, Mapping) or value.get(key) is None:

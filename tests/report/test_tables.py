@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from relnav_sim.report.campaign_facts import filters_table
 from relnav_sim.report.tables import (
     MINUS,
     Column,
@@ -16,6 +17,7 @@ from relnav_sim.report.tables import (
     markdown,
     shown_number,
 )
+from relnav_sim.results import open_results
 
 
 def table(rows: tuple[Row, ...]) -> Table:
@@ -88,3 +90,14 @@ def test_groups_are_counted_for_the_heading() -> None:
     columns = (Column("mean", "kf"), Column("std", "kf"), Column("mean", "ekf"), Column("std", "ekf"))
     assert Table("t", "", "", "", columns, ()).groups == (("kf", 2), ("ekf", 2))
     assert Table("t", "", "", "", (Column("kind"),), ()).groups == ()
+
+
+def test_the_table_of_filters_says_what_each_was_told_whatever_its_name_and_wherever_it_stands(make_result) -> None:
+    """A name may hold dots, which no path can; a campaign may vary one filter, or all, as a whole."""
+    plain = make_result(filters={"kf": 1.0, "ekf.tight": 1.0}, runs=3)
+    with open_results(plain) as results:
+        assert [row.cells[0].text for row in filters_table(results).rows] == ["ekf", "ekf"]
+    varied = {"filters.kf": {"kind": "kf"}}, {"filters": {"kf": {"kind": "ukf"}}}
+    for variables, kind in zip(varied, ("kf", "ukf"), strict=True):
+        with open_results(make_result(filters={"kf": 1.0}, runs=3, variables=[variables])) as results:
+            assert [row.cells[0].text for row in filters_table(results).rows] == [kind]
