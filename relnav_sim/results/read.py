@@ -141,7 +141,11 @@ class Results:
         group = self._case(index)
         if filter not in store.names(group):
             return np.empty(0, dtype=np.int64)
-        runs = store.read(store.subgroup(group, filter), layout.DIMENSIONS["run"])
+        own, axis = store.subgroup(group, filter), layout.DIMENSIONS["time"]
+        runs = store.read(own, layout.DIMENSIONS["run"])
+        # Other programs read a filter's series against its own axis.
+        if not np.array_equal(store.read(own, axis), store.read(group, axis)):
+            raise ResultsError(f"{self.path}: {own.name}/time differs from {group.name}/time; the file is damaged")
         if len(runs) and runs[-1] > self.planned[-1]:
             raise ResultsError(f"{self.path}: {group.name}/{filter} has run {runs[-1]} of {self.header.runs}")
         return runs

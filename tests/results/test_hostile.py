@@ -225,3 +225,14 @@ def test_labels_in_another_order_are_refused_where_they_are_used(old_result: Pat
 
 def test_limits_are_the_campaign_s() -> None:
     assert (sound.MOST_RUNS, sound.MOST_CASES) == (models.MOST_RUNS, MOST_CASES)
+
+
+@pytest.mark.parametrize("values", [np.nan, 5.0, "later"])
+def test_the_time_axis_of_a_filter_is_that_of_its_case(old_result: Path, tmp_path: Path, values: float | str) -> None:
+    path = tmp_path / "r.h5"
+    shutil.copy(old_result, path)
+    with h5py.File(path, "r+") as file:
+        axis = file["case_000/ekf/time"]
+        axis[...] = axis[...] + 1.0 if values == "later" else values
+    with pytest.raises(ResultsError, match="ekf/time"), open_results(path) as results:
+        results.case_runs(0, "ekf")
