@@ -33,7 +33,9 @@ def _hint(path: Path, patterns: Iterable[str]) -> str:
     from relnav_sim.near_names import nearest
 
     folders = (path.parent, Path()) if path.parent.is_dir() else (Path(),)
-    found = dict.fromkeys(str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern))
+    found = dict.fromkeys(
+        str(file) for folder in folders for pattern in patterns for file in sorted(folder.glob(pattern))
+    )
     names: dict[str, str] = {}
     for file in found:
         names.setdefault(Path(file).name, file)

@@ -59,11 +59,11 @@ class Model:
             states: Relative states one step before, RTN, (K, 6).
         """
         if self._dynamics is not None and not self.broken:
-            try:
+            with Containment() as contained:  # as above
                 steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
                 return self._extended(*_finite(*steps, states))
-            except Exception as error:  # as above
-                self.broken = error.with_traceback(None)
+            if contained.error is not None:
+                self.broken = contained.error.with_traceback(None)
         shape = (len(epochs), self.dimension, self.dimension)
         return np.full(shape, np.nan), np.zeros(shape)
 

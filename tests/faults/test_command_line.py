@@ -33,7 +33,9 @@ def test_parts_and_merge(here):
     invoke(0, "merge", "merged.h5", "results/small.part_1_of_2.h5", "results/small.part_2_of_2.h5.shards")
     assert_same_bits(here.out, here.folder / "merged.h5")
     assert "exists" in invoke(2, "merge", "merged.h5", "results/small.h5").stderr
-    assert "no such file" in invoke(3, "merge", "other.h5", "results/none.h5").stderr
+    missing = invoke(3, "merge", "other.h5", "results/none.h5").stderr
+    there = "results/small.h5, results/small.part_1_of_2.h5, results/small.part_2_of_2.h5, merged.h5"
+    assert missing == f"relnav: results/none.h5: No such file or directory; there are {there}\n"
 
 
 def test_one_run(here):

@@ -234,8 +234,8 @@ def test_the_log_of_a_single_run_lies_beside_it(with_ways):
 @pytest.mark.parametrize(
     "source, problem",
     [
-        ("import sys; sys.exit(0)", "SystemExit: 0"),
-        ("raise KeyboardInterrupt", "KeyboardInterrupt"),
+        pytest.param("import sys; sys.exit(0)", "SystemExit: 0", marks=pytest.mark.slow),
+        pytest.param("raise KeyboardInterrupt", "KeyboardInterrupt", marks=pytest.mark.slow),
         ("raise OSError('caf\\udce9 \\x1b[31m')", r"OSError: caf\udce9 \x1b[31m"),
     ],
 )

@@ -14,7 +14,10 @@ SCRIPT = [sys.executable, "-P", *RELNAV[1:]]
 MODULE = [sys.executable, "-m", "relnav_sim"]
 
 
-@pytest.mark.parametrize("command", [SCRIPT, MODULE], ids=["relnav", "python -m relnav_sim"])
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(SCRIPT, id="relnav", marks=pytest.mark.slow), pytest.param(MODULE, id="python -m relnav_sim")],
+)
 def test_modules_of_the_working_folder_are_the_users(relnav, tmp_path, command):
     plain, here = relnav(folder="plain"), relnav()
     assert plain.run("run", "small.yaml", "--backend", "sequential", *SMALL)[0] == 0

@@ -70,6 +70,7 @@ def test_learned_dynamics_reach_the_accuracy_that_the_radar_allows(kind, target)
     assert np.median(velocity) < 1.7 * np.median(best[1])
 
 
+@pytest.mark.slow
 def test_cheaper_variances_lose_little():
     """RMS over the settled part, 400 particles: the noise of the particles is larger than the loss."""
     exact = np.median(settled_errors("mf_upf", learned(), particles=400)[0])

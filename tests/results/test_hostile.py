@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 from whole_result import everything
 
+from relnav_sim import memory_limit
 from relnav_sim.campaign import models
 from relnav_sim.campaign.expand import MOST_CASES
 from relnav_sim.cli.app import app
@@ -161,8 +162,10 @@ HOSTILE: dict[str, Callable[[h5py.File], None]] = {
 
 
 @pytest.fixture
-def little_memory() -> Any:
+def little_memory(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Let this process have a little more memory than it has now."""
+    # Its libraries are loaded; each command would start a process to see whether they can be.
+    monkeypatch.setattr(memory_limit, "too_little_memory", lambda: None)
     limits = resource.getrlimit(resource.RLIMIT_AS)
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, limits[1]))

@@ -31,7 +31,7 @@ sensors:
   radar: {range_sigma_m: 2, angle_sigma_deg: 0.1}
   gnss: {position_sigma_m: 10, velocity_sigma_m_s: 0.05}
   star_tracker: {cross_boresight_sigma_arcsec: 10, about_boresight_sigma_arcsec: 30}
-statistics: {settle_s: 10}
+statistics: {settle_s: 10, convergence_hold_s: 20}
 filters:
   kf: {kind: kf}
   ekf: {kind: ekf}

@@ -274,7 +274,7 @@ def _exit(Q):
     raise SystemExit("enough")
 
 
-WRONG = {"nan": lambda Q: Q * np.nan, "shape": lambda Q: Q[..., :3, :3], "exits": _exit}
+WRONG = {"not_finite": lambda Q: Q * np.nan, "shape": lambda Q: Q[..., :3, :3], "exits": _exit}
 
 
 def test_a_bad_model_costs_its_own_bound_only(tmp_path, monkeypatch):
@@ -297,7 +297,7 @@ def test_a_bad_model_costs_its_own_bound_only(tmp_path, monkeypatch):
             assert results.bound(0, name).tobytes() == reference.bound(0, name).tobytes()
         assert all(results.bound(0, name) is None for name in WRONG)
     (sentence,) = [sentence for sentence in said if "Cramér-Rao" in sentence]
-    assert "nan: ValueError: its transition or process noise is not finite" in sentence
+    assert "not_finite: ValueError: its transition or process noise is not finite" in sentence
     assert "exits: SystemExit: enough" in sentence and "shape: ValueError" in sentence
 
 
