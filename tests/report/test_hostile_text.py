@@ -57,11 +57,8 @@ def test_the_terminal_gets_signs_only(hostile: Path, tmp_path: Path) -> None:
 
 def test_text_that_spreadsheets_compute_has_an_apostrophe(hostile: Path, tmp_path: Path) -> None:
     out = tmp_path / "summary.csv"
-    assert CliRunner().invoke(app, ["export", str(hostile), "--out", str(out)]).exit_code == 0
-    assert (
-        CliRunner().invoke(app, ["report", str(hostile), "--out", str(tmp_path / "out"), "--format", "csv"]).exit_code
-        == 0
-    )
+    for words in (["export", "--out", str(out)], ["report", "--out", str(tmp_path / "out"), "--format", "csv"]):
+        assert CliRunner().invoke(app, [*words, str(hostile)]).exit_code == 0
     with open(out, encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["case_label"] for row in rows} == {f"'{visible(LABEL)}", "'@SUM(1)"}
