@@ -50,11 +50,11 @@ def shell(here, words):
 @pytest.mark.parametrize(
     "words",
     [
-        "2>&-",
-        ">&- 2>&-",
+        pytest.param("2>&-", marks=pytest.mark.slow),
+        pytest.param(">&- 2>&-", marks=pytest.mark.slow),
         "<&- >&- 2>&-",
         "2>&1 | true",
-        pytest.param(f"2>{FULL}", marks=needs_full_disk),
+        pytest.param(f"2>{FULL}", marks=[needs_full_disk, pytest.mark.slow]),
         pytest.param(f">{FULL} 2>&1", marks=needs_full_disk),
         pytest.param("--workers 2 --backend loky >&-", marks=pytest.mark.slow),
         pytest.param("--workers 2 --backend loky <&- >&- 2>&-", marks=pytest.mark.slow),

@@ -36,7 +36,11 @@ LACKS = "sys.modules['scipy'] = None"
 
 
 @pytest.mark.parametrize(
-    "cause, said", [(DIES, "it ends as soon as it begins"), (LACKS, "ModuleNotFoundError")], ids=["dies", "lacks"]
+    "cause, said",
+    [
+        pytest.param(DIES, "it ends as soon as it begins", id="dies"),
+        pytest.param(LACKS, "ModuleNotFoundError", id="lacks", marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_workers_that_can_not_start_are_tried_twice(relnav, tmp_path, cause, said, count):
