@@ -21,13 +21,13 @@ demo: setup  ## Run the demo campaign and write its report
 	$(BIN)/relnav report results/demo.h5
 
 reproduce: setup  ## Replicate three papers, claim by claim; 19 to 20 minutes on two cores
-	$(BIN)/relnav reproduce
+	$(BIN)/python -m replication
 
 reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case, the longest last; goes on where it stopped
-	$(BIN)/relnav reproduce --full
+	$(BIN)/python -m replication --full
 
 reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
-	$(BIN)/relnav reproduce --docs docs
+	$(BIN)/python -m replication --docs docs
 
 test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff check .

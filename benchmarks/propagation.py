@@ -18,8 +18,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from relnav_sim import ExponentialAtmosphere, ForceModel, propagate
-from relnav_sim.truth import constants
-from relnav_sim.truth.orbits import Elements, state_from_elements
+from relnav_sim.astro import constants
+from relnav_sim.astro.orbits import Elements, state_from_elements
 
 ROWS, PEER_ROWS, ROUNDS = 1000, 5, 4
 TIMES = np.arange(6001.0)

@@ -13,7 +13,7 @@ from relnav_sim.campaign.blocks import block_size
 from relnav_sim.campaign.cases import ValidatedPoint, in_one_spelling, validated_points
 from relnav_sim.campaign.expand import read_variables
 from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Settings
-from relnav_sim.campaign.identity import campaign_hash, case_id
+from relnav_sim.campaign.identity import campaign_hash, case_id, filter_id
 from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
 from relnav_sim.campaign.messages import unknown_key
 from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
@@ -39,6 +39,11 @@ class Case:
     label: str
     variables: Mapping[str, Any]
     config: CaseConfig
+
+    @property
+    def filter_ids(self) -> dict[str, str]:
+        """A hash of the settings of each filter, by its name."""
+        return {name: filter_id(entry) for name, entry in self.config.filters.items()}
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from math import pi
 from typing import Any
 
+from relnav_sim.astro.constants import RADIUS_M
 from relnav_sim.campaign.problems import quoted
-from relnav_sim.truth.constants import RADIUS_M
 
 # Ending of a key -> (what it measures, its size in SI units).
 _UNITS = {

@@ -18,7 +18,6 @@ from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
 from relnav_sim.cli.new import new
 from relnav_sim.cli.report import report
-from relnav_sim.cli.reproduce import reproduce
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
 from relnav_sim.cli.show import show
@@ -51,7 +50,6 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "compare": compare,
     "merge": merge,
     "export": export,
-    "reproduce": reproduce,
 }
 ANSWERS = ("validate", "list", "show", "schema", "inspect", "compare")
 """Commands that print what they find out; the others write files or have another purpose."""

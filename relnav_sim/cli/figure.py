@@ -45,8 +45,8 @@ def figure(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Draw one figure of a result, for a paper or a closer look: relnav figure results/demo.h5 errors --filter ekf."""
-    from relnav_sim.report.figures import FIGURE_KINDS, FigureError
-    from relnav_sim.report.figures import figure as drawn
+    from relnav_sim.plots import FIGURE_KINDS, FigureError
+    from relnav_sim.plots import figure as drawn
 
     if result is None or kind is None:
         if result is not None:
@@ -74,7 +74,7 @@ def figure(
         )
     except FigureError as error:
         raise UserError(str(error)) from None
-    from relnav_sim.report.style import write_figure
+    from relnav_sim.plots.style import write_figure
 
     write_figure(picture, new_file(path, overwrite))
     say(f"wrote {path}")

@@ -137,7 +137,7 @@ def tune(
             filters or [],
         )
 
-        from relnav_sim.report.style import pdf, png
+        from relnav_sim.plots.style import pdf, png
         from relnav_sim.results.atomic import written_whole
         from relnav_sim.tuning import TuningError, tune_campaign
         from relnav_sim.tuning.curve import curve_csv, curve_figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.models.radar_geometry import components, cross, polar, polar_gradients, sight_gradients, sight_vector
+from relnav_sim.astro.line_of_sight import components, cross, polar, polar_gradients, sight_gradients, sight_vector
 
 Array = NDArray[np.float64]
 RANGE, AZIMUTH, ELEVATION, TURN = 0, 1, 2, slice(3, 6)

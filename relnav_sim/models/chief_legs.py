@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.kepler import initial_state
 from relnav_sim.linalg import runs_last
-from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.gravity import Gravity
-from relnav_sim.models.kepler import initial_state
 from relnav_sim.models.orbit_filter import OrbitFilter
 from relnav_sim.models.orbit_flow import advance_orbit, orbit_frame
 from relnav_sim.models.relative_flow import Division, Leg, divide, turning_frame

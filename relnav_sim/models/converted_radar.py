@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, cross_matrix, rotate, rows, times
 from relnav_sim.models.measurement import MeasurementDefaults, Mixture
 from relnav_sim.models.radar import RadarNoise
-from relnav_sim.models.radar_geometry import NADIR_FROM_RTN, components, cross_matrix, rotate, rows, times
 
 Array = NDArray[np.float64]
 Coefficients = list[float] | Array

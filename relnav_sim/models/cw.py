@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.dynamics import LinearDynamics
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.options import Options

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.linalg import product, runs_first, runs_last
-from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.collocation import gauss_rule
 from relnav_sim.models.cw import cw_system, cw_transition
 from relnav_sim.models.dynamics import Step

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import ARCSEC, NADIR_FROM_RTN
 from relnav_sim.models.augmented import AugmentedDynamics, AugmentedMeasurement
 from relnav_sim.models.augmented_radar import AZIMUTH, ELEVATION, ERRORS, RANGE, TURN, RadarDistortion
-from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.converted_radar import ConvertedRadar
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.delayed import Delayed
 from relnav_sim.models.dynamics import Dynamics, Step
 from relnav_sim.models.process_noise import van_loan
 from relnav_sim.models.radar import PolarRadar
-from relnav_sim.models.radar_geometry import ARCSEC, NADIR_FROM_RTN
 from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.options import Options
 

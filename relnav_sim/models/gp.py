@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import CwOptions, cw_system
 from relnav_sim.models.cw_second_order import CwSecondOrderOptions
 from relnav_sim.models.dynamics import Dynamics, LinearDynamics, Step

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.kepler import arc
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.dynamics import Step
-from relnav_sim.models.gravity import Gravity
-from relnav_sim.models.kepler import arc
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.models.relative_flow import Leg, divide, flow, linear_flow, turning_frame
 from relnav_sim.models.stretches import PerStretch

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.models.chief_legs import ChiefFollower, ChiefLegs, NominalChief, shared_nominal_chief
-from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.dynamics import Step
-from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.models.relative_flow import divide, flow, linear_flow

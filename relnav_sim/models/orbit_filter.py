@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.kepler import initial_state
 from relnav_sim.linalg import back, factor, forward, product, runs_last, symmetric_last
-from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.gravity import Gravity
-from relnav_sim.models.kepler import initial_state
 from relnav_sim.models.orbit_flow import advance_orbit, orbit_frame, orbit_transition
 from relnav_sim.models.relative_flow import divide
 from relnav_sim.models.thrust import kicks_of

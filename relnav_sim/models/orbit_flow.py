@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.models.collocation import integrate
-from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.relative_flow import Division, tangent
 
 Array = NDArray[np.float64]

@@ -8,10 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.linalg import transpose
-from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.measurement import MeasurementDefaults, Mixture
-from relnav_sim.models.radar_geometry import (
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import (
     NADIR_FROM_RTN,
     Vector,
     components,
@@ -22,6 +20,8 @@ from relnav_sim.models.radar_geometry import (
     sight_vector,
     times,
 )
+from relnav_sim.linalg import transpose
+from relnav_sim.models.measurement import MeasurementDefaults, Mixture
 from relnav_sim.models.seen_from_deputy import chief_from_deputy, chief_from_deputy_with_jacobian, deputy_from_chief
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from math import ceil, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Anchor, Gravity
 from relnav_sim.linalg import product, runs_first, runs_last
-from relnav_sim.models.chief_orbit import ChiefOrbit
 from relnav_sim.models.collocation import Path, Rule, integrate, rule_for
-from relnav_sim.models.gravity import Anchor, Gravity
 
 Array = NDArray[np.float64]
 LONGEST_TURN = 0.5

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.linalg import expm
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.models.stretches import LinearByEpoch

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.radar_geometry import Vector, components, cross, dot
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import Vector, components, cross, dot
 
 Array = NDArray[np.float64]
 

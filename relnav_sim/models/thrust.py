@@ -14,9 +14,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.kepler import arc
 from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.kepler import arc
 from relnav_sim.models.seen_from_deputy import deputy_axes
 from relnav_sim.models.stretches import PerStretch
 

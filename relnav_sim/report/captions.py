@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from relnav_sim.report.axes import describe_axes
-from relnav_sim.report.facts import CaseFacts, FilterFacts
-from relnav_sim.report.figures.data import drawn_step
+from relnav_sim.plots.axes import describe_axes
+from relnav_sim.plots.data import drawn_step
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.report.layouts import not_judged
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.wording import counted, figure

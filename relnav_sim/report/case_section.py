@@ -8,12 +8,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from relnav_sim.plots.axes import Axes
+from relnav_sim.plots.facts import case_facts
 from relnav_sim.report import layouts
 from relnav_sim.report.attempts import attempted
-from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
-from relnav_sim.report.facts import case_facts
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank

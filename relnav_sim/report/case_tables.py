@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from relnav_sim.report.axes import Array
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.extra_table import extra_table
-from relnav_sim.report.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, not_judged, numbers, ratio_cells, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relnav_sim.report.axes import Array
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number, verdict_in_words
-from relnav_sim.report.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.layouts import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words

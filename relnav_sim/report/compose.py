@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from relnav_sim.plots.axes import Axes
+from relnav_sim.plots.commands import reproduce_commands
 from relnav_sim.report import campaign_facts, html
 from relnav_sim.report.attempts import attempted
-from relnav_sim.report.axes import Axes
 from relnav_sim.report.case_section import compose_case
-from relnav_sim.report.commands import reproduce_commands
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.drawing import within
 from relnav_sim.report.overview import overview_table

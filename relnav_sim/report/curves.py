@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, axis_names
+from relnav_sim.plots.data import bound_of, errors_of, rms_over_runs, sigmas_of
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.printable import visible
-from relnav_sim.report.axes import AXIS_COMPONENTS, Array, axis_names
-from relnav_sim.report.facts import CaseFacts, FilterFacts
-from relnav_sim.report.figures.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.statistics.intervals import chi_square_band
 
 if TYPE_CHECKING:

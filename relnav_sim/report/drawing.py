@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from relnav_sim.report import style
+from relnav_sim.plots import style
 from relnav_sim.report.attempts import attempted
 
 if TYPE_CHECKING:

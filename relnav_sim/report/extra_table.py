@@ -7,8 +7,8 @@ from math import degrees
 
 import numpy as np
 
-from relnav_sim.report.axes import Array
-from relnav_sim.report.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.report.layouts import INTERVALS, numbers
 from relnav_sim.report.tables import Column, Row, Table
 from relnav_sim.results.block import ExtraStates

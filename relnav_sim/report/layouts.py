@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from relnav_sim.report.axes import COMPONENTS, describe_axes
-from relnav_sim.report.facts import CaseFacts, FilterFacts, Span
+from relnav_sim.plots.axes import COMPONENTS, describe_axes
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words, decimals_for
 from relnav_sim.report.wording import counted, figure
 from relnav_sim.statistics.intervals import Interval, mean_interval

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relnav_sim.report import captions, figures
+from relnav_sim import plots
+from relnav_sim.plots.conditions import events_of
+from relnav_sim.plots.data import leading_filter
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.start import start_span
+from relnav_sim.plots.sweep_points import grid_paths, varied_paths
+from relnav_sim.report import captions
 from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
-from relnav_sim.report.facts import CaseFacts
-from relnav_sim.report.figures.conditions import events_of
-from relnav_sim.report.figures.data import leading_filter
-from relnav_sim.report.figures.start import start_span
-from relnav_sim.report.figures.sweep_points import grid_paths, varied_paths
 from relnav_sim.report.ranking import Ranking
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
         return
 
     def accuracy() -> Drawing:
-        figure = figures.accuracy_by_case(results, cases)
+        figure = plots.accuracy_by_case(results, cases)
         return Drawing(figure, captions.accuracy_caption(cases), captions.accuracy_alt(rankings))
 
     def sweep() -> Drawing | None:
@@ -43,15 +44,15 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
         if not any(len(set(varied[path])) >= _WORTH_A_SWEEP for path in numbers):
             return None
         path = max(numbers, key=lambda path: len(set(varied[path])))
-        figure = figures.sweep_trend(results, cases[0])
+        figure = plots.sweep_trend(results, cases[0])
         return Drawing(figure, captions.sweep_caption(path, cases[0]), captions.sweep_alt(path))
 
     def heat_map() -> Drawing | None:
         try:
             grid = grid_paths(results)
-        except figures.FigureError:
+        except plots.FigureError:
             return None
-        figure = figures.heat_map(results)
+        figure = plots.heat_map(results)
         return Drawing(figure, captions.heat_map_caption(grid, cases[0]), captions.heat_map_alt(grid))
 
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})
@@ -70,25 +71,25 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
     start = f"case_{case.number:03d}"
 
     def rms() -> Drawing:
-        figure = figures.rms_over_time(results, case)
+        figure = plots.rms_over_time(results, case)
         return Drawing(figure, captions.rms_caption(case), captions.rms_alt(case, ranking))
 
     def consistency() -> Drawing:
-        figure = figures.consistency_over_time(results, case)
+        figure = plots.consistency_over_time(results, case)
         return Drawing(figure, captions.consistency_caption(case), captions.consistency_alt(case))
 
     def boxes() -> Drawing:
-        figure = figures.box_plots(results, case)
+        figure = plots.box_plots(results, case)
         return Drawing(figure, captions.boxes_caption(case), captions.boxes_alt(case, ranking))
 
     def cost() -> Drawing | None:
         if len(ranking.standings) < 2:
             return None
-        figure = figures.cost_against_accuracy(results, case)
+        figure = plots.cost_against_accuracy(results, case)
         return Drawing(figure, captions.cost_caption(case), captions.cost_alt(case))
 
     def errors(name: str) -> Drawing:
-        figure = figures.errors_with_envelope(results, case, name)
+        figure = plots.errors_with_envelope(results, case, name)
         return Drawing(figure, captions.errors_caption(case, name), captions.errors_alt(case, name, ranking))
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}
@@ -113,7 +114,7 @@ def _start(results: Results, case: CaseFacts) -> Drawing | None:
     span = start_span(results, case)
     if span >= _WORTH_A_ZOOM * case.times_s[-1]:
         return None
-    figure = figures.rms_over_time(results, case, until_s=span, at_start=True)
+    figure = plots.rms_over_time(results, case, until_s=span, at_start=True)
     return Drawing(figure, captions.start_caption(case, span), captions.start_alt(span))
 
 
@@ -124,22 +125,22 @@ def _range(results: Results, case: CaseFacts) -> Drawing | None:
     ranges = ranges[:, settled if settled.any() else slice(None)]
     if not (ranges.min() > 0 and ranges.max() > _WORTH_A_RANGE * ranges.min()):
         return None
-    return Drawing(figures.error_against_range(results, case), captions.range_caption(case), captions.RANGE_ALT)
+    return Drawing(plots.error_against_range(results, case), captions.range_caption(case), captions.RANGE_ALT)
 
 
 def _events(results: Results, case: CaseFacts) -> Drawing | None:
     if not any(len(rows) for item in case.filters for rows in events_of(results, case, item).values()):
         return None
-    return Drawing(figures.error_around_events(results, case), captions.EVENTS_CAPTION, captions.EVENTS_ALT)
+    return Drawing(plots.error_around_events(results, case), captions.EVENTS_CAPTION, captions.EVENTS_ALT)
 
 
 def _worst(results: Results, case: CaseFacts) -> Drawing:
     name = leading_filter(case)
-    figure = figures.worst_runs(results, case, name)
+    figure = plots.worst_runs(results, case, name)
     return Drawing(figure, captions.worst_caption(case, name), captions.worst_alt(case, name))
 
 
 def _trajectory(results: Results, case: CaseFacts) -> Drawing:
     name = leading_filter(case)
-    figure = figures.trajectory(results, case, [name], axes=case.axes)
+    figure = plots.trajectory(results, case, [name], axes=case.axes)
     return Drawing(figure, captions.trajectory_caption(case, name), captions.trajectory_alt(case, name))

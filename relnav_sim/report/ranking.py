@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relnav_sim.report.axes import Array
-from relnav_sim.report.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.statistics.intervals import (
     Comparison,
     Interval,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from relnav_sim.report.facts import FilterFacts, Span
+from relnav_sim.plots.facts import FilterFacts, Span
 from relnav_sim.report.layouts import WORST_RUNS, diverged_note, not_judged
 from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.report.wording import between, counted, figure, listed, short_labels

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from relnav_sim.plots.axes import checked_axes
 from relnav_sim.printable import visible
 from relnav_sim.report import html, markdown
-from relnav_sim.report.axes import checked_axes
 from relnav_sim.report.compose import MOST_FIGURES, compose
 from relnav_sim.report.latex import latex
 from relnav_sim.report.page import page_tables
@@ -39,7 +39,7 @@ def write_report(
         axes: ``rtn`` (x radial out, y along-track, z orbit normal) or ``shi2025`` (x along-track, y minus orbit
             normal, z nadir, as Shi et al. 2025 tabulate).
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
-            the functions of ``relnav_sim.report.figures``.
+            the functions of ``relnav_sim.plots``.
         workers: Processes that draw the cases of a large campaign.
         say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
             the places of those parts.

@@ -10,7 +10,7 @@ from pathlib import Path
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.bound import SUFFIX, BoundResult, bound_name, read_bound
-from relnav_sim.runner.work import Block, filter_ids
+from relnav_sim.runner.work import Block
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class BoundTask:
     @property
     def path(self) -> Path:
         """The file of the result."""
-        return self.folder / bound_name(self.seed, self.case.id, filter_ids(self.case))
+        return self.folder / bound_name(self.seed, self.case.id, self.case.filter_ids)
 
     @property
     def busy(self) -> Path:
@@ -78,7 +78,7 @@ def finished_bound(task: BoundTask, say: Callable[[str], None]) -> BoundResult |
         return None
     try:
         bound = read_bound(task.path)
-        if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, filter_ids(task.case)):
+        if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, task.case.filter_ids):
             raise ResultsError(f"{task.path}: this is the bound of something else")
     except ResultsError as error:
         say(f"{error}; computing it again")

@@ -16,10 +16,10 @@ from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bound
 from relnav_sim.runner.folder import START_OVER, check_same_campaign, working_folder, write_folder_header
-from relnav_sim.runner.memory import lacking_in_words
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
-from relnav_sim.runner.work import Block, Finished, blocks_left, filter_ids, finished_work
+from relnav_sim.runner.work import Block, Finished, blocks_left, finished_work
+from relnav_sim.simulation.memory import lacking_in_words
 
 Say = Callable[[str], None]
 
@@ -82,7 +82,7 @@ class Job:
 
     def figures(self) -> dict[tuple[str, str], dict[int, float]]:
         """Return the headline figures of the finished runs by case id and filter name."""
-        ids = [(case.id, *item) for case in self.campaign.cases for item in filter_ids(case).items()]
+        ids = [(case.id, *item) for case in self.campaign.cases for item in case.filter_ids.items()]
         return {
             key[:2]: {run: f for run, f in self.finished.figures.get(key, {}).items() if run < self.campaign.runs}
             for key in ids
@@ -168,7 +168,7 @@ def result_header(campaign: Campaign) -> ResultHeader:
         seed=campaign.seed,
         runs=campaign.runs,
         cases=tuple(
-            CaseHeader(case.id, case.label, case.variables, tuple(case.config.filters), filter_ids(case))
+            CaseHeader(case.id, case.label, case.variables, tuple(case.config.filters), case.filter_ids)
             for case in campaign.cases
         ),
         constants=campaign.cases[0].config.truth.constants.model_dump(),

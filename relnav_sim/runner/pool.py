@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal, Self
 
+from relnav_sim.crlb.case_bound import failed_bound
 from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.blame import TaskQueue
-from relnav_sim.runner.bound import failed_bound
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.compute import compute
 from relnav_sim.runner.headline import Figures

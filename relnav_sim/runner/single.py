@@ -20,11 +20,11 @@ from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.runner.failure_log import keep_log
 from relnav_sim.runner.job import Say, result_header
-from relnav_sim.runner.memory import lacking_in_words
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.run import default_out
 from relnav_sim.runner.warnings import warnings_before
 from relnav_sim.runner.work import Block
+from relnav_sim.simulation.memory import lacking_in_words
 
 
 def run_single(

@@ -19,7 +19,7 @@ from relnav_sim.campaign.models import StopOptions
 from relnav_sim.results import layout
 from relnav_sim.results.block import RefusedError, ResultHeader
 from relnav_sim.results.shards import read_shard
-from relnav_sim.runner.work import Finished, Key, filter_ids
+from relnav_sim.runner.work import Finished, Key
 
 LEVEL = 0.95
 
@@ -49,7 +49,7 @@ def look_at(header: ResultHeader, campaign: Campaign, finished: Finished, runs: 
     rule = campaign.stop
     if rule is None:
         return header, False
-    ids = {(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()}
+    ids = {(case.id, *item) for case in campaign.cases for item in case.filter_ids.items()}
     wanted = {key for key in ids if rule.filter in (None, key[1])}
     figures = _figures(finished, rule, wanted, runs)
     widest = max(half_width(figures.get(key, {})) for key in wanted)

@@ -12,10 +12,10 @@ from relnav_sim.campaign import Case
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.merge import united_columns
-from relnav_sim.runner.block import scoring_rules, simulate_block
-from relnav_sim.runner.breakdown import Breakdown, breakdown
-from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.work import with_filters
+from relnav_sim.simulation.block import scoring_rules, simulate_block
+from relnav_sim.simulation.breakdown import Breakdown, breakdown
+from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
 

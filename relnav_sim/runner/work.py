@@ -8,7 +8,6 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.blocks import filter_groups
-from relnav_sim.campaign.identity import filter_id
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.shards import read_shard, shard_name
 from relnav_sim.runner.headline import Figures, headline_figures
@@ -38,7 +37,7 @@ class Block:
     @property
     def filter_ids(self) -> dict[str, str]:
         """A hash of each filter's settings, by its name."""
-        return filter_ids(self.case)
+        return self.case.filter_ids
 
     @property
     def path(self) -> Path:
@@ -87,11 +86,6 @@ class Finished:
             self.figures.setdefault((case_id, name, identity), {}).update(figures.get(name, {}))
 
 
-def filter_ids(case: Case) -> dict[str, str]:
-    """Return a hash of the settings of each filter of a case, by its name."""
-    return {name: filter_id(entry) for name, entry in case.config.filters.items()}
-
-
 def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) -> Finished:
     """Return what the shards of a folder hold of a campaign. Shards of other cases or filters are left alone.
 
@@ -102,7 +96,7 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
     """
     finished = Finished()
     lacked_memory = 0
-    known = {(case.id, *item) for case in campaign.cases for item in filter_ids(case).items()}
+    known = {(case.id, *item) for case in campaign.cases for item in case.filter_ids.items()}
     for path in sorted(folder.glob("*.h5")):
         try:
             info, block = read_shard(path)
@@ -137,7 +131,7 @@ def blocks_left(
     number, parts = part
     stretch = 0
     for index, case in enumerate(campaign.cases):
-        ids = filter_ids(case)
+        ids = case.filter_ids
         for first in range(0, campaign.runs, campaign.block_runs):
             stretch += 1
             if (stretch - number) % parts:

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from relnav_sim.models.radar_geometry import (
+from relnav_sim.astro.attitude import in_axes, nadir_axes
+from relnav_sim.astro.constants import MU_M3_S2
+from relnav_sim.astro.line_of_sight import (
     Vector,
     components,
     dot,
@@ -19,10 +21,8 @@ from relnav_sim.models.radar_geometry import (
     rows,
 )
 from relnav_sim.options import Options
-from relnav_sim.sensors.attitude import in_axes, nadir_axes
 from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, has_white_part, noise_parts
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth.constants import MU_M3_S2
 
 Array = NDArray[np.float64]
 CHANNELS = 3

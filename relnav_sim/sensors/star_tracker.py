@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from relnav_sim.models.radar_geometry import ARCSEC, components, rotate, rows
+from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
+from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
 from relnav_sim.options import Options
-from relnav_sim.sensors.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, noise_parts
 from relnav_sim.streams import RandomSource
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.frames import inertial_from_own
 from relnav_sim.truth import tableau
 from relnav_sim.truth.forces import ForceModel
-from relnav_sim.truth.frames import inertial_from_own
 
 Array = NDArray[np.float64]
 

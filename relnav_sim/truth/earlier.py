@@ -7,9 +7,9 @@ from math import degrees
 
 import numpy as np
 
-from relnav_sim.truth.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.astro.frames import eci_from_rtn, rtn_from_eci
+from relnav_sim.astro.orbits import elements_from_state
 from relnav_sim.truth.options import DispersionsOptions, OrbitOptions, RelativeOptions, TruthOptions
-from relnav_sim.truth.orbits import elements_from_state
 from relnav_sim.truth.stepping import Batch
 from relnav_sim.truth.trajectory import force_model, nominal_relative
 

@@ -8,8 +8,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from relnav_sim.truth.constants import J2, J3, J4, ROTATION_RAD_S
-from relnav_sim.truth.frames import PARALLEL
+from relnav_sim.astro.constants import J2, J3, J4, ROTATION_RAD_S
+from relnav_sim.astro.frames import PARALLEL
 
 Array = NDArray[np.float64]
 

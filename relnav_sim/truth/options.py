@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field, StringConstraints, ValidationError, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from relnav_sim.astro import constants
+from relnav_sim.astro.frames import eci_from_rtn, rtn_from_shi2025
+from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
 from relnav_sim.options import Options
-from relnav_sim.truth import constants
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
-from relnav_sim.truth.frames import eci_from_rtn, rtn_from_shi2025
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
-from relnav_sim.truth.orbits import Elements, elements_from_state, state_from_elements
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]

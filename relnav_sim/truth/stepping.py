@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.frames import inertial_from_own
 from relnav_sim.truth import dop853
 from relnav_sim.truth.dop853 import Craft
 from relnav_sim.truth.forces import ForceModel
-from relnav_sim.truth.frames import inertial_from_own
 from relnav_sim.truth.surface import first_below
 from relnav_sim.truth.thrust import Schedule
 

@@ -8,11 +8,11 @@ from math import radians
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
-from relnav_sim.truth.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import DispersionsOptions, TruthOptions
 from relnav_sim.truth.propagation import DenseTrajectory

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relnav_sim.report.style import (
+from relnav_sim.plots.style import (
     FAINT,
     LineStyle,
     house_style,

@@ -5,7 +5,7 @@ from inspect import signature
 import numpy as np
 import pytest
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.dynamics import Step
 from relnav_sim.models.process_noise import ProcessNoiseOptions
 from relnav_sim.models.registry import dynamics_kinds

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from relnav_sim import ForceModel, LinearDynamics, eci_from_rtn, propagate, rtn_from_eci
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import cw_transition
 from relnav_sim.models.gp_fit import Transitions, fit_gp_dynamics
 

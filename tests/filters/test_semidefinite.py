@@ -17,10 +17,10 @@ from relnav_sim import (
     run_filter,
     smooth,
 )
+from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.statistics.bound import BoundRecursion, matrix_root
 
 I2, NONE = np.eye(2), np.zeros((2, 2))
 CV, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from relnav_sim import ForceModel, eci_from_rtn, propagate, rtn_from_eci
-from relnav_sim.models.chief_orbit import ChiefOrbit
-from relnav_sim.models.kepler import initial_state
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
+from relnav_sim.astro.kepler import initial_state
 from relnav_sim.models.process_noise import ProcessNoiseOptions
-from relnav_sim.truth.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
 
 NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
 

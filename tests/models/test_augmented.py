@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from relnav_sim import LinearDynamics, LinearMeasurement
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
 from relnav_sim.models.augmented import AdditiveBias, AugmentedDynamics, AugmentedMeasurement
 from relnav_sim.models.augmented_radar import RadarDistortion
 from relnav_sim.models.converted_radar import ConvertedRadar
@@ -21,7 +22,6 @@ from relnav_sim.models.extra_states import (
 )
 from relnav_sim.models.measurement import MeasurementDefaults
 from relnav_sim.models.radar import PolarRadar, RadarNoise
-from relnav_sim.models.radar_geometry import NADIR_FROM_RTN, mounting_matrix
 
 MOUNTING = mounting_matrix(20, 30, 40)
 ALL = (

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from relnav_sim.astro.constants import MU_M3_S2
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.models.cw import CwOptions, cw_system
 from relnav_sim.models.cw_second_order import CwSecondOrderOptions, quadratic_acceleration
 from relnav_sim.models.dynamics import Step
-from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.nonlinear import NonlinearOptions
-from relnav_sim.truth.constants import MU_M3_S2
 
 RADIUS = 7e6
 RATE = np.sqrt(MU_M3_S2 / RADIUS**3)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from relnav_sim.models.kepler import arc, eccentric_anomaly, initial_state
-from relnav_sim.truth.constants import MU_M3_S2
-from relnav_sim.truth.orbits import Elements, state_from_elements
+from relnav_sim.astro.constants import MU_M3_S2
+from relnav_sim.astro.kepler import arc, eccentric_anomaly, initial_state
+from relnav_sim.astro.orbits import Elements, state_from_elements
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.7, 0.95])

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
+from relnav_sim.astro.constants import J2, J3, J4
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.models.chief_legs import ChiefLegs, NominalChief
 from relnav_sim.models.dynamics import Step
-from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.nonlinear import NonlinearOptions
 from relnav_sim.models.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.models.relative_flow import divide
-from relnav_sim.truth.constants import J2, J3, J4
 
 
 def predicted(dynamics, x, steps):

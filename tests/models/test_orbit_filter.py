@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from relnav_sim.astro.constants import J2, J3, J4
 from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions
-from relnav_sim.truth.constants import J2, J3, J4
 
 SIGMAS = np.repeat([30.0, 0.15], 3)
 RUNS, EPOCHS, STEP = 40, 120, 10.0

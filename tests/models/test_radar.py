@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, polar, sight_vector
 from relnav_sim.models.converted_radar import ConvertedRadar, conversion
 from relnav_sim.models.measurement import MeasurementDefaults
 from relnav_sim.models.radar import PolarRadar, RadarNoise, first_fix
-from relnav_sim.models.radar_geometry import half_open, mounting_matrix, polar, sight_vector
 
 R_C = 7.0e6
 ORBIT = ChiefOrbit(R_C, 0.0, 0.5, 0.8, 0.5, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)

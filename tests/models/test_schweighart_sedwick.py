@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from relnav_sim.astro.constants import J2, MU_M3_S2, RADIUS_M
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.models.cw import cw_transition
 from relnav_sim.models.dynamics import Step
-from relnav_sim.models.gravity import Gravity
 from relnav_sim.models.schweighart_sedwick import AveragedJ2, SchweighartSedwickOptions
-from relnav_sim.truth.constants import J2, MU_M3_S2, RADIUS_M
 
 
 def test_without_j2_it_is_clohessy_and_wiltshire(scene):

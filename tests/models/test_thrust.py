@@ -6,7 +6,7 @@ from inspect import signature
 import numpy as np
 import pytest
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.models.cw import cw_system
 from relnav_sim.models.dynamics import Step
 from relnav_sim.models.orbit_filter import OrbitFilter, OrbitFilterOptions

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from relnav_sim.replication import reproduce as reproduce_module
-from relnav_sim.replication.pages import claims_of, html_page, markdown_page, verdict_in_words, verdict_lines
-from relnav_sim.replication.papers import papers
-from relnav_sim.replication.reproduce import DOCS_FIGURES, write_docs
-from relnav_sim.replication.summary import (
+from relnav_sim.report.tables import Column, Number, Row, Table, Words
+from replication import reproduce as reproduce_module
+from replication.pages import claims_of, html_page, markdown_page, verdict_in_words, verdict_lines
+from replication.papers import papers
+from replication.reproduce import DOCS_FIGURES, write_docs
+from replication.summary import (
     Claim,
     Experiment,
     PaperPart,
@@ -22,7 +23,6 @@ from relnav_sim.replication.summary import (
     read_summary,
     written,
 )
-from relnav_sim.report.tables import Column, Number, Row, Table, Words
 
 DOCS = Path(__file__).parents[2] / "docs"
 

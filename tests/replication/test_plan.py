@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 
 from relnav_sim.campaign import load_campaign
-from relnav_sim.replication import plan as plan_module
-from relnav_sim.replication.adaptive_rules import future_rules
-from relnav_sim.replication.compose import RULES
-from relnav_sim.replication.measured import Measured
-from relnav_sim.replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, in_order, planned_campaign
-from relnav_sim.runner import run_campaign
+from relnav_sim.runner.run import run_campaign
+from replication import plan as plan_module
+from replication.compose import RULES
+from replication.measured import Measured
+from replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, in_order, planned_campaign
+from replication.shi2025.adaptive_rules import future_rules
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 NAMES = {planned.name for planned in PLAN}

@@ -5,11 +5,11 @@ import math
 import pytest
 from synthetic import Synthetic
 
-from relnav_sim.replication.adaptive_rules import future_rules
-from relnav_sim.replication.alpha_kf_rules import RULES as ALPHA_RULES
-from relnav_sim.replication.compose import RULES
-from relnav_sim.replication.effects import judge
-from relnav_sim.replication.papers import paper_of, papers
+from replication.compose import RULES
+from replication.effects import judge
+from replication.papers import paper_of, papers
+from replication.shi2025.adaptive_rules import future_rules
+from replication.shi2025.rules import RULES as ALPHA_RULES
 
 BY_CLAIM = {rule.claim: rule for rule in RULES}
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from synthetic import Synthetic
 
-from relnav_sim.replication import operations
-from relnav_sim.replication.paper_tables import figures, place, published_table, table_four
-from relnav_sim.replication.papers import papers
+from replication import operations
+from replication.papers import papers
+from replication.shi2025.tables import figures, place, published_table, table_four
 
 
 @pytest.mark.parametrize("number", [2, 3])

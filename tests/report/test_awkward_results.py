@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from relnav_sim.cli.app import app
+from relnav_sim.plots import FigureError
 from relnav_sim.report import FIGURE_KINDS, case_section, figure, figures, write_report
-from relnav_sim.report.figures import FigureError
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ResultsError
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from relnav_sim.report.axes import Axes
-from relnav_sim.report.facts import CaseFacts, case_facts
+from relnav_sim.plots.axes import Axes
+from relnav_sim.plots.facts import CaseFacts, case_facts
 from relnav_sim.report.layouts import case_table, failures_table
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from relnav_sim.report.axes import Axes
+from relnav_sim.plots.axes import Axes
+from relnav_sim.plots.facts import CaseFacts, case_facts
 from relnav_sim.report.case_tables import (
     case_table_makers,
     comparison_table,
@@ -19,7 +20,6 @@ from relnav_sim.report.case_tables import (
     reliability_table,
     spread_table,
 )
-from relnav_sim.report.facts import CaseFacts, case_facts
 from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_table
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from relnav_sim.plots.facts import case_facts
+from relnav_sim.plots.style import PALETTE
 from relnav_sim.report import html
 from relnav_sim.report.curves import case_curves, embedded, packed, picked_epochs, points_of
-from relnav_sim.report.facts import case_facts
-from relnav_sim.report.style import PALETTE
 from relnav_sim.results import open_results
 
 ResultMaker = Callable[..., Path]

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.extra_table import extra_table
-from relnav_sim.report.facts import case_facts
 from relnav_sim.report.tables import Number
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ExtraStates

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from relnav_sim.plots.style import house_style, new_figure, png, svg, write_figure
 from relnav_sim.report import figure
-from relnav_sim.report.style import house_style, new_figure, png, svg, write_figure
 from relnav_sim.results import open_results
 from relnav_sim.results.read import Results
 
@@ -110,7 +110,7 @@ def test_matplotlib_starts_whatever_its_settings_are(environment: dict[str, str]
     (tmp_path / "broken.rc").write_bytes(BROKEN)
     program = (
         "import os, sys; before = [os.environ.get('MPLBACKEND'), os.environ.get('MATPLOTLIBRC')]\n"
-        "from relnav_sim.report.style import house_style, new_figure, png\n"
+        "from relnav_sim.plots.style import house_style, new_figure, png\n"
         "with house_style():\n    drawn = new_figure(1.0); drawn.subplots().plot([1, 2])\n"
         "assert len(png(drawn)) > 1000 and 'matplotlib.pyplot' not in sys.modules\n"
         "assert [os.environ.get('MPLBACKEND'), os.environ.get('MATPLOTLIBRC')] == before\n"

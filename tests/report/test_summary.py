@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.report.facts import case_facts
+from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
 from relnav_sim.report.wording import counted, figure, listed

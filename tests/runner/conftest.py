@@ -1,22 +1,5 @@
-"""The small campaign as a fixture."""
+"""Fixtures of tests/runner/campaign_maker.py."""
 
-import pytest
-from small_campaign import TEXT
+from campaign_maker import campaign, make_campaign
 
-from relnav_sim.campaign.load import parse_campaign
-
-
-@pytest.fixture(scope="session")
-def make_campaign():
-    """Return a maker of the small campaign with overrides."""
-
-    def make(*overrides: str):
-        return parse_campaign(TEXT, overrides)
-
-    return make
-
-
-@pytest.fixture
-def campaign(make_campaign):
-    """Return a maker of the small campaign with overrides."""
-    return make_campaign
+__all__ = ["campaign", "make_campaign"]

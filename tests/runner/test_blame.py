@@ -11,10 +11,10 @@ from relnav_sim.results.merge import merge_shards
 from relnav_sim.runner.blame import TaskQueue
 from relnav_sim.runner.compute import compute
 from relnav_sim.runner.job import result_header
-from relnav_sim.runner.memory import lacks_memory
 from relnav_sim.runner.pool import KILLED, Pool, failed_task
 from relnav_sim.runner.sessions import provenance_of
 from relnav_sim.runner.work import blocks_left, with_filters
+from relnav_sim.simulation.memory import lacks_memory
 
 
 def pairs(block):

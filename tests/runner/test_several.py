@@ -6,9 +6,9 @@ import pytest
 from small_campaign import assert_same_bits
 
 from relnav_sim import open_results, run_campaign
+from relnav_sim.crlb.case_bound import failed_bound
 from relnav_sim.results.block import RefusedError
 from relnav_sim.runner import compute, job, several
-from relnav_sim.runner.bound import failed_bound
 from relnav_sim.runner.folder import working_folder
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.several import run_campaigns

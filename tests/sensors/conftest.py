@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from relnav_sim.models.chief_orbit import ChiefOrbit
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.sensors import SensorsOptions
 from relnav_sim.streams import RandomSource
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from relnav_sim.models.radar_geometry import mounting_matrix, sight_vector
+from relnav_sim.astro.line_of_sight import mounting_matrix, sight_vector
 from relnav_sim.sensors import SensorSuite, attitude_covariance, filter_inputs, measurement_model
 
 RUNS, EPOCHS = 400, 100

@@ -7,8 +7,8 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from relnav_sim.astro.attitude import body_to_inertial, nadir_axes, quaternion_from_axes, turned
 from relnav_sim.sensors import SensorSuite
-from relnav_sim.sensors.attitude import body_to_inertial, nadir_axes, quaternion_from_axes, turned
 from relnav_sim.sensors.star_tracker import ARCSEC
 
 RUNS, EPOCHS = 60, 400

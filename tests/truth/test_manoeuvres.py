@@ -7,11 +7,11 @@ import pytest
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
+from relnav_sim.astro.orbits import elements_from_state
 from relnav_sim.models.cw import cw_transition
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import TruthOptions, truth_trajectory
 from relnav_sim.truth.manoeuvres import ManoeuvreOptions
-from relnav_sim.truth.orbits import elements_from_state
 from relnav_sim.truth.propagation import DenseTrajectory
 from relnav_sim.truth.thrust import planned, schedule, step_forces
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from relnav_sim.astro.orbits import elements_from_state
 from relnav_sim.truth import ExponentialAtmosphere, ForceModel, eci_from_rtn, propagate, rtn_from_eci
-from relnav_sim.truth.orbits import elements_from_state
 
 
 @pytest.mark.parametrize("i", [0.5, 1.1071487, 1.7])

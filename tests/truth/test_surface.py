@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from relnav_sim.astro.orbits import elements_from_state
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import (
     ExponentialAtmosphere,
@@ -16,7 +17,6 @@ from relnav_sim.truth import (
     rtn_from_eci,
     truth_trajectory,
 )
-from relnav_sim.truth.orbits import elements_from_state
 
 MU, RADIUS = 3.986004418e14, 6378137.0
 NO_AIR_TO_SPEAK_OF = ForceModel(MU, RADIUS, (), ExponentialAtmosphere(0.0, 1e-30, 8500.0))

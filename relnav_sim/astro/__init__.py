@@ -1,0 +1,1 @@
+"""Orbits, frames, constants and gravity: neutral ground for the truth and for what filters believe."""

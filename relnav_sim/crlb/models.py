@@ -1,0 +1,149 @@
+"""The models of the motion that a bound is computed for: transitions and process noise along the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.containment import Containment
+from relnav_sim.models.dynamics import Dynamics, Step
+from relnav_sim.models.extra_states import Extension
+from relnav_sim.models.gp import GpOptions
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.simulation.block import create_campaign_filter
+from relnav_sim.truth import nominal_chief
+
+Array = NDArray[np.float64]
+
+
+class Model:
+    """A model of the motion, along the truth.
+
+    Args:
+        make: Makes the motion of the six states.
+        config: The case.
+        extra: The states behind them; None: there are none.
+
+    Attributes:
+        broken: The exception that it raised; None: none.
+    """
+
+    def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
+        self.broken: BaseException | None = None
+        self.extra = extra
+        self.dimension = 6 if extra is None else 6 + len(extra.names)
+        self._config = config
+        self._dynamics: Dynamics | None = None
+        with Containment() as contained:  # it may run a filter of the user's own; the other bounds go on
+            self._dynamics = make()
+        if contained.error is not None:
+            self.broken = contained.error.with_traceback(None)
+
+    def has_states_of(self, other: Model) -> bool:
+        """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
+        a, b = self.extra, other.extra
+        if a is None or b is None:
+            return a is b
+        return a.names == b.names and np.array_equal(a.sigma, b.sigma) and np.array_equal(a.errors, b.errors)
+
+    def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
+        """Return F and Q of the steps that end at `epochs` (K,), (K, n, n) each; NaN and 0 once it is broken.
+
+        Args:
+            epochs: (K,).
+            chief: ECI states of the chief one step before, (K, 6).
+            states: Relative states one step before, RTN, (K, 6).
+        """
+        if self._dynamics is not None and not self.broken:
+            with Containment() as contained:  # as above
+                steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
+                return self._extended(*_finite(*steps, states))
+            if contained.error is not None:
+                self.broken = contained.error.with_traceback(None)
+        shape = (len(epochs), self.dimension, self.dimension)
+        return np.full(shape, np.nan), np.zeros(shape)
+
+    def _extended(self, F: Array, Q: Array) -> tuple[Array, Array]:
+        """Return the matrices (K, 6, 6) with the part of the extra states."""
+        if self.extra is None:
+            return F, Q
+        step_s = self._config.clock.step_s
+        whole = self.extra.dynamics(_Given(F, Q), nominal_chief(self._config.truth), step_s)
+        states, step = np.zeros((len(F), self.dimension)), Step(0, step_s)
+        return whole.transition(states, step), whole.process_noise(states, step)
+
+
+class _Given:
+    """Dynamics of six states whose matrices are known, one for each row of states."""
+
+    dimension = 6
+    linear = True
+
+    def __init__(self, transitions: Array, noises: Array) -> None:
+        self._transitions, self._noises = transitions, noises
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x."""
+        return np.einsum("kij,kj->ki", self._transitions, states)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F, (K, 6, 6)."""
+        return self._transitions
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (K, 6, 6)."""
+        return self._noises
+
+
+def _steps(
+    dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], chief: Array, states: Array
+) -> tuple[Array, Array]:
+    """Return F and Q of the six states, (K, 6, 6) each."""
+    if isinstance(dynamics, NonlinearJ2Dynamics):
+        # The epochs take the place of runs, each with a chief of its own.
+        step = Step(1, step_s)
+        F = dynamics.with_chief(chief[:, None], first_epoch=0).transition(states, step)
+        return F, np.broadcast_to(dynamics.process_noise(states, step), F.shape)
+    pairs = []
+    for epoch, state in zip(epochs, states[:, None], strict=True):
+        step = Step(int(epoch), step_s)
+        F, Q = dynamics.transition(state, step), dynamics.process_noise(state, step)
+        pairs.append((np.reshape(F, (6, 6)), np.reshape(Q, (6, 6))))
+    return np.stack([F for F, _ in pairs]), np.stack([Q for _, Q in pairs])
+
+
+def _finite(F: Array, Q: Array, states: Array) -> tuple[Array, Array]:
+    """Return F and Q (K, 6, 6), NaN and 0 where there are no states (K, 6) any more.
+
+    Raises:
+        ValueError: One is not finite at a state that is.
+    """
+    lost = np.any(~np.isfinite(F + Q), axis=(1, 2), keepdims=True)
+    if (lost[:, 0, 0] & np.isfinite(states).all(axis=1)).any():
+        raise ValueError("its transition or process noise is not finite")
+    return np.where(lost, np.nan, F), np.where(lost, 0.0, Q)
+
+
+def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
+    """Return the motion that some filters believe in, from the first of them that can be made."""
+    for name in names[:-1]:
+        with Containment():
+            return create_campaign_filter(config.filters[name], config, seed).dynamics
+    return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
+
+
+def perfect_dynamics(config: CaseConfig) -> Dynamics:
+    """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
+    orbit = nominal_chief(config.truth).up_to(config.truth.forces.zonals)
+    return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
+
+
+def model_key(entry: FilterEntry) -> str:
+    """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
+    if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
+        return entry.model_dump_json()
+    return entry.model_dump_json(include={"dynamics", "process_noise", "augment"})

@@ -1,0 +1,169 @@
+"""What the figures draw: chosen filters and runs of a case, over a window of its stored epochs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, source_component, turned_sigmas, turned_states
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
+from relnav_sim.plots.panels import time_unit
+from relnav_sim.results import layout
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+Case = int | str | CaseFacts
+_MOST_POINTS = 1200
+_SLOW_M_S = 0.2  # below this, axes of velocity are in mm/s
+
+
+class FigureError(ValueError):
+    """A figure that can't be drawn as it is asked for; the message says why."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The stored epochs that a figure draws.
+
+    Attributes:
+        rows: Which of the stored epochs.
+        times: Their times in the unit of the axis.
+        unit: That unit.
+        settled: Which of them lie after settling; all of them where none does.
+        length_s: The unit in seconds.
+    """
+
+    rows: NDArray[np.int64]
+    times: Array
+    unit: str
+    settled: NDArray[np.bool_]
+    length_s: float
+
+
+def window(case: CaseFacts, from_s: float | None = None, until_s: float | None = None) -> Window:
+    """Return the stored epochs between two times, every k-th where there are very many.
+
+    Raises:
+        FigureError: There are fewer than two.
+    """
+    low, high = (-np.inf if from_s is None else from_s), (np.inf if until_s is None else until_s)
+    rows = np.flatnonzero((case.times_s >= low) & (case.times_s <= high))
+    if rows.size < 2 and (from_s is not None or until_s is not None):
+        raise FigureError(
+            f"fewer than two stored epochs lie between {max(low, 0):g} and {high:g} s; the first is "
+            f"{case.times_s[0]:g} s, the last {case.times_s[-1]:g} s"
+            if len(case.times_s)
+            else "no run is stored"
+        )
+    rows = rows[:: drawn_step(rows.size)]
+    unit, length = time_unit(case.times_s[rows])
+    settled = case.times_s[rows] >= case.settle_s
+    return Window(rows, case.times_s[rows] / length, unit, settled if settled.any() else np.ones_like(settled), length)
+
+
+def drawn_step(epochs: int) -> int:
+    """Return one in how many stored epochs a figure draws."""
+    return max(1, -(-epochs // _MOST_POINTS))
+
+
+def chosen_filters(case: CaseFacts, names: Sequence[str] | None) -> tuple[FilterFacts, ...]:
+    """Return the filters of these names that have runs, or all of them.
+
+    Raises:
+        KeyError: A name that has no run in the case.
+    """
+    return case.filters if names is None else tuple(case.filter(name) for name in names)
+
+
+def leading_filter(case: CaseFacts) -> str:
+    """Return the filter with the smallest mean position RMS, the first one where no run was completed.
+
+    Raises:
+        FigureError: No filter has a run.
+    """
+    if not case.filters:
+        raise FigureError(f"no run of case {case.label!r} has been computed yet")
+    return min(case.filters, key=lambda item: _mean_rms(item, case)).name
+
+
+def _mean_rms(item: FilterFacts, case: CaseFacts) -> float:
+    sizes = item.errors("rms", case.span, "r")[item.ok]
+    return float(sizes.mean()) if sizes.size and np.isfinite(sizes).all() else np.inf
+
+
+def run_row(item: FilterFacts, case: CaseFacts, run: int | None) -> int:
+    """Return which of the completed runs to draw alone: the one asked for, else the one with the median RMS.
+
+    Raises:
+        FigureError: That run failed, or has not been computed.
+    """
+    if run is None:
+        return item.median_row(case.span)
+    rows = np.flatnonzero(item.runs[item.ok] == run)
+    if not rows.size:
+        why = "failed" if run in item.runs else "has not been computed"
+        raise FigureError(f"run {run} of {item.name} {why}")
+    return int(rows[0])
+
+
+def errors_of(results: Results, case: CaseFacts, item: FilterFacts, rows: NDArray[np.int64]) -> Array:
+    """Return the errors of the completed runs in the axes of the case, (runs, epochs, 6)."""
+    return turned_states(results.error(case.index, item.name)[:, rows][item.ok], case.axes)
+
+
+def sigmas_of(results: Results, case: CaseFacts, item: FilterFacts, rows: NDArray[np.int64]) -> Array:
+    """Return the sigmas that the filter states in its completed runs, in the axes of the case, (runs, epochs, 6)."""
+    return turned_sigmas(results.sigma(case.index, item.name)[:, rows][item.ok], case.axes)
+
+
+def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter: str | None = None) -> Array | None:
+    """Return the bound on the RMS errors (epochs, 8), x y z vx vy vz r v in the axes of the case; None if not stored.
+
+    With a filter: the bound for that filter's own process noise; without, the one for a perfect model.
+    """
+    stored = results.bound(case.index, filter)
+    if stored is None:
+        return None
+    sources = [source_component(name, case.axes)[0] for name in (*AXIS_COMPONENTS, "r", "v")]
+    return stored[rows][:, [layout.QUANTITIES.index(source) for source in sources]]
+
+
+def facts_of(results: Results, case: Case, axes: Axes = "rtn") -> CaseFacts:
+    """Return the facts of a case that has runs.
+
+    Raises:
+        FigureError: No run has been computed yet.
+    """
+    facts = case_facts(results, case, axes)
+    if not facts.filters:
+        raise FigureError(f"no run of case {facts.label!r} has been computed yet")
+    return facts
+
+
+def sizes(parts: Array) -> Array:
+    """Return the norms of (..., 3)."""
+    return np.asarray(np.sqrt(np.sum(parts**2, axis=-1)))
+
+
+def rms_over_runs(parts: Array) -> Array:
+    """Return the RMS over runs (axis 0) of the norms of (runs, time, n); NaN, thus not drawn, where it is 0."""
+    if not len(parts):
+        return np.full(parts.shape[1], np.nan)
+    found: Array = np.sqrt(np.mean(np.sum(parts**2, axis=-1), axis=0))
+    return np.where(found > 0, found, np.nan)
+
+
+def largest(values: Array) -> float:
+    """Return the largest number that is known; NaN where none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else np.nan
+
+
+def speed_unit(largest_m_s: float) -> tuple[float, str]:
+    """Return the factor and the unit of an axis of velocity: mm/s where all is slow."""
+    return (1e3, "mm/s") if largest_m_s < _SLOW_M_S else (1.0, "m/s")

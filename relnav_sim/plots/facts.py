@@ -1,0 +1,338 @@
+"""What a report needs to know of a case: per-run figures of every filter, in the axes of the report.
+
+Tables, summary and figures all start here, so that each of them counts failed runs, chooses the span and
+names the axes in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
+from relnav_sim.plots.commands import run_command
+from relnav_sim.results import layout
+from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.settings import case_setting, filter_settings
+from relnav_sim.statistics.bound_ratio import ratio_to_bound
+from relnav_sim.statistics.convergence_seen import seen_until_s
+from relnav_sim.statistics.correlation import integrated_time
+from relnav_sim.statistics.divergence import diverged_runs
+from relnav_sim.statistics.intervals import Interval
+
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
+Statistic = Literal["mean", "std", "rms"]
+Span = Literal["whole", "settled"]
+
+_SPANS: dict[Span, int] = {"whole": 0, "settled": 1}
+_ONLY_CASE = "base"
+
+
+@dataclass(frozen=True)
+class FailedRun:
+    """A run that failed: when, and why in words."""
+
+    run: int
+    filter: str
+    epoch: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class FilterFacts:
+    """One filter in one case; every array has its computed runs as the leading axis.
+
+    Attributes:
+        name: The filter's name in the campaign.
+        runs: Numbers of the runs (n,).
+        ok: Which of them did not fail (n,).
+        statistics: ``mean``, ``std`` and ``rms`` of the error over time (n, 2 spans, 8 components), in the
+            order of ``COMPONENTS``, in the axes of the report; m and m/s.
+        convergence_s: Time from which the position error stays small (n,), s; NaN where it never does.
+        anees: NEES / 6 over time (n, 2 spans).
+        nis: Mean NIS over time (n, 2 spans).
+        cpu_us: CPU time per filter step (n,), microseconds.
+        stored: Every dataset of `layout.SUMMARY` as it is stored.
+        diagnostics: What the filter reports of its own working, by name (n,).
+        diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
+        nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
+        times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
+            the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
+        times_own_bound: The same of the bound of the filter's own model.
+        extra: What it found out about its extra states; None where it has none.
+        nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
+            Gaussians as noise, under which only the mean of the NIS is known.
+    """
+
+    name: str
+    runs: NDArray[np.int64]
+    ok: NDArray[np.bool_]
+    statistics: Mapping[Statistic, Array]
+    convergence_s: Array
+    anees: Array
+    nis: Array
+    cpu_us: Array
+    stored: Mapping[str, NDArray[Any]]
+    diagnostics: Mapping[str, Array]
+    diverged: NDArray[np.bool_]
+    nees_time_s: float
+    times_bound: Mapping[Span, Interval]
+    times_own_bound: Mapping[Span, Interval]
+    extra: ExtraStates | None = None
+    nis_is_chi_square: bool = True
+
+    @property
+    def failed(self) -> int:
+        """Number of failed runs."""
+        return int((~self.ok).sum())
+
+    @property
+    def completed(self) -> int:
+        """Number of runs that did not fail."""
+        return int(self.ok.sum())
+
+    @property
+    def never_converged(self) -> int:
+        """Number of completed runs that never converged."""
+        return int((self.ok & np.isnan(self.convergence_s)).sum())
+
+    @property
+    def diverged_completed(self) -> int:
+        """Number of runs that diverged without failing, and so count in every mean."""
+        return int((self.ok & self.diverged).sum())
+
+    @property
+    def mostly_diverged(self) -> bool:
+        """Whether at least half of the completed runs diverged: how good the filter is cannot be read from them."""
+        return self.completed > 0 and 2 * self.diverged_completed >= self.completed
+
+    def errors(self, statistic: Statistic, span: Span, component: str) -> Array:
+        """Return a statistic of one component, one figure for each computed run (n,)."""
+        return self.statistics[statistic][:, _SPANS[span], COMPONENTS.index(component)]
+
+    def consistency(self, which: Literal["anees", "nis"], span: Span) -> Array:
+        """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
+        return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
+
+    def figure(self, name: str, *place: int) -> Array:
+        """Return one figure per completed run of a stored dataset, for example ``figure("coverage", 1, 0, 2)``."""
+        return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
+
+    def worst_rows(self, span: Span, count: int) -> NDArray[np.intp]:
+        """Return which of all rows are the completed runs with the largest position RMS, the largest first."""
+        rows = np.flatnonzero(self.ok)
+        return rows[np.argsort(-self.errors("rms", span, "r")[rows], kind="stable")[:count]]
+
+    def times_median(self, span: Span) -> Array:
+        """Return the position RMS of every computed run as a multiple of its median over the completed ones (n,).
+
+        NaN where there is no such median, or it is 0.
+        """
+        sizes = self.errors("rms", span, "r")
+        median = float(np.median(sizes[self.ok])) if self.completed else np.nan
+        return np.asarray(sizes / (median if median > 0 else np.nan))
+
+    def median_row(self, span: Span) -> int:
+        """Return which of the completed runs has the median position RMS, the lower of two."""
+        sizes = self.errors("rms", span, "r")[self.ok]
+        return int(np.argsort(sizes, kind="stable")[(len(sizes) - 1) // 2])
+
+    def median_run(self, span: Span) -> int:
+        """Return the number of that run."""
+        return int(self.runs[self.ok][self.median_row(span)])
+
+
+@dataclass(frozen=True)
+class CaseFacts:
+    """One case.
+
+    Attributes:
+        number: Its number from 1.
+        index: Its number from 0, by which a result knows it.
+        label: What it varies, in words.
+        axes: The axes of every figure.
+        times_s: Stored epochs (K,), s; empty where no run has been computed.
+        settle_s: Start of the span ``settled``, s.
+        convergence_m: A run has converged once its position error stays below this, m ...
+        hold_s: ... for this long, s.
+        convergence_until_s: The latest time at which a run of this length can be seen to converge, s; NaN where the
+            result does not say.
+        planned_runs: Runs that the campaign asked for.
+        filters: The filters that have runs.
+        waiting: Names of the filters that have none yet.
+        all_filters: Names of the filters of all cases, which set the colours.
+        failures: The failed runs.
+        command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+    """
+
+    number: int
+    index: int
+    label: str
+    axes: Axes
+    times_s: Array
+    settle_s: float
+    convergence_m: float
+    hold_s: float
+    convergence_until_s: float
+    planned_runs: int
+    filters: tuple[FilterFacts, ...]
+    waiting: tuple[str, ...]
+    all_filters: tuple[str, ...]
+    failures: tuple[FailedRun, ...]
+    command: str
+
+    def trace_command(self, run: int) -> str:
+        """Return the command that computes one run of the case again and stores every step."""
+        return f"{self.command} --only {self.index}:{run} --trace"
+
+    @property
+    def span(self) -> Span:
+        """The span that headline figures are taken over: settled, unless nothing lies after settling."""
+        settled = any(np.isfinite(item.errors("rms", "settled", "r")[item.ok]).any() for item in self.filters)
+        return "settled" if settled else "whole"
+
+    @property
+    def shows_convergence(self) -> bool:
+        """Whether a run is long enough to converge at all."""
+        return not self.convergence_until_s <= 0
+
+    @property
+    def when(self) -> str:
+        """The headline span in words."""
+        return f"t ≥ {self.settle_s:g} s" if self.span == "settled" else "all epochs"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the filters that have runs."""
+        return tuple(item.name for item in self.filters)
+
+    def filter(self, name: str) -> FilterFacts:
+        """Return the facts of one filter.
+
+        Raises:
+            KeyError: It has no run in this case.
+        """
+        for item in self.filters:
+            if item.name == name:
+                return item
+        raise KeyError(f"filter {name!r} has no run in case {self.label!r}; there are {', '.join(self.names)}")
+
+
+def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn") -> CaseFacts:
+    """Return what a report needs to know of a case.
+
+    Args:
+        results: An opened result.
+        case: Its number from 0, its label or its id; facts already read are returned as they are.
+        axes: The axes of the report.
+    """
+    if isinstance(case, CaseFacts):
+        return case
+    index = results.case_index(case)
+    header = results.headers[index]
+    held = [name for name in header.filters if len(results.case_runs(index, name))]
+    label = header.label
+    if len(results.headers) == 1 and label == _ONLY_CASE:
+        label = "all runs"
+    settle_s = float(case_setting(results, index, "statistics.settle_s", 0.0))
+    times_s = results.time_s(index) if held else np.empty(0)
+    return CaseFacts(
+        number=index + 1,
+        index=index,
+        label=label,
+        axes=axes,
+        times_s=times_s,
+        settle_s=settle_s,
+        convergence_m=float(case_setting(results, index, "statistics.convergence_m", np.nan)),
+        hold_s=float(case_setting(results, index, "statistics.convergence_hold_s", np.nan)),
+        convergence_until_s=seen_until_s(results, index),
+        planned_runs=results.planned_runs,
+        filters=tuple(_filter_facts(results, index, name, axes, times_s >= settle_s) for name in held),
+        waiting=tuple(name for name in header.filters if name not in held),
+        all_filters=results.filters,
+        failures=tuple(
+            FailedRun(failure.run, failure.filter, failure.epoch, failure.reason)
+            for _, failure in results.failures(index)
+        ),
+        command=run_command(results),
+    )
+
+
+def span_index(span: Span) -> int:
+    """Return where a span stands along the layout's dimension of that name."""
+    return _SPANS[span]
+
+
+def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: NDArray[np.bool_]) -> FilterFacts:
+    stored = {spec.name: results.statistic(index, name, spec.name) for spec in layout.SUMMARY}
+
+    def statistic(which: str) -> Array:
+        return np.asarray(stored[which], dtype=float)
+
+    times_s = results.time_s(index)
+    whole_state = layout.BLOCKS.index("full")
+    ok = statistic("failed") == 0
+    bounds = results.bound(index), results.bound(index, name)
+    r = np.full((int(ok.sum()), len(times_s)), np.nan)
+    if any(bound is not None for bound in bounds):
+        r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
+    spans: dict[Span, NDArray[np.bool_]] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
+    return FilterFacts(
+        name=name,
+        runs=results.case_runs(index, name),
+        ok=ok,
+        statistics={
+            "mean": _in_axes(statistic("mean"), axes, signed=True),
+            "std": _in_axes(statistic("std"), axes, signed=False),
+            "rms": _in_axes(statistic("rms"), axes, signed=False),
+        },
+        convergence_s=statistic("convergence"),
+        anees=statistic("anees")[..., whole_state],
+        nis=statistic("nis_mean"),
+        cpu_us=statistic("cpu_per_step"),
+        stored=stored,
+        diagnostics=results.diagnostics(index, name),
+        diverged=diverged_runs(results, index, name),
+        nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
+        times_bound=_ratios_to_bound(r, bounds[0], spans),
+        times_own_bound=_ratios_to_bound(r, bounds[1], spans),
+        extra=results.extra(index, name),
+        nis_is_chi_square=not _assumes_mixture(results, index, name),
+    )
+
+
+def _assumes_mixture(results: Results, index: int, name: str) -> bool:
+    """Return whether a filter is told of the components of the radar's noise, and there are some in this case."""
+    told = results.headers[index].variables.get(f"filters.{name}.assumed_noise")
+    told = told or filter_settings(results, index, name).get("assumed_noise")
+    if told != "mixture":
+        return False
+    parts = case_setting(results, index, "sensors.radar.noise", None)
+    kinds = [part.get("kind") for part in parts] if isinstance(parts, list | tuple) else []
+    return "mixture" in [*kinds, case_setting(results, index, "sensors.radar.noise.kind", None)]
+
+
+def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, NDArray[np.bool_]]) -> dict[Span, Interval]:
+    """Return the ratio over each span, from the position error of the completed runs at the stored epochs."""
+    limit = np.full(r.shape[1], np.nan) if bound is None else bound[:, layout.QUANTITIES.index("r")]
+    return {span: ratio_to_bound(r[:, chosen], limit[chosen]) for span, chosen in spans.items()}
+
+
+def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:
+    chosen = settled if settled.sum() > 1 else np.arange(len(times_s)) > 0
+    return integrated_time(nees[:, chosen], float(times_s[1] - times_s[0])) if chosen.sum() > 1 else np.nan
+
+
+def _in_axes(stored: Array, axes: Axes, signed: bool) -> Array:
+    """Return figures (n, spans, quantities of the layout) in the axes and order of the report."""
+    columns = []
+    for component in COMPONENTS:
+        source, sign = source_component(component, axes)
+        columns.append(stored[..., layout.QUANTITIES.index(source)] * (sign if signed else 1.0))
+    return np.stack(columns, axis=-1)

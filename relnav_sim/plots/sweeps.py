@@ -1,0 +1,386 @@
+"""Figures over cases and over what a campaign varies: every case, trends, boxes along a sweep, heat maps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.data import (
+    Case,
+    FigureError,
+    bound_of,
+    errors_of,
+    largest,
+    leading_filter,
+    sizes,
+    speed_unit,
+)
+from relnav_sim.plots.facts import CaseFacts, Statistic, case_facts
+from relnav_sim.plots.panels import log_axis, say, upright_boxes
+from relnav_sim.plots.style import (
+    BOUND,
+    CLAIMED,
+    house_style,
+    key,
+    legend_above,
+    legend_height,
+    line_styles,
+    margins,
+    marker,
+    nested_width,
+    new_figure,
+    shown_name,
+)
+from relnav_sim.plots.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
+from relnav_sim.statistics.intervals import Interval, mean_interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Panel
+    from matplotlib.figure import Figure
+
+    from relnav_sim.results.read import Results
+
+Quantity = Literal["position", "velocity"]
+_NORM = {"position": "r", "velocity": "v"}
+_LOG_FROM_RATIO = 8.0
+_MOST_NUMBERS = 13
+_MOST_TICKS = 16
+_NOTHING = Interval(np.nan, np.nan, np.nan, 0.95, 0)
+
+
+def accuracy_by_case(
+    results: Results, cases: Sequence[Case] | None = None, filters: Sequence[str] | None = None
+) -> Figure:
+    """Draw the position RMS of every filter in every case, with its 95 % interval over runs, and the bound.
+
+    Cases stand on the horizontal axis by their number from 1.
+
+    Args:
+        results: An opened result.
+        cases: The cases; default: all.
+        filters: The filters; default: all.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    facts = [case_facts(results, case) for case in (range(len(results.headers)) if cases is None else cases)]
+    names = tuple(results.filters if filters is None else filters)
+    styles = line_styles(results.filters)
+    numbers = np.array([case.number for case in facts], dtype=float)
+    limits = np.array([settled_bound(results, case, "position") for case in facts])
+    with house_style():
+        labels = [shown_name(name) for name in names] + (["bound"] if np.isfinite(limits).any() else [])
+        figure = new_figure(2.3 + legend_height(labels))
+        panel = figure.subplots()
+        handles: list[Any] = []
+        for index, name in enumerate(names):
+            found = [_over_runs(Point(0.0, case, name), "rms", "position") for case in facts]
+            shift = (index - (len(names) - 1) / 2) * 0.7 / len(names)
+            handles.append(
+                _with_intervals(
+                    panel, numbers + shift, found, styles[name].colour, marker(results.filters, name),
+                    size=max(1.8, 3.6 - 0.03 * len(facts)), linestyle="none",
+                )
+            )  # fmt: skip
+        if np.isfinite(limits).any():
+            panel.hlines(limits, numbers - 0.42, numbers + 0.42, color=BOUND, linewidth=1.0, linestyle="-.")
+            handles.append(key(BOUND, "-.", 1.0))
+        if any(item.completed for case in facts for item in case.filters):
+            log_axis(panel, "y")
+        else:
+            say(panel, "no completed run")
+        panel.set_ylabel("position RMS [m]")
+        panel.set_xlabel("case number")
+        panel.set_xlim(numbers.min() - 0.6, numbers.max() + 0.6)
+        panel.grid(visible=False, axis="x")
+        if len(facts) > _MOST_TICKS:
+            panel.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+        else:
+            panel.set_xticks(numbers, [str(case.number) for case in facts])
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
+        legend_above(figure, handles, labels)
+    return figure
+
+
+def sweep_trend(
+    results: Results,
+    case: Case | None = None,
+    filters: Sequence[str] | None = None,
+    along: str | None = None,
+    statistics: Sequence[Statistic] = ("rms",),
+) -> Figure:
+    """Draw position and velocity errors against what the campaign varies, with 95 % intervals over runs.
+
+    The horizontal axis is logarithmic where the values span much. Over cases there is a line per filter and, where
+    it is stored, the bound; over a filter's option (``alpha`` of several filters) one line.
+
+    Args:
+        results: An opened result.
+        case: The case at which other varied values are held; default: the first.
+        filters: The filters; default: all.
+        along: The varied path, or its end; default: the number with the most values.
+        statistics: What is taken over the time of each run: ``rms``, or ``mean`` and ``std`` of the error's size.
+    """
+    held = None if case is None else case_facts(results, case)
+    path, lines = trends(results, held, along, filters)
+    styles = line_styles(results.filters)
+    many = len(statistics) > 1
+    with house_style():
+        labels = [shown_name(line.label) for line in lines if line.label]
+        labels += list(statistics) if many else []
+        bounded = [_trend_bound(results, lines, quantity) for quantity in ("position", "velocity")]
+        labels += ["bound"] if bounded[0] is not None and not many else []
+        figure = new_figure(3.0 + legend_height(labels))
+        panels = figure.subplots(2, 1, sharex=True)
+        handles: list[Any] = []
+        for panel, quantity, limit in zip(panels, ("position", "velocity"), bounded, strict=True):
+            found = {
+                (line.label, statistic): [_over_runs(point, statistic, quantity) for point in line.points]
+                for line in lines
+                for statistic in statistics
+            }
+            fastest = largest(np.array([figure.estimate for group in found.values() for figure in group]))
+            factor, unit = (1.0, "m") if quantity == "position" else speed_unit(fastest)
+            drawn = []
+            for order, line in enumerate(lines):
+                for place, statistic in enumerate(statistics):
+                    drawn.append(
+                        _with_intervals(
+                            panel,
+                            [float(point.value) for point in line.points],
+                            [_scaled(one, factor) for one in found[line.label, statistic]],
+                            styles[line.filter].colour,
+                            marker(results.filters, line.filter),
+                            size=1.8 * nested_width(order, len(lines), 2.6),
+                            linestyle="-" if not place else (0, (4, 1.5)),
+                            hollow=place > 0,
+                        )
+                    )
+            if limit is not None and not many:
+                panel.plot(limit[0], factor * limit[1], color=BOUND, linestyle="-.", linewidth=1.0)
+            handles = drawn[:: len(statistics)] if lines and lines[0].label else []
+            panel.set_ylabel(f"{quantity} {'error' if many else statistics[0].upper()} [{unit}]")
+            log_axis(panel, "y")
+        _value_axis(panels, lines)
+        panels[-1].set_xlabel(axis_label(path))
+        if many:
+            handles += [key(CLAIMED, "-" if not place else (0, (4, 1.5)), 1.0) for place in range(len(statistics))]
+        if bounded[0] is not None and not many:
+            handles.append(key(BOUND, "-.", 1.0))
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
+        if handles:
+            legend_above(figure, handles, labels)
+    return figure
+
+
+def sweep_boxes(
+    results: Results,
+    case: Case | None = None,
+    filter: str | None = None,
+    along: str | None = None,
+    quantity: Quantity = "position",
+    of: Literal["runs", "epochs"] = "epochs",
+) -> Figure:
+    """Draw a box of the error's size at each value of what the campaign varies.
+
+    Box: middle half; line: median; whiskers: to the last value within 1.5 box lengths; dots: what lies beyond.
+
+    Args:
+        results: An opened result.
+        case: The case at which other varied values are held; default: the first.
+        filter: The filter, where cases are swept; default: the one with the smallest RMS in that case.
+        along: The varied path, or its end; default: the number with the most values.
+        quantity: ``position`` or ``velocity``.
+        of: ``epochs``: all stored epochs after settling of all completed runs, as published box plots of one long
+            run show; ``runs``: the RMS of each run.
+    """
+    held = None if case is None else case_facts(results, case)
+    path, lines = trends(results, held, along, None if filter is None else _with_its_kind(results, filter))
+    line = _one_of(lines, filter)
+    values = [_sizes(results, point, quantity, of) for point in line.points]
+    styles = line_styles(results.filters)
+    factor, unit = (1.0, "m")
+    if quantity == "velocity":
+        factor, unit = speed_unit(max((float(np.quantile(part, 0.75)) for part in values if part.size), default=0.0))
+    with house_style():
+        figure = new_figure(2.4)
+        panel = figure.subplots()
+        upright_boxes(panel, [factor * part for part in values], [styles[point.filter].colour for point in line.points])
+        panel.set_xticks(range(len(values)), [f"{point.value:g}" for point in line.points])
+        panel.set_xlabel(axis_label(path))
+        panel.set_ylabel(f"{quantity} {'error' if of == 'epochs' else 'RMS'} [{unit}]")
+        if line.label:
+            panel.set_title(shown_name(line.label), loc="right", pad=2.0, y=1.0)
+        margins(figure, 0.5, 0.12, 0.2, 0.36, hspace=0.1, wspace=0.1)
+    return figure
+
+
+def heat_map(
+    results: Results,
+    filter: str | None = None,
+    along: Sequence[str] | None = None,
+    quantity: Quantity = "position",
+) -> Figure:
+    """Draw the RMS error over a grid of two varied parameters, in colours and numbers.
+
+    Args:
+        results: An opened result.
+        filter: The filter; default: the best one of each cell, whose name stands in it.
+        along: The two paths, or their ends: horizontal, then vertical; default: the two with the most values. Of
+            cases that differ in a third value the first counts.
+        quantity: ``position`` or ``velocity``.
+    """
+    from matplotlib.colors import LogNorm, Normalize
+
+    across, up = grid_paths(results, along)
+    varied = varied_paths(results)
+    columns, rows = (_in_order(varied[path]) for path in (across, up))
+    values = np.full((len(rows), len(columns)), np.nan)
+    names = [[""] * len(columns) for _ in rows]
+    for index in range(len(results.headers)):
+        facts = case_facts(results, index)
+        row, column = rows.index(varied[up][index]), columns.index(varied[across][index])
+        if not facts.filters or np.isfinite(values[row, column]):
+            continue
+        name = filter or leading_filter(facts)
+        values[row, column] = _over_runs(Point(0.0, facts, name), "rms", quantity).estimate
+        names[row][column] = name
+    factor, unit = (1.0, "m") if quantity == "position" else speed_unit(float(np.nanmax(values, initial=0.0)))
+    values *= factor
+    known = values[np.isfinite(values)]
+    with house_style():
+        figure = new_figure(max(1.6, 1.0 + 0.36 * len(rows)))
+        panel = figure.subplots()
+        if not known.size:
+            say(panel, "no completed run")
+            return figure
+        norm = LogNorm if known.min() > 0 and known.max() > _LOG_FROM_RATIO * known.min() else Normalize
+        low, high = float(known.min()), float(max(known.max(), known.min() * (1 + 1e-9)))
+        colour_scale = norm(low, high)
+        panel.imshow(values, origin="lower", aspect="auto", cmap="viridis", norm=colour_scale)
+        for row, column in np.ndindex(values.shape) if values.size <= _MOST_NUMBERS**2 else ():
+            if np.isfinite(values[row, column]):
+                dark = float(colour_scale(float(values[row, column]))) < 0.55
+                text = f"{values[row, column]:.3g}"
+                text += f"\n{shown_name(names[row][column], 9)}" if filter is None and len(columns) <= 7 else ""
+                panel.text(column, row, text, ha="center", va="center", fontsize=6, color="white" if dark else "black")
+        panel.set_xticks(range(len(columns)), [_tick(value) for value in columns])
+        panel.set_yticks(range(len(rows)), [_tick(value) for value in rows])
+        panel.grid(visible=False)
+        panel.set_xlabel(axis_label(across))
+        panel.set_ylabel(axis_label(up))
+        title = f"{'best filter' if filter is None else shown_name(filter)}, {quantity} RMS [{unit}]"
+        panel.set_title(title, loc="left", pad=2.0, y=1.0)
+        left = 0.42 + 0.055 * max(len(_tick(value)) for value in rows)
+        margins(figure, left, 0.12, 0.2, 0.36, hspace=0.1, wspace=0.1)
+    return figure
+
+
+def axis_label(path: str) -> str:
+    """Return the label of an axis of varied values: the last two parts of the path, the unit in brackets."""
+    name = ".".join(path.split(" ")[-1].split(".")[-2:])
+    for ending, unit in _UNITS.items():
+        if name.endswith(ending):
+            return f"{name.removesuffix(ending)} [{unit}]".replace("_", " ")
+    return f"{name} [-]".replace("_", " ")
+
+
+_UNITS = {
+    "_arcsec": "arcsec", "_m2_s3": "m²/s³", "_kg_m3": "kg/m³", "_m_s2": "m/s²", "_m_s": "m/s", "_km": "km",
+    "_deg": "deg", "_rad": "rad", "_kg": "kg", "_m2": "m²", "_m": "m", "_s": "s", "_per_hour": "1/h",
+}  # fmt: skip
+
+
+def _over_runs(point: Point, statistic: Statistic, quantity: str) -> Interval:
+    if point.filter not in point.case.names:
+        return _NOTHING
+    item = point.case.filter(point.filter)
+    return mean_interval(item.errors(statistic, point.case.span, _NORM[quantity])[item.ok])
+
+
+def _scaled(found: Interval, factor: float) -> Interval:
+    return Interval(factor * found.estimate, factor * found.low, factor * found.high, found.level, found.runs)
+
+
+def _with_intervals(
+    panel: Panel, at: Any, found: Sequence[Interval], colour: str, shape: str, size: float, linestyle: Any,
+    hollow: bool = False,
+) -> Any:  # fmt: skip
+    value, low, high = np.array([[one.estimate, one.low, one.high] for one in found]).reshape(-1, 3).T
+    return panel.errorbar(
+        at,
+        value,
+        yerr=[np.nan_to_num(value - low), np.nan_to_num(high - value)],
+        color=colour,
+        marker=shape,
+        markersize=size,
+        markerfacecolor="white" if hollow else colour,
+        linestyle=linestyle,
+        elinewidth=0.9,
+    )
+
+
+def settled_bound(results: Results, case: CaseFacts, quantity: str) -> float:
+    """Return the RMS over time of the bound on the headline span; NaN where none is stored."""
+    if not case.filters:
+        return np.nan
+    rows = np.flatnonzero(case.times_s >= case.settle_s) if case.span == "settled" else np.arange(len(case.times_s))
+    bound = bound_of(results, case, rows)
+    if bound is None:
+        return np.nan
+    known = bound[:, 6 + (quantity == "velocity")]
+    known = known[np.isfinite(known)]  # there is none before the first epoch at which a run could start
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan
+
+
+def _trend_bound(results: Results, lines: Sequence[Trend], quantity: str) -> tuple[Array, Array] | None:
+    if not lines or not lines[0].label:
+        return None
+    values = np.array([float(point.value) for point in lines[0].points])
+    limits = np.array([settled_bound(results, point.case, quantity) for point in lines[0].points])
+    return (values, limits) if np.isfinite(limits).any() else None
+
+
+def _value_axis(panels: Sequence[Panel], lines: Sequence[Trend]) -> None:
+    values = np.array([float(point.value) for line in lines for point in line.points])
+    if values.size and values.min() > 0 and values.max() >= _LOG_FROM_RATIO * values.min():
+        for panel in panels:
+            panel.set_xlim(values.min() / 1.25, values.max() * 1.25)
+            log_axis(panel, "x")
+
+
+def _sizes(results: Results, point: Point, quantity: str, of: str) -> Array:
+    item = point.case.filter(point.filter)
+    if of == "runs":
+        found = item.errors("rms", point.case.span, _NORM[quantity])[item.ok]
+    else:
+        rows = np.flatnonzero(point.case.times_s >= point.case.settle_s)
+        rows = rows if rows.size else np.arange(len(point.case.times_s))
+        part = slice(3, 6) if quantity == "velocity" else slice(0, 3)
+        found = sizes(errors_of(results, point.case, item, rows)[..., part]).ravel()
+    return found[np.isfinite(found)]
+
+
+def _with_its_kind(results: Results, filter: str) -> list[str]:
+    entries = results.campaign_content.get("filters", {})
+    kind = entries.get(filter, {}).get("kind")
+    return [name for name in results.filters if name == filter or entries.get(name, {}).get("kind") == kind]
+
+
+def _one_of(lines: Sequence[Trend], filter: str | None) -> Trend:
+    """Return the line of a filter, of the most accurate one by default; the only line where filters are its points."""
+    if not lines:
+        raise FigureError("no run has been computed yet")
+    wanted = filter or leading_filter(lines[0].points[0].case)
+    return next((line for line in lines if line.filter == wanted), lines[0])
+
+
+def _in_order(values: Sequence[Leaf]) -> list[Leaf]:
+    found = list(dict.fromkeys(values))
+    return sorted(found, key=float) if all(isinstance(value, float) for value in found) else found
+
+
+def _tick(value: Leaf) -> str:
+    return f"{value:g}" if isinstance(value, float) else shown_name(value, 12)

@@ -1,0 +1,1 @@
+"""One block of runs as a pure function: truth, sensors, filters, statistics per run."""

@@ -1,0 +1,321 @@
+"""One block of runs of one case: simulate, filter, count. A pure function of the case, the seed and the runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign import Case
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.containment import Containment
+from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.run import FilterHistory, advance
+from relnav_sim.models.chief_legs import ChiefFollower, NominalChief
+from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.extra_states import Extension
+from relnav_sim.models.gp import GpOptions
+from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.models.thrust import KnownThrust
+from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.sensors import measurement_model
+from relnav_sim.simulation.augmented_states import ExtraTrack, extended_prior, extension_of, mounting_of
+from relnav_sim.simulation.breakdown import Breakdown, breakdown
+from relnav_sim.simulation.chief_followers import ChiefFollowers
+from relnav_sim.simulation.chunks import Stretch, stretches
+from relnav_sim.simulation.memory import lacks_memory
+from relnav_sim.simulation.start import radar_model, starting_belief
+from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.simulation.training import training_track
+from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_chief
+
+Array = NDArray[np.float64]
+
+
+NO_FIX = "no radar measurement at the start, which is at the first fix"
+
+
+@dataclass(frozen=True)
+class BlockOutcome:
+    """What became of a block.
+
+    Attributes:
+        result: The results of the filters that ran through.
+        broken: Why the others did not, by the filter's name.
+    """
+
+    result: BlockResult
+    broken: dict[str, Breakdown]
+
+
+def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
+    """Return the results of some runs of one case.
+
+    A filter that raises an exception is left behind; the others go on. Want of memory is no fault of the filter, and
+    ends the block.
+
+    Args:
+        case: The case.
+        seed: The campaign's seed.
+        runs: Numbers of the runs, ascending.
+        case_index: Number of the case in its campaign, passed on to the result.
+    """
+    config = case.config
+    source = RandomSource(seed, tuple(runs))
+    tracks: list[FilterTrack] = []
+    times: list[Array] = []
+    relative: list[Array] = []
+    for stretch in stretches(config, source):
+        if not tracks:
+            prior = starting_belief(config, radar_model(config), stretch, source)
+            shared = Shared(ThrustInputs(config), ChiefFollowers(config, len(runs)))
+            tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
+        for track in tracks:
+            track.add(stretch)
+        stored = _stored(config, stretch)
+        times.append(stretch.truth.times_s[stored])
+        relative.append(stretch.truth.relative[:, stored])
+    fallen = dict(stretch.fallen)
+    if not config.truth.is_dispersed and fallen:
+        fallen = dict.fromkeys(range(len(runs)), fallen[0])
+    no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
+    reasons = fallen | {int(place): NO_FIX for place in no_fix}
+    sound = [track for track in tracks if track.broken is None]
+    result = BlockResult(
+        case_index=case_index,
+        case_id=case.id,
+        runs=tuple(runs),
+        time_s=np.concatenate(times),
+        relative=np.concatenate(relative, axis=1),
+        filters={track.name: track.result() for track in sound},
+        failures=tuple(failure for track in sound for failure in _explained(track.failures(runs), runs, reasons)),
+        shared_truth=not config.truth.is_dispersed,
+    )
+    return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
+
+
+@dataclass(frozen=True)
+class CampaignFilter:
+    """The filter of a campaign's entry.
+
+    Attributes:
+        filter: The filter, over [x; b] where it carries extra states b.
+        dynamics: How x alone moves without thrust.
+        thrust: What is told of thrust; None where the filter knows nothing of it.
+        extension: The extra states; None without any.
+    """
+
+    filter: Filter
+    dynamics: Dynamics
+    thrust: KnownThrust | None
+    extension: Extension | None
+
+
+def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
+    """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
+    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit, entry.assumed_latency)
+    if isinstance(entry.dynamics, GpOptions):
+        coasting: Dynamics = _learned(entry, entry.dynamics, config, seed)
+    else:
+        options: Any = entry.dynamics
+        coasting = options.build(orbit, entry.process_noise, step_s)
+    thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
+    motion = coasting if thrust is None else thrust
+    factory = filter_kinds()[entry.kind].factory
+    extension = extension_of(entry, config)
+    if extension is None:
+        return CampaignFilter(factory(motion, radar, entry), coasting, thrust, None)
+    dynamics = extension.dynamics(motion, orbit, step_s)
+    measurement = extension.measurement(radar, mounting_of(config))
+    return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
+
+
+_LEARNED: dict[tuple[str, str, str, int], Dynamics] = {}
+"""Dynamics learned in this process, by case, options, process noise and seed: learning takes seconds, and every block
+and several filters need them."""
+
+
+def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: int) -> Dynamics:
+    case = config.model_copy(update={"filters": {}})
+    noise = entry.process_noise
+    key = (case.model_dump_json(), options.model_dump_json(), noise.model_dump_json(), seed)
+    if key not in _LEARNED:
+        track = training_track(config, options, noise, seed)
+        orbit = nominal_chief(config.truth)
+        _LEARNED[key] = options.build(orbit, noise, config.clock.step_s, track)
+    return _LEARNED[key]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What the filters of a block share.
+
+    Attributes:
+        thrust: What they are told of thrust.
+        followers: The chief's orbit as they estimate it.
+    """
+
+    thrust: ThrustInputs
+    followers: ChiefFollowers
+
+
+class FilterTrack:
+    """A filter on its way through a block: its belief and its statistics so far.
+
+    Attributes:
+        name: The filter's name in the campaign.
+        broken: The exception that ended it; None while it goes on.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        entry: FilterEntry,
+        config: CaseConfig,
+        prior: Gaussian,
+        source: RandomSource,
+        shared: Shared,
+    ) -> None:
+        self.name = name
+        self._thrust_inputs = shared.thrust
+        self._known = known_thrust(entry, config)
+        self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
+        self.broken: Breakdown | None = None
+        self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
+        self._epoch = 0
+        self._input = entry.measurement
+        self._step_s = config.clock.step_s
+        self._prior = prior
+        self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
+        self._extra: ExtraTrack | None = None
+        self._cpu_s = 0.0
+        self._chief: ChiefFollower | NominalChief | None = None
+        self._chief_before_s = 0.0
+        self._steps = 0
+        with self._breaking_alone():
+            made = create_campaign_filter(entry, config, source.seed)
+            self._filter = made.filter
+            self._follower = shared.followers.of(made.dynamics, entry)
+            if isinstance(made.dynamics, NonlinearJ2Dynamics):
+                self._chief = self._follower or made.dynamics.nominal
+                self._chief_before_s = self._chief.cpu_s
+            self._thrust = made.thrust
+            if made.extension is not None:
+                self._prior = extended_prior(prior, made.extension, config)
+                self._extra = ExtraTrack(made.extension, config, self._errors.rules, source)
+            # A copy: the prior is what all filters start from, and this one's epoch 0.
+            own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
+            self._belief = self._filter.start(own, source)
+
+    def add(self, stretch: Stretch) -> None:
+        """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
+        if self.broken is not None:
+            return
+        with self._breaking_alone():
+            begin = time.process_time() - self._chief_s()
+            history = self._advance(stretch)
+            self._cpu_s += time.process_time() - self._chief_s() - begin
+            self._steps += history.nis.size
+            error = history.mean[..., :6] - stretch.truth.relative
+            covariance = history.covariance[..., :6, :6]
+            if self._extra is not None:
+                # A run whose extra states are lost has failed, though without a reading position may not show it yet.
+                error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
+            self._errors.add(
+                stretch.truth.times_s,
+                error,
+                covariance,
+                history.nis,
+                history.log_likelihood,
+                history.extras,
+                {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
+            )
+            if self._extra is not None:
+                self._extra.add(stretch, history, self._errors.failed_epoch)
+
+    def _chief_s(self) -> float:
+        """Return the CPU time spent on the chief's orbit in this block, s; each filter that shares it pays all."""
+        return 0.0 if self._chief is None else self._chief.cpu_s - self._chief_before_s
+
+    @contextmanager
+    def _breaking_alone(self) -> Iterator[None]:
+        """Keep what a filter of the user's own may raise and undo what it changes: that must not end the campaign."""
+        with Containment() as contained:
+            yield
+        if contained.error is not None:
+            if lacks_memory(contained.error):
+                raise contained.error
+            self.broken = breakdown(contained.error, self._epoch, self._package)
+
+    def _reached(self, epoch: int) -> None:
+        self._epoch = epoch
+
+    def _advance(self, stretch: Stretch) -> FilterHistory:
+        """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
+        forces = None
+        if self._thrust is not None:
+            forces, noise = self._thrust_inputs.of(stretch, self._known, self._carries_bias)
+            self._thrust.take(forces, stretch.first_epoch, noise)
+        if self._follower is not None:
+            self._follower.take(stretch.z["gnss"], stretch.first_epoch, forces)
+        z = stretch.inputs[self._input]
+        if stretch.first_epoch > 0:
+            self._belief, history = self._on(z, stretch.first_epoch)
+            return history
+        self._belief, history = self._on(z[:, 1:], 1)
+        B = len(z)
+        return FilterHistory(
+            np.concatenate([self._prior.mean[:, None], history.mean], axis=1),
+            np.concatenate([self._prior.covariance[:, None], history.covariance], axis=1),
+            np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
+            np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
+            {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
+            history.failures,
+        )
+
+    def _on(self, z: Array, first_epoch: int) -> tuple[Any, FilterHistory]:
+        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
+
+    def result(self) -> FilterResult:
+        """Return the statistics and the stored series."""
+        result = self._errors.result(1e6 * (self._cpu_s + self._chief_s()) / self._steps)
+        return result if self._extra is None else replace(result, extra=self._extra.result())
+
+    def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
+        """Return what failed, by run."""
+        return self._errors.failures(self.name, runs)
+
+
+def scoring_rules(config: CaseConfig) -> ScoringRules:
+    """Return how a case's errors are turned into figures."""
+    clock, statistics = config.clock, config.statistics
+    return ScoringRules(
+        step_s=clock.step_s,
+        epochs=clock.epochs,
+        store_every=clock.store_every,
+        settle_s=statistics.settle_s,
+        convergence_m=statistics.convergence_m,
+        convergence_hold_s=statistics.convergence_hold_s,
+    )
+
+
+def _explained(failures: Sequence[Failure], runs: Sequence[int], causes: Mapping[int, str]) -> list[Failure]:
+    """Return failures with the true cause, by place in the block, where no filter is to blame."""
+    reasons = {runs[place]: reason for place, reason in causes.items()}
+    return [replace(failure, reason=reasons.get(failure.run, failure.reason)) for failure in failures]
+
+
+def _stored(config: CaseConfig, stretch: Stretch) -> slice:
+    """Return which epochs of the stretch are stored: every n-th of the run, from its start."""
+    every = config.clock.store_every
+    return slice(-stretch.first_epoch % every, None, every)

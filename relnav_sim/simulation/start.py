@@ -1,0 +1,54 @@
+"""Where the filters of a run start: all of them at the same mean and covariance, at epoch 0."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
+from relnav_sim.filters.belief import Gaussian
+from relnav_sim.models.radar import PolarRadar, first_fix
+from relnav_sim.sensors import radar_model as polar_radar
+from relnav_sim.simulation.chunks import Stretch
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_chief
+
+Array = NDArray[np.float64]
+
+
+def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Stretch, source: RandomSource) -> Gaussian:
+    """Return the prior of every run at epoch 0, mean (runs, 6) and covariance (runs, 6, 6).
+
+    Args:
+        config: The case.
+        radar: The radar as filters know it; needed for a start at the first fix.
+        first: The first stretch of the block. The truth is used only to disperse a start around it.
+        source: Seed and numbers of the runs.
+
+    A run whose radar has no measurement at epoch 0 gets NaN for a start at the first fix.
+    """
+    start, B = config.start, len(source.runs)
+    if isinstance(start, FirstFixStart):
+        if radar is None:
+            raise ValueError("a start at the first fix needs a radar")
+        position, position_covariance = first_fix(radar, first.inputs["polar"][:, 0])
+        mean = np.concatenate([position, np.broadcast_to(start.velocity_m_s, (B, 3))], axis=1)
+        covariance = np.zeros((B, 6, 6))
+        covariance[:, :3, :3] = position_covariance
+        covariance[:, 3:, 3:] = np.diag(np.square(start.velocity_sigma_m_s))
+        return Gaussian(mean, covariance)
+    sigma = np.array([*start.position_sigma_m, *start.velocity_sigma_m_s])
+    covariance = np.broadcast_to(np.diag(sigma**2), (B, 6, 6)).copy()
+    if isinstance(start, DispersedStart):
+        return Gaussian(first.truth.relative[:, 0] + sigma * source.streams("start").normal(6), covariance)
+    state = np.array([*start.position_m, *start.velocity_m_s])
+    return Gaussian(np.broadcast_to(state, (B, 6)).copy(), covariance)
+
+
+def radar_model(config: CaseConfig) -> PolarRadar | None:
+    """Return the campaign's radar as filters know it, if there is one."""
+    if config.sensors.radar is None:
+        return None
+    radar = polar_radar("polar", "nominal", config.sensors, nominal_chief(config.truth))
+    assert isinstance(radar, PolarRadar)
+    return radar

@@ -1,0 +1,83 @@
+"""What learned dynamics learn from: the same two craft before the campaign starts, on other random numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.registry import create_filter
+from relnav_sim.filters.run import advance
+from relnav_sim.filters.smoother import smooth
+from relnav_sim.models.cw import CwOptions
+from relnav_sim.models.dynamics import Dynamics
+from relnav_sim.models.gp import GpOptions, TrainingTrack
+from relnav_sim.models.process_noise import ProcessNoiseOptions
+from relnav_sim.models.radar import PolarRadar, first_fix
+from relnav_sim.sensors import measurement_model, radar_model
+from relnav_sim.simulation.chunks import stretches
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import begun_earlier, nominal_chief
+
+Array = NDArray[np.float64]
+
+TRAINING_RUN = 2**40
+"""Number of the training flight: beyond every run, so that it shares no random numbers with any."""
+
+
+def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOptions, seed: int) -> TrainingTrack:
+    """Return the states that learned dynamics are trained on, one step apart.
+
+    The nominal flight of the same two craft over the training and calibration spans before the campaign's start, which
+    it reaches. From `smoothed_radar` the states are those of an extended Kalman filter on its radar, with the base
+    dynamics and a process noise, smoothed; from `truth` they are error-free.
+
+    Args:
+        config: The case.
+        options: What to learn from.
+        noise: The process noise of the filter that smooths.
+        seed: The campaign's seed.
+
+    Raises:
+        ValueError: The radar sees nothing during all that time.
+    """
+    step_s = config.clock.step_s
+    before_s, learned_s = options.spans_s(2 * math.pi / nominal_chief(config.truth).mean_motion_rad_s)
+    duration_s = step_s * math.ceil((before_s + learned_s) / step_s)
+    clock = config.clock.model_copy(update={"duration_s": duration_s})
+    flown = config.model_copy(update={"clock": clock, "truth": begun_earlier(config.truth, duration_s)})
+    orbit = nominal_chief(flown.truth)
+    flight = list(stretches(flown, RandomSource(seed, (TRAINING_RUN,))))
+    time_s = np.concatenate([part.truth.times_s for part in flight]) - duration_s
+    if options.training == "truth":
+        return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
+    z = np.concatenate([part.inputs["polar"] for part in flight], axis=1)
+    dynamics = (options.base or CwOptions()).build(orbit, noise, step_s)
+    states, first = _smoothed(config, dynamics, orbit, z)
+    return TrainingTrack(states, time_s[first:], orbit, first)
+
+
+def _smoothed(config: CaseConfig, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
+    """Return the smoothed states (K, 6) after the first of the radar's readings z (1, epochs, 3), and their epoch."""
+    step_s = config.clock.step_s
+    radar = measurement_model("polar", "total", config.sensors, orbit)
+    at_once = radar_model("polar", "total", config.sensors, orbit)
+    assert isinstance(at_once, PolarRadar)
+    seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
+    if not len(seen):
+        raise ValueError("the radar sees nothing before the campaign's start, so that there is nothing to learn from")
+    first = int(seen[0]) + 1
+    position, position_covariance = first_fix(at_once, z[:, first - 1])
+    # A closed relative orbit of that size moves no faster, so that a latency does not matter to the fix; how it moves,
+    # the radar tells in a few readings.
+    speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)
+    covariance = np.zeros((1, 6, 6))
+    covariance[:, :3, :3] = position_covariance
+    covariance[:, 3:, 3:] = speed**2 * np.eye(3)
+    start = Gaussian(np.concatenate([position, np.zeros((1, 3))], axis=1), covariance)
+    _, history = advance(create_filter("ekf", dynamics, radar), start, z[:, first:], first, step_s)
+    return smooth(history, dynamics, step_s, first).mean[0], first

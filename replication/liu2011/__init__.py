@@ -1,0 +1,1 @@
+"""Liu et al. (2011): the improved two-step Kalman filter."""

@@ -1,0 +1,1 @@
+"""Shi et al. (2025): the alpha-divergence Kalman filter."""

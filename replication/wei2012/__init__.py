@@ -1,0 +1,1 @@
+"""Wei, Song and Zhang (2012): the model-free unscented particle filter."""

@@ -1,0 +1,124 @@
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relnav_sim import plots as figures
+from relnav_sim.plots.style import WIDTH_INCH, pdf, png, shown_name
+from relnav_sim.results import open_results
+from relnav_sim.results.read import Results
+
+ResultMaker = Callable[..., Path]
+
+
+@pytest.fixture
+def results(make_result: ResultMaker) -> Iterator[Results]:
+    with open_results(make_result(labels=("a=1", "a=2"), runs=9, failed={"ekf": [4]})) as opened:
+        yield opened
+
+
+def test_the_envelope_is_what_the_filter_claims(results: Results) -> None:
+    figure = figures.errors_with_envelope(results, 0, "ekf")
+    ok = np.arange(9) != 4
+    claimed = 3 * np.sqrt(np.mean(results.sigma(0, "ekf")[ok, :, 2] ** 2, axis=0))
+    upper, lower, _ = figure.axes[4].lines  # third row, first column: z
+    np.testing.assert_allclose(upper.get_ydata(), claimed)
+    np.testing.assert_allclose(lower.get_ydata(), -claimed)
+
+
+def test_the_line_is_the_run_with_the_median_error(results: Results) -> None:
+    figure = figures.errors_with_envelope(results, 0, "ekf")
+    ok = np.flatnonzero(np.arange(9) != 4)
+    sizes = results.statistic(0, "ekf", "rms")[ok, 1, 6]
+    median = ok[np.argsort(sizes)[3]]  # the lower of the two in the middle of 8
+    np.testing.assert_allclose(figure.axes[0].lines[2].get_ydata(), results.error(0, "ekf")[median, :, 0])
+    assert figure.legends[0].get_texts()[2].get_text() == f"run {median}"
+
+
+def test_the_band_is_mean_and_three_standard_deviations_of_the_completed_runs(results: Results) -> None:
+    figure = figures.errors_with_envelope(results, 0, "ekf")
+    errors = results.error(0, "ekf")[np.arange(9) != 4, :, 1]
+    top = errors.mean(axis=0) + 3 * errors.std(axis=0, ddof=1)
+    outline = figure.axes[2].collections[0].get_paths()[0].vertices
+    for time, height in zip(results.time_s(0)[::10], top[::10], strict=True):
+        assert np.isclose(outline, [time, height], rtol=1e-9).all(axis=1).any()
+
+
+def test_shi2025_axes_turn_the_panels(results: Results) -> None:
+    rtn = figures.errors_with_envelope(results, 0, "kf")
+    shi = figures.errors_with_envelope(results, 0, "kf", axes="shi2025")
+    y_of_rtn, z_of_rtn = (np.asarray(rtn.axes[place].lines[2].get_ydata()) for place in (2, 4))
+    np.testing.assert_allclose(shi.axes[0].lines[2].get_ydata(), y_of_rtn)
+    np.testing.assert_allclose(shi.axes[2].lines[2].get_ydata(), -z_of_rtn)
+    assert shi.axes[4].get_title(loc="left") == "nadir"
+
+
+def test_rms_over_time_is_over_runs(results: Results) -> None:
+    figure = figures.rms_over_time(results, "a=1")
+    errors = results.error(0, "ekf")[np.arange(9) != 4, :, :3]
+    expected = np.sqrt(np.mean(np.sum(errors**2, axis=2), axis=0))
+    np.testing.assert_allclose(figure.axes[0].lines[2].get_ydata(), expected)
+    assert figure.axes[0].get_yscale() == "log"
+
+
+def test_boxes_show_the_completed_runs(results: Results) -> None:
+    figure = figures.box_plots(results, 1)
+    dots = [line for line in figure.axes[0].lines if line.get_marker() == "."]
+    assert sorted(len(line.get_xdata()) for line in dots) == [8, 9, 9]  # type: ignore[arg-type]  # arrays in fact
+
+
+def test_every_axis_names_its_unit_and_figures_are_half_a_column_wide(results: Results) -> None:
+    drawn = [
+        figures.errors_with_envelope(results, 0, "kf"),
+        figures.rms_over_time(results, 0),
+        figures.box_plots(results, 0),
+        figures.accuracy_by_case(results, [0, 1]),
+    ]
+    for figure in drawn:
+        assert figure.get_figwidth() == WIDTH_INCH
+        labels = [label for panel in figure.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
+        assert labels
+        assert all("[" in label or label == "case number" for label in labels)
+
+
+def test_accuracy_by_case_shows_the_mean_over_runs(results: Results) -> None:
+    figure = figures.accuracy_by_case(results, [0, 1])
+    kf = figure.axes[0].containers[0].lines[0]
+    expected = [results.statistic(case, "kf", "rms")[:, 1, 6].mean() for case in (0, 1)]
+    np.testing.assert_allclose(kf.get_ydata(), expected)
+
+
+def test_the_same_result_gives_the_same_bytes(results: Results) -> None:
+    for form in (png, pdf):
+        assert form(figures.box_plots(results, 0)) == form(figures.box_plots(results, 0))
+
+
+def test_nothing_to_draw_is_said(make_result: ResultMaker) -> None:
+    with open_results(make_result(filters={"ekf": 1.0}, runs=2, failed={"ekf": [0, 1]})) as results:
+        for figure in (
+            figures.errors_with_envelope(results, 0, "ekf"),
+            figures.rms_over_time(results, 0),
+            figures.box_plots(results, 0),
+        ):
+            assert png(figure).startswith(b"\x89PNG")
+            assert any("failed" in text.get_text() or "no run" in text.get_text() for text in figure.axes[0].texts)
+
+
+def test_a_run_without_error_is_no_crash(make_result: ResultMaker) -> None:
+    with open_results(make_result(filters={"exact": 0.0}, runs=3)) as results:
+        assert png(figures.rms_over_time(results, 0)).startswith(b"\x89PNG")
+        assert png(figures.errors_with_envelope(results, 0, "exact")).startswith(b"\x89PNG")
+
+
+def test_matplotlib_settings_are_left_alone(results: Results) -> None:
+    import matplotlib
+
+    before = matplotlib.rcParams.copy()
+    png(figures.rms_over_time(results, 0))
+    assert matplotlib.rcParams.copy() == before
+
+
+def test_a_dollar_sign_is_no_formula() -> None:
+    assert shown_name("a$b$c") == r"a\$b\$c"
+    assert shown_name("x" * 30) == "x" * 21 + "…"
