@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from relnav_sim import plots
 from relnav_sim.cli.app import app
 from relnav_sim.plots import FigureError
-from relnav_sim.report import FIGURE_KINDS, case_section, figure, figures, write_report
+from relnav_sim.report import FIGURE_KINDS, case_section, figure, write_report
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ResultsError
 
@@ -104,7 +105,7 @@ def test_a_figure_that_fails_costs_only_itself(
     def failing(*_: Any) -> None:
         raise ZeroDivisionError("not \x1b[31m today <b>")
 
-    monkeypatch.setattr(figures, "box_plots", failing)
+    monkeypatch.setattr(plots, "box_plots", failing)
     monkeypatch.setattr(case_section.layouts, "case_table", failing)
     done = CliRunner().invoke(app, ["report", str(path), "--out", str(out)])
     assert done.exit_code == 0
@@ -130,5 +131,5 @@ def test_damage_still_ends_the_report(
     def damaged(*_: Any) -> None:
         raise ResultsError("the file is damaged")
 
-    monkeypatch.setattr(figures, "box_plots", damaged)
+    monkeypatch.setattr(plots, "box_plots", damaged)
     assert CliRunner().invoke(app, ["report", str(path), "--out", str(tmp_path / "out")]).exit_code == 3
