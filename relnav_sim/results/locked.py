@@ -23,7 +23,7 @@ def open_locked(path: Path) -> BinaryIO:
             raise ResultsError(f"{path}: no such file")
         if not path.is_file():
             raise ResultsError(f"{path} is no regular file")
-        raw = open(path, "rb")  # noqa: SIM115
+        raw = open(path, "rb")  # noqa: SIM115 - it stays open for the caller, who closes it
     except OSError as error:
         raise UnavailableError(f"{path} can't be opened: {error.strerror or error}") from None
     try:
