@@ -15,10 +15,10 @@ import time
 import numpy as np
 
 from relnav_sim import LinearDynamics, create_filter, run_filter
-from relnav_sim.models.converted_radar import ConvertedRadar
-from relnav_sim.models.cw import cw_system
-from relnav_sim.models.process_noise import van_loan
-from relnav_sim.models.radar import PolarRadar, RadarNoise
+from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.process_noise import van_loan
+from relnav_sim.measurements.converted_radar import ConvertedRadar
+from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 ROUNDS = 12
 SIGMAS = np.array([4.0, 1.164e-3, 1.164e-3])  # m, rad, rad

@@ -23,7 +23,7 @@ from formation_flight import STEP_S, STEPS_PER_REVOLUTION, flight, learned
 from radar_problem import polar, polar_jacobian, radar_problem
 
 from relnav_sim import FunctionMeasurement, create_filter, run_filter
-from relnav_sim.models.dynamics import Step
+from relnav_sim.dynamics.interface import Step
 
 ROUNDS = 8
 TRAINING = 500

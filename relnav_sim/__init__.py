@@ -30,11 +30,12 @@ _HOME = {
     "FilterHistory": "filters.run",
     "smooth": "filters.smoother",
     "SmoothedHistory": "filters.smoother",
-    "fit_gp_dynamics": "models.gp_fit",
-    "LinearDynamics": "models.dynamics",
-    "LinearMeasurement": "models.measurement",
-    "FunctionMeasurement": "models.measurement",
-    "MixtureNoise": "models.measurement",
+    "fit_gp_dynamics": "dynamics.gp.fit",
+    "LinearDynamics": "dynamics.interface",
+    "Step": "dynamics.interface",
+    "LinearMeasurement": "measurements.linear",
+    "FunctionMeasurement": "measurements.function",
+    "MixtureNoise": "measurements.given_noise",
 }
 
 __all__ = sorted(_HOME)

@@ -31,7 +31,7 @@ class Streams:
     """One generator per run of a block; every draw has the runs as its leading axis.
 
     A stream serves one kind of draw only. Drawing K epochs at once or one by one then gives the same
-    numbers, so neither the block nor the length of a stretch of epochs shows in the results.
+    numbers, so neither the block nor the length of a chunk of epochs shows in the results.
     """
 
     def __init__(self, generators: Sequence[np.random.Generator]) -> None:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Arc:
-    """A stretch of the orbit from each of K instants on, seen at s times after it.
+    """A chunk of the orbit from each of K instants on, seen at s times after it.
 
     Attributes:
         true_anomaly_rad: At the instant, (K,), in (-2 pi, 2 pi).

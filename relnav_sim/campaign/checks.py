@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.dynamics.registry import is_learned
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.models.registry import is_learned
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
 from relnav_sim.truth import TruthOptions

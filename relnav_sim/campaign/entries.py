@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
+from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
+from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import FilterKind, filter_kinds
-from relnav_sim.models.extra_states import ExtraStateOption
-from relnav_sim.models.process_noise import ProcessNoiseOptions
-from relnav_sim.models.registry import dynamics_kinds
 from relnav_sim.options import Options
 
 MeasurementKind = Literal["polar", "cartesian"]

@@ -116,10 +116,10 @@ def _stored_bytes(config: CaseConfig) -> float:
 
 def _held_bytes(config: CaseConfig) -> float:
     """Return what one run of a case holds in memory while its block is computed, bytes."""
-    stretch = min(STRETCH, config.clock.epochs)
+    chunk = min(STRETCH, config.clock.epochs)
     samples = max(map(sample_count, config.filters.values()))
     distinct: list[Options] = []
     for entry in config.filters.values():
         distinct += [entry.dynamics] if entry.dynamics not in distinct else []
     shared = sum(float(getattr(dynamics, "shared_epoch_bytes", 0.0)) for dynamics in distinct)
-    return stretch * (_EPOCH_BYTES + _FILTER_EPOCH_BYTES + shared) + samples * _SAMPLE_BYTES + 2 * _stored_bytes(config)
+    return chunk * (_EPOCH_BYTES + _FILTER_EPOCH_BYTES + shared) + samples * _SAMPLE_BYTES + 2 * _stored_bytes(config)

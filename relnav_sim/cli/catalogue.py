@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from relnav_sim.campaign.file_model import file_shape
 from relnav_sim.campaign.reference import Key, keys_of, kinds_at, shape_at
 from relnav_sim.campaign.shape import Shape
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.models.registry import dynamics_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise import noise_kinds
 

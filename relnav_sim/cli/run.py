@@ -178,7 +178,7 @@ def _case_and_run(only: str | None) -> tuple[str, int]:
 def _single_target(campaign: Campaign, out: Path | None, case: str, run: int) -> Path | None:
     """Return where one run goes: never over the campaign's own result."""
     from relnav_sim.results.block import RefusedError
-    from relnav_sim.runner.folder import shard_folder
+    from relnav_sim.runner.shard_folder import shard_folder
 
     if out is not None and shard_folder(out).exists():
         raise RefusedError(f"{out} holds a campaign; give --out another file for the run {case}:{run}")

@@ -14,14 +14,14 @@ from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
-from relnav_sim.models.extra_states import Extension
-from relnav_sim.models.radar import PolarRadar
+from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.measurements.spherical_radar import PolarRadar
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import radar_model, reading_probability
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.simulation.augmented_states import extension_of
-from relnav_sim.simulation.chunks import STRETCH_EPOCHS
+from relnav_sim.simulation.chunks import CHUNK_EPOCHS
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory
@@ -122,7 +122,7 @@ def _side_by_side(
     if start is not None:
         covariances[0] = start
         recursion = BoundRecursion(covariances[0])
-        for epochs in _stretches(1, clock.epochs):
+        for epochs in _chunks(1, clock.epochs):
             states = truth.relative_mean[epochs - 1]
             steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in models]
             transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
@@ -141,9 +141,9 @@ def _deviations(covariance: Array) -> Array:
     return np.sqrt(np.concatenate([variances, np.stack(norms, axis=-1)], axis=-1))
 
 
-def _stretches(first: int, end: int) -> Iterator[NDArray[np.int64]]:
-    for start in range(first, end, STRETCH_EPOCHS):
-        yield np.arange(start, min(start + STRETCH_EPOCHS, end))
+def _chunks(first: int, end: int) -> Iterator[NDArray[np.int64]]:
+    for start in range(first, end, CHUNK_EPOCHS):
+        yield np.arange(start, min(start + CHUNK_EPOCHS, end))
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     runs = tuple(range(ENSEMBLE if config.truth.is_dispersed else 1))
     trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, runs))
     chief, relative, probability = [], [], []
-    for epochs in _stretches(0, config.clock.epochs):
+    for epochs in _chunks(0, config.clock.epochs):
         truth = trajectory.at(epochs * config.clock.step_s)
         chief.append(_mean(truth.chief))
         relative.append(truth.relative)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.extra_states import Extension
-from relnav_sim.models.gp import GpOptions
-from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.truth import nominal_chief
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import chdtri
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.components import noise_components, normalised
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of, joseph_update
@@ -18,8 +19,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 

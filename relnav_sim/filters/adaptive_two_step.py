@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOptions
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 

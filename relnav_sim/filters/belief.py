@@ -9,8 +9,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
-from relnav_sim.models.dynamics import Dynamics
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 
 @register_filter("ckf", GaussianFilterOptions, overhead_us=205.0)

@@ -23,8 +23,8 @@ from relnav_sim.linalg import (
     runs_first,
     transpose,
 )
-from relnav_sim.models.measurement import Measurement, MeasurementDefaults
-from relnav_sim.models.read_only import called_read_only
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults
+from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 
 Array = NDArray[np.float64]

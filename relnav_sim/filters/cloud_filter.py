@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.cloud import (
     Cloud,
@@ -28,8 +29,7 @@ from relnav_sim.filters.cloud import (
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
 from relnav_sim.filters.kalman import innovation_of, joseph_update
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 Array = NDArray[np.float64]
 NO_COMPONENT = "no component of the mixture gives the measurement a finite likelihood"

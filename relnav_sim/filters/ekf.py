@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.models.dynamics import Step
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
-from relnav_sim.models.dynamics import Step
 
 Array = NDArray[np.float64]
 
@@ -36,12 +36,12 @@ class FailedRun:
 
 @dataclass
 class StatedFailures:
-    """The failures that a filter states itself while it goes over a stretch of epochs, the first of each run."""
+    """The failures that a filter states itself while it goes over a chunk of epochs, the first of each run."""
 
     by_place: dict[int, tuple[int, str]] = field(default_factory=dict)
 
     def add(self, column: int, failed: Mapping[int, str], present: NDArray[np.bool_]) -> None:
-        """Take down what failed at a column of the stretch, by place in the block, where there was a measurement."""
+        """Take down what failed at a column of the chunk, by place in the block, where there was a measurement."""
         for place, reason in failed.items():
             if present[place]:
                 self.by_place.setdefault(int(place), (column, reason))
@@ -57,13 +57,13 @@ def failures_of(
     nis: Array,
     log_likelihood: Array,
 ) -> tuple[FailedRun, ...]:
-    """Return every run that failed over a stretch, by place in the block; its series become NaN from there on.
+    """Return every run that failed over a chunk, by place in the block; its series become NaN from there on.
 
     Args:
         stated: What the filter said.
         filter: The filter, whose models are asked again where it said nothing.
-        before: Mean and covariance one epoch before the stretch.
-        first: The first step of the stretch.
+        before: Mean and covariance one epoch before the chunk.
+        first: The first step of the chunk.
         mean: (runs, K, n), changed in place, as the others.
         covariance: (runs, K, n, n).
         nis: (runs, K).

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.filters.kalman import GaussianFilterOptions
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 Array = NDArray[np.float64]
 

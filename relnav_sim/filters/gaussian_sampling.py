@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement, MeasurementDefaults
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults
 
 Array = NDArray[np.float64]
 Index = slice | NDArray[np.intp]

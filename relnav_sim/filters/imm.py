@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
     Linearised,
@@ -22,8 +23,7 @@ from relnav_sim.filters.components import (
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 

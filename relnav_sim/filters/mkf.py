@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions, ImportanceOptions
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.models.dynamics import Dynamics
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 
 @register_filter("mkf", ImportanceOptions, cost_us=450.0, overhead_us=400.0)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.cloud import (
     Cloud,
@@ -22,8 +23,7 @@ from relnav_sim.filters.cloud import (
 )
 from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, usable, weigh
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

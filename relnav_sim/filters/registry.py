@@ -16,10 +16,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from relnav_sim.containment import Containment
+from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
-from relnav_sim.models.dynamics import Dynamics
-from relnav_sim.models.measurement import Measurement
-from relnav_sim.models.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
+from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
 from relnav_sim.printable import message_of

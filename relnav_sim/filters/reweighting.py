@@ -12,7 +12,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.square_root import NoiseRoot
 from relnav_sim.linalg import symmetric
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 Array = NDArray[np.float64]
 Weigh = Callable[[Array, Array], Array]

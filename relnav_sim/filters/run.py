@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
 from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
 from relnav_sim.filters.returned import Returned, check_name
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -91,13 +91,13 @@ def advance(
     step_s: float,
     reached: Callable[[int], None] = lambda epoch: None,
 ) -> tuple[Any, FilterHistory]:
-    """Carry a belief over a stretch of epochs; return the last belief and the stretch's history.
+    """Carry a belief over a chunk of epochs; return the last belief and the chunk's history.
 
     Args:
         filter: The filter.
         belief: Belief one step before z[:, 0].
-        z: Measurements of the stretch, (runs, K, m).
-        first_epoch: Number of the stretch's first epoch.
+        z: Measurements of the chunk, (runs, K, m).
+        first_epoch: Number of the chunk's first epoch.
         step_s: Time between epochs, s.
         reached: Told of every epoch that begins.
 

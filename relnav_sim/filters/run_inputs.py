@@ -9,9 +9,9 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
-from relnav_sim.models.dynamics import Step
-from relnav_sim.models.given_arrays import covariances, finite, numbers
+from relnav_sim.given_arrays import covariances, finite, numbers
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.filters.square_root import Whitener
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
 
 Array = NDArray[np.float64]
 

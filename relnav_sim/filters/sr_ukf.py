@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
@@ -16,8 +17,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root, triangular_root
 from relnav_sim.filters.square_root_update import root_update
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
@@ -17,8 +18,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve, not_definite
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]

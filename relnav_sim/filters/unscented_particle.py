@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.cloud import Cloud, chosen, pick, put, spread, standard_normals
 from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
-from relnav_sim.models.dynamics import Dynamics, Step
-from relnav_sim.models.measurement import Measurement
+from relnav_sim.measurements.interface import Measurement
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -242,22 +242,22 @@ def _fill_rows(
                 if not spec.timing and not _same_bits(arrays[spec.name][i], group[spec.name][row]):
                     raise RefusedError(f"{where}: two shards disagree about {run_ranges([rows[row]])} ({spec.name})")
     fresh = [(i, row) for i, row in here if not done[row]]
-    for first, last in _stretches(fresh):
+    for first, last in _chunks(fresh):
         source, target = slice(fresh[first][0], fresh[last][0] + 1), slice(fresh[first][1], fresh[last][1] + 1)
         for spec in specs:
             group[spec.name][target] = arrays[spec.name][source]
     done[[row for _, row in fresh]] = True
 
 
-def _stretches(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return first and last positions of the stretches where source and target rows both count up by one."""
-    stretches: list[tuple[int, int]] = []
+def _chunks(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return first and last positions of the chunks where source and target rows both count up by one."""
+    chunks: list[tuple[int, int]] = []
     for n, (i, row) in enumerate(pairs):
-        if stretches and pairs[n - 1] == (i - 1, row - 1):
-            stretches[-1] = (stretches[-1][0], n)
+        if chunks and pairs[n - 1] == (i - 1, row - 1):
+            chunks[-1] = (chunks[-1][0], n)
         else:
-            stretches.append((n, n))
-    return stretches
+            chunks.append((n, n))
+    return chunks
 
 
 def _same_bits(a: Array, b: Array) -> bool:

@@ -10,8 +10,8 @@ from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.failure_log import log_failure
+from relnav_sim.runner.fault_isolation import simulate_surviving
 from relnav_sim.runner.headline import Figures, headline_figures
-from relnav_sim.runner.survive import simulate_surviving
 from relnav_sim.runner.work import Block
 from relnav_sim.simulation.memory import lacks_memory, memory_in_words
 

@@ -6,7 +6,7 @@ import contextlib
 import os
 from pathlib import Path
 
-from relnav_sim.runner.folder import shard_folder
+from relnav_sim.runner.shard_folder import shard_folder
 
 NAME = "failures.log"
 LARGEST = 10_000_000

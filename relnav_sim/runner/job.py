@@ -15,9 +15,9 @@ from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bound
-from relnav_sim.runner.folder import START_OVER, check_same_campaign, working_folder, write_folder_header
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
+from relnav_sim.runner.shard_folder import START_OVER, check_same_campaign, working_folder, write_folder_header
 from relnav_sim.runner.work import Block, Finished, blocks_left, finished_work
 from relnav_sim.simulation.memory import lacking_in_words
 

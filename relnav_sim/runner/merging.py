@@ -17,8 +17,8 @@ from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.runner.bound_task import sound_bounds
-from relnav_sim.runner.folder import read_folder_header, shard_folder
 from relnav_sim.runner.sessions import past_sessions, provenance_of
+from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
 
 
 def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike[str]]) -> Path:

@@ -15,8 +15,8 @@ from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.blame import TaskQueue
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.compute import compute
+from relnav_sim.runner.fault_isolation import failed_block, unknown_truth
 from relnav_sim.runner.headline import Figures
-from relnav_sim.runner.survive import failed_block, unknown_truth
 from relnav_sim.runner.worker import Worker
 
 Backend = Literal["loky", "sequential"]

@@ -7,10 +7,10 @@ from contextlib import closing
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.runner.folder import move_aside, shard_folder
 from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.shard_folder import move_aside, shard_folder
 from relnav_sim.runner.stopping import look_at, looks
 from relnav_sim.runner.tally import Tally
 from relnav_sim.runner.warnings import warnings_before

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.runner.bound_task import BoundTask, Task
-from relnav_sim.runner.folder import shard_folder
 from relnav_sim.runner.job import Job, Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.tally import Tally
 from relnav_sim.runner.work import Block
 

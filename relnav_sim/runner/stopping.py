@@ -1,6 +1,6 @@
 """Adaptive stopping: after fixed numbers of runs, in run order, so that neither workers nor time have a say.
 
-Looking at the data after every run and stopping at the first that pleases would stop on lucky stretches; a few looks
+Looking at the data after every run and stopping at the first that pleases would stop on lucky chunks; a few looks
 that are fixed beforehand keep that bias small, and the result says which look ended it (Jennison and Turnbull 2000).
 """
 

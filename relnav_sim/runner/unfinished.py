@@ -20,8 +20,8 @@ from relnav_sim.results.merge import merge_pieces, missing_runs
 from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
 from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
 from relnav_sim.runner.bound_task import sound_bounds
-from relnav_sim.runner.folder import read_folder_header, shard_folder
 from relnav_sim.runner.sessions import past_sessions, provenance_of
+from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
 
 Held = set[tuple[str, str, str, int]]
 """Case id, filter name, filter id, run."""

@@ -126,15 +126,15 @@ def blocks_left(
         campaign: The campaign.
         finished: Finished runs by case and filter.
         folder: The shards' folder.
-        part: (i, n): only every n-th stretch of runs, beginning with the i-th; for several machines.
+        part: (i, n): only every n-th chunk of runs, beginning with the i-th; for several machines.
     """
     number, parts = part
-    stretch = 0
+    chunk = 0
     for index, case in enumerate(campaign.cases):
         ids = case.filter_ids
         for first in range(0, campaign.runs, campaign.block_runs):
-            stretch += 1
-            if (stretch - number) % parts:
+            chunk += 1
+            if (chunk - number) % parts:
                 continue
             by_filters: dict[tuple[str, ...], list[int]] = {}
             for run in range(first, min(first + campaign.block_runs, campaign.runs)):

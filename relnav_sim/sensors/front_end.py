@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from relnav_sim.astro.attitude import body_to_inertial, from_axes, in_axes, nadir_axes
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, half_open, polar, rotate, rows, sight_vector
-from relnav_sim.models.converted_radar import ConvertedRadar, conversion
-from relnav_sim.models.delayed import Delayed
-from relnav_sim.models.radar import Assumed, PolarRadar, RadarNoise
+from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
+from relnav_sim.measurements.delayed import Delayed
+from relnav_sim.measurements.spherical_radar import Assumed, PolarRadar, RadarNoise
 from relnav_sim.sensors.noise import noise_parts, white_law, white_variance
 from relnav_sim.sensors.options import SensorsOptions
 from relnav_sim.sensors.radar import CHANNELS

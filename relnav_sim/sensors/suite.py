@@ -45,7 +45,7 @@ def carrier_and_other(options: SensorsOptions, truth: TrueStates) -> tuple[Array
 
 
 class SensorSuite:
-    """The sensors over one block of runs; they remember where the last stretch of epochs ended.
+    """The sensors over one block of runs; they remember where the last chunk of epochs ended.
 
     A run's readings do not depend on the block it is in, on how the epochs are split, or on which other sensors
     there are.
@@ -77,11 +77,11 @@ class SensorSuite:
         seen: tuple[Array, Array] | None = None,
         felt: Array | None = None,
     ) -> dict[str, Array]:
-        """Return what each sensor reads over the next stretch of epochs.
+        """Return what each sensor reads over the next chunk of epochs.
 
         Args:
-            truth: Epochs and true states of the stretch.
-            first_epoch: Number of its first epoch; stretches follow one another from epoch 0.
+            truth: Epochs and true states of the chunk.
+            first_epoch: Number of its first epoch; chunks follow one another from epoch 0.
             seen: States of chief and deputy, (runs or 1, K, 6), at the times at which a radar with latency looks, NaN
                 before the start; default: those of the epochs.
             felt: Specific force on both craft, as `TruthTrajectory.felt` gives it; accelerometers need it.
@@ -93,7 +93,7 @@ class SensorSuite:
             (runs, K, 6) two means of the specific force over the step before (m/s^2, RTN of the craft).
 
         Raises:
-            ValueError: The stretch does not follow the last one, or there are accelerometers and nothing is felt.
+            ValueError: The chunk does not follow the last one, or there are accelerometers and nothing is felt.
         """
         if first_epoch != self._next_epoch:
             raise ValueError(f"the next epoch to measure is {self._next_epoch}, not {first_epoch}")

@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.dynamics.augmentation.kinds import AccelerometerBiasOptions, Extension, extension
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
-from relnav_sim.models.extra_states import AccelerometerBiasOptions, Extension, extension
 from relnav_sim.results.block import ExtraStates
 from relnav_sim.sensors.accelerometer import Craft, constant_bias
 from relnav_sim.sensors.noise import BiasNoise, GaussMarkovNoise, NoisePart, noise_parts
-from relnav_sim.simulation.chunks import Stretch
+from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.start import radar_model
 from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.statistics.extra import ExtraAccumulator
@@ -68,11 +68,11 @@ class ExtraTrack:
         self._extra, self._config, self._source = extra, config, source
         self._accumulator = ExtraAccumulator(len(source.runs), rules, extra.names, extra.units)
 
-    def add(self, stretch: Stretch, history: FilterHistory, failed: NDArray[np.int64]) -> None:
-        """Count the next stretch; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_extra(self._extra, self._config, stretch.truth, self._source)
+    def add(self, chunk: Chunk, history: FilterHistory, failed: NDArray[np.int64]) -> None:
+        """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
+        truth = true_extra(self._extra, self._config, chunk.truth, self._source)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
-        self._accumulator.add(stretch.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
+        self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
     def result(self) -> ExtraStates:
         """Return the results over everything counted."""

@@ -15,21 +15,21 @@ from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
+from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.chief_segments import ChiefFollower, NominalChief
+from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.dynamics.known_thrust import KnownThrust
+from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
-from relnav_sim.models.chief_legs import ChiefFollower, NominalChief
-from relnav_sim.models.dynamics import Dynamics
-from relnav_sim.models.extra_states import Extension
-from relnav_sim.models.gp import GpOptions
-from relnav_sim.models.nonlinear_j2 import NonlinearJ2Dynamics
-from relnav_sim.models.thrust import KnownThrust
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import measurement_model
 from relnav_sim.simulation.augmented_states import ExtraTrack, extended_prior, extension_of, mounting_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.chief_followers import ChiefFollowers
-from relnav_sim.simulation.chunks import Stretch, stretches
+from relnav_sim.simulation.chunks import Chunk, chunks
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import radar_model, starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
@@ -74,17 +74,17 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     tracks: list[FilterTrack] = []
     times: list[Array] = []
     relative: list[Array] = []
-    for stretch in stretches(config, source):
+    for chunk in chunks(config, source):
         if not tracks:
-            prior = starting_belief(config, radar_model(config), stretch, source)
+            prior = starting_belief(config, radar_model(config), chunk, source)
             shared = Shared(ThrustInputs(config), ChiefFollowers(config, len(runs)))
             tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
         for track in tracks:
-            track.add(stretch)
-        stored = _stored(config, stretch)
-        times.append(stretch.truth.times_s[stored])
-        relative.append(stretch.truth.relative[:, stored])
-    fallen = dict(stretch.fallen)
+            track.add(chunk)
+        stored = _stored(config, chunk)
+        times.append(chunk.truth.times_s[stored])
+        relative.append(chunk.truth.relative[:, stored])
+    fallen = dict(chunk.fallen)
     if not config.truth.is_dispersed and fallen:
         fallen = dict.fromkeys(range(len(runs)), fallen[0])
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
@@ -217,22 +217,22 @@ class FilterTrack:
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
             self._belief = self._filter.start(own, source)
 
-    def add(self, stretch: Stretch) -> None:
-        """Filter the next stretch of measurements and count its errors, unless the filter is broken."""
+    def add(self, chunk: Chunk) -> None:
+        """Filter the next chunk of measurements and count its errors, unless the filter is broken."""
         if self.broken is not None:
             return
         with self._breaking_alone():
             begin = time.process_time() - self._chief_s()
-            history = self._advance(stretch)
+            history = self._advance(chunk)
             self._cpu_s += time.process_time() - self._chief_s() - begin
             self._steps += history.nis.size
-            error = history.mean[..., :6] - stretch.truth.relative
+            error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
             if self._extra is not None:
                 # A run whose extra states are lost has failed, though without a reading position may not show it yet.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
-                stretch.truth.times_s,
+                chunk.truth.times_s,
                 error,
                 covariance,
                 history.nis,
@@ -241,7 +241,7 @@ class FilterTrack:
                 {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
             )
             if self._extra is not None:
-                self._extra.add(stretch, history, self._errors.failed_epoch)
+                self._extra.add(chunk, history, self._errors.failed_epoch)
 
     def _chief_s(self) -> float:
         """Return the CPU time spent on the chief's orbit in this block, s; each filter that shares it pays all."""
@@ -260,17 +260,17 @@ class FilterTrack:
     def _reached(self, epoch: int) -> None:
         self._epoch = epoch
 
-    def _advance(self, stretch: Stretch) -> FilterHistory:
-        """Return the history over the stretch; epoch 0 is the prior, whose measurement belongs to the start."""
+    def _advance(self, chunk: Chunk) -> FilterHistory:
+        """Return the history over the chunk; epoch 0 is the prior, whose measurement belongs to the start."""
         forces = None
         if self._thrust is not None:
-            forces, noise = self._thrust_inputs.of(stretch, self._known, self._carries_bias)
-            self._thrust.take(forces, stretch.first_epoch, noise)
+            forces, noise = self._thrust_inputs.of(chunk, self._known, self._carries_bias)
+            self._thrust.take(forces, chunk.first_epoch, noise)
         if self._follower is not None:
-            self._follower.take(stretch.z["gnss"], stretch.first_epoch, forces)
-        z = stretch.inputs[self._input]
-        if stretch.first_epoch > 0:
-            self._belief, history = self._on(z, stretch.first_epoch)
+            self._follower.take(chunk.z["gnss"], chunk.first_epoch, forces)
+        z = chunk.inputs[self._input]
+        if chunk.first_epoch > 0:
+            self._belief, history = self._on(z, chunk.first_epoch)
             return history
         self._belief, history = self._on(z[:, 1:], 1)
         B = len(z)
@@ -315,7 +315,7 @@ def _explained(failures: Sequence[Failure], runs: Sequence[int], causes: Mapping
     return [replace(failure, reason=reasons.get(failure.run, failure.reason)) for failure in failures]
 
 
-def _stored(config: CaseConfig, stretch: Stretch) -> slice:
-    """Return which epochs of the stretch are stored: every n-th of the run, from its start."""
+def _stored(config: CaseConfig, chunk: Chunk) -> slice:
+    """Return which epochs of the chunk are stored: every n-th of the run, from its start."""
     every = config.clock.store_every
-    return slice(-stretch.first_epoch % every, None, every)
+    return slice(-chunk.first_epoch % every, None, every)

@@ -1,4 +1,4 @@
-"""Truth and measurements of a block of runs, in stretches of epochs that bound the memory."""
+"""Truth and measurements of a block of runs, in chunks of epochs that bound the memory."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
 Array = NDArray[np.float64]
 
-STRETCH_EPOCHS = 512
+CHUNK_EPOCHS = 512
 """Epochs simulated at a time. Fixed, so that sums over a run round alike whatever the block."""
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A stretch of epochs of one block.
+class Chunk:
+    """A chunk of epochs of one block.
 
     Attributes:
         first_epoch: Number of the first epoch.
@@ -61,8 +61,8 @@ class Simulation:
     inputs: Mapping[str, Array]
 
 
-def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
-    """Yield the truth and measurements of a block, a stretch of epochs at a time.
+def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
+    """Yield the truth and measurements of a block, a chunk of epochs at a time.
 
     Args:
         config: The case.
@@ -72,14 +72,14 @@ def stretches(config: CaseConfig, source: RandomSource) -> Iterator[Stretch]:
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
     latency_s = 0.0 if config.sensors.radar is None else config.sensors.radar.latency_s
-    for first in range(0, clock.epochs, STRETCH_EPOCHS):
-        epochs = np.arange(first, min(first + STRETCH_EPOCHS, clock.epochs))
+    for first in range(0, clock.epochs, CHUNK_EPOCHS):
+        epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         seen = _seen(trajectory, times_s, latency_s) if latency_s else None
         truth = trajectory.at(times_s)
         felt = None if config.sensors.accelerometer is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, seen, felt)
-        yield Stretch(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
+        yield Chunk(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
 
 
 def _seen(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
@@ -108,7 +108,7 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
     if not len(runs):
         raise ValueError("no runs are asked for")
     config = campaign.cases[case].config
-    parts = list(stretches(config, RandomSource(campaign.seed, tuple(runs))))
+    parts = list(chunks(config, RandomSource(campaign.seed, tuple(runs))))
 
     def joined(arrays: Sequence[Array]) -> Array:
         whole = np.concatenate(arrays, axis=1)

@@ -7,22 +7,22 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.models.radar import PolarRadar, first_fix
+from relnav_sim.measurements.spherical_radar import PolarRadar, first_fix
 from relnav_sim.sensors import radar_model as polar_radar
-from relnav_sim.simulation.chunks import Stretch
+from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
 
 
-def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Stretch, source: RandomSource) -> Gaussian:
+def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Chunk, source: RandomSource) -> Gaussian:
     """Return the prior of every run at epoch 0, mean (runs, 6) and covariance (runs, 6, 6).
 
     Args:
         config: The case.
         radar: The radar as filters know it; needed for a start at the first fix.
-        first: The first stretch of the block. The truth is used only to disperse a start around it.
+        first: The first chunk of the block. The truth is used only to disperse a start around it.
         source: Seed and numbers of the runs.
 
     A run whose radar has no measurement at epoch 0 gets NaN for a start at the first fix.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from relnav_sim.campaign.entries import FilterEntry, KnownThrust
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.models.thrust import kicks_of
+from relnav_sim.dynamics.known_thrust import kicks_of
 from relnav_sim.sensors.noise import noise_parts, white_variance
-from relnav_sim.simulation.chunks import Stretch
+from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
 
@@ -29,7 +29,7 @@ def known_thrust(entry: FilterEntry, config: CaseConfig) -> KnownThrust:
 
 
 class ThrustInputs:
-    """Forces and their uncertainty for the filters of a block, a stretch of epochs at a time.
+    """Forces and their uncertainty for the filters of a block, a chunk of epochs at a time.
 
     Args:
         config: The case.
@@ -41,24 +41,24 @@ class ThrustInputs:
         common = config.truth.execution_errors
         self._plan = [(planned(each), each.errors or common) for each in config.truth.manoeuvres.values()]
         self._gained: dict[str, Array] = {}
-        self._latest: Stretch | None = None
+        self._latest: Chunk | None = None
         self._inputs: dict[tuple[KnownThrust, bool], tuple[Array, Array | None]] = {}
 
-    def of(self, stretch: Stretch, known: KnownThrust, carries_bias: bool = False) -> tuple[Array, Array | None]:
+    def of(self, chunk: Chunk, known: KnownThrust, carries_bias: bool = False) -> tuple[Array, Array | None]:
         """Return forces and the covariance to add to Q, as `KnownThrust.take` wants them, shared by all filters.
 
         Args:
-            stretch: The epochs.
+            chunk: The epochs.
             known: What the filter is told.
             carries_bias: Whether it has the accelerometer's bias among its states: the covariance is then without it.
         """
-        if stretch is not self._latest:
-            # Stretches come in order, and what a burn has gained so far is carried on: each is measured just once.
-            self._latest = stretch
-            forces, noise = self._planned(stretch.truth.times_s)
+        if chunk is not self._latest:
+            # Chunks come in order, and what a burn has gained so far is carried on: each is measured just once.
+            self._latest = chunk
+            forces, noise = self._planned(chunk.truth.times_s)
             self._inputs = dict.fromkeys((("planned", False), ("planned", True)), (forces, noise))
             if self._config.sensors.accelerometer is not None:
-                forces, *noises = self._measured(stretch.z, forces)
+                forces, *noises = self._measured(chunk.z, forces)
                 self._inputs |= {("measured", without): (forces, noises[without]) for without in (False, True)}
         return self._inputs[known, carries_bias]
 

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.dynamics.cw import CwOptions
+from relnav_sim.dynamics.gp.dynamics import GpOptions, TrainingTrack
+from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
-from relnav_sim.models.cw import CwOptions
-from relnav_sim.models.dynamics import Dynamics
-from relnav_sim.models.gp import GpOptions, TrainingTrack
-from relnav_sim.models.process_noise import ProcessNoiseOptions
-from relnav_sim.models.radar import PolarRadar, first_fix
+from relnav_sim.measurements.spherical_radar import PolarRadar, first_fix
 from relnav_sim.sensors import measurement_model, radar_model
-from relnav_sim.simulation.chunks import stretches
+from relnav_sim.simulation.chunks import chunks
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import begun_earlier, nominal_chief
 
@@ -51,7 +51,7 @@ def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOp
     clock = config.clock.model_copy(update={"duration_s": duration_s})
     flown = config.model_copy(update={"clock": clock, "truth": begun_earlier(config.truth, duration_s)})
     orbit = nominal_chief(flown.truth)
-    flight = list(stretches(flown, RandomSource(seed, (TRAINING_RUN,))))
+    flight = list(chunks(flown, RandomSource(seed, (TRAINING_RUN,))))
     time_s = np.concatenate([part.truth.times_s for part in flight]) - duration_s
     if options.training == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)

@@ -101,7 +101,7 @@ def no_nees(runs: int) -> NeesSums:
 
 
 def nees_sums(nees: Array, counted: Mask, limits: Array) -> NeesSums:
-    """Return the sums over one stretch.
+    """Return the sums over one chunk.
 
     Args:
         nees: (3, runs, epochs), contiguous.
@@ -118,7 +118,7 @@ def nees_sums(nees: Array, counted: Mask, limits: Array) -> NeesSums:
 
 
 def merged_nees(a: NeesSums, b: NeesSums) -> NeesSums:
-    """Return the sums over two stretches together."""
+    """Return the sums over two chunks together."""
     return NeesSums(a.count + b.count, a.total + b.total, a.inside + b.inside)
 
 
@@ -158,7 +158,7 @@ def no_nis(runs: int) -> NisSums:
 
 
 def nis_sums(nis: Array, counted: Mask) -> NisSums:
-    """Return the sums over one stretch, (runs, epochs); NaN rows are epochs without a measurement."""
+    """Return the sums over one chunk, (runs, epochs); NaN rows are epochs without a measurement."""
     updated = counted & np.isfinite(nis)
     values = np.where(updated, nis, 0.0)
     runs, epochs = nis.shape
@@ -175,7 +175,7 @@ def nis_sums(nis: Array, counted: Mask) -> NisSums:
 
 
 def merged_nis(a: NisSums, b: NisSums) -> NisSums:
-    """Return the sums over two successive stretches together."""
+    """Return the sums over two successive chunks together."""
     none_before, none_after = a.moments.count == 0, b.moments.count == 0
     border = np.where(none_before | none_after, 0.0, a.last * b.first)
     return NisSums(

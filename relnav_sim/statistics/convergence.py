@@ -39,7 +39,7 @@ class Convergence:
         self._last_above = np.zeros(runs, dtype=np.int64)
 
     def add(self, r: Array) -> None:
-        """Count a stretch of position errors (runs, epochs), m; infinite where the run has failed."""
+        """Count a chunk of position errors (runs, epochs), m; infinite where the run has failed."""
         epochs = r.shape[1]
         above = r >= self._threshold
         last = epochs - np.argmax(above[:, ::-1], axis=1)

@@ -55,7 +55,7 @@ def far_beyond_bound(r: Array, time_s: Array, bound_m: Array) -> Mask:
     Args:
         r: Position error at the stored epochs (runs, K), m; NaN once a run has failed.
         time_s: The stored epochs (K,), s.
-        bound_m: Bound of its root mean square (K,), m; an epoch without one (NaN) ends a stretch.
+        bound_m: Bound of its root mean square (K,), m; an epoch without one (NaN) ends a chunk.
     """
     lost = np.zeros(len(r), dtype=bool)
     since = np.full(len(r), np.inf)

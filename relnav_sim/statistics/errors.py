@@ -1,7 +1,7 @@
 """Per-run statistics at full rate, gathered while a block of runs is simulated.
 
 Everything is kept per run and computed by itself per run: any split of the runs into blocks gives the same bits,
-as long as the stretches of epochs are the same.
+as long as the chunks of epochs are the same.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class _SpanSums:
 
 
 class ErrorAccumulator:
-    """Takes successive stretches of a block's estimates and gives the filter's results at the end.
+    """Takes successive chunks of a block's estimates and gives the filter's results at the end.
 
     Args:
         runs: Number of runs in the block.
@@ -122,10 +122,10 @@ class ErrorAccumulator:
         extras: Mapping[str, Array] | None = None,
         stated: Mapping[int, tuple[int, str]] | None = None,
     ) -> None:
-        """Count the next stretch of epochs. The start (epoch 0) may be given; it is stored but not counted.
+        """Count the next chunk of epochs. The start (epoch 0) may be given; it is stored but not counted.
 
         Args:
-            times_s: (K,), s; continues where the last stretch ended, the first begins at epoch 0 or 1.
+            times_s: (K,), s; continues where the last chunk ended, the first begins at epoch 0 or 1.
             error: Estimate minus truth, RTN, (runs, K, 6), m and m/s.
             covariance: What the filter states, (runs, K, 6, 6).
             nis: Normalised innovation squared (runs, K); NaN without a measurement.
@@ -134,7 +134,7 @@ class ErrorAccumulator:
             stated: Epoch and reason of the failures that the filter itself states, by the run's place in the block.
 
         Raises:
-            ValueError: The stretch does not continue the last one, or shapes do not fit.
+            ValueError: The chunk does not continue the last one, or shapes do not fit.
         """
         first = self._advance(times_s, error, covariance)
         shape = error.shape[:2]
@@ -209,10 +209,10 @@ class ErrorAccumulator:
             raise ValueError(f"error {error.shape} and covariance {covariance.shape} for {runs} runs, {K} epochs")
         first = round(float(times_s[0]) / self.rules.step_s)
         if first not in ((0, 1) if self._next_epoch is None else (self._next_epoch,)):
-            raise ValueError(f"the stretch begins at epoch {first}, not at {self._next_epoch or 'the start'}")
+            raise ValueError(f"the chunk begins at epoch {first}, not at {self._next_epoch or 'the start'}")
         self._next_epoch = first + K
         if self._next_epoch > self.rules.epochs:
-            raise ValueError(f"the stretch ends beyond the run's {self.rules.epochs} epochs")
+            raise ValueError(f"the chunk ends beyond the run's {self.rules.epochs} epochs")
         return first
 
     def _find_failures(

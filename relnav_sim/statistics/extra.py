@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class ExtraAccumulator:
-    """Takes successive stretches of a block's estimates of e extra states and gives their results at the end.
+    """Takes successive chunks of a block's estimates of e extra states and gives their results at the end.
 
     Args:
         runs: Number of runs in the block.
@@ -38,10 +38,10 @@ class ExtraAccumulator:
         }
 
     def add(self, first_epoch: int, estimate: Array, truth: Array, variance: Array, failed: NDArray[np.int64]) -> None:
-        """Count the next stretch of epochs; the start (epoch 0) is stored but not counted.
+        """Count the next chunk of epochs; the start (epoch 0) is stored but not counted.
 
         Args:
-            first_epoch: Number of the stretch's first epoch.
+            first_epoch: Number of the chunk's first epoch.
             estimate: (runs, K, e).
             truth: (runs or 1, K, e); NaN where it is not known.
             variance: What the filter states, (runs, K, e).

@@ -1,4 +1,4 @@
-"""Mean, spread and largest value of successive stretches of epochs, without a pass back over them."""
+"""Mean, spread and largest value of successive chunks of epochs, without a pass back over them."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def no_moments(quantities: int, runs: int) -> Moments:
 
 
 def moments(values: Array, counted: Mask) -> Moments:
-    """Return the moments of one stretch.
+    """Return the moments of one chunk.
 
     Sums run over the last axis of contiguous arrays: NumPy then adds each run's epochs in an order that depends
     on their number alone, so a run's bits are the same in any block.
@@ -72,7 +72,7 @@ def moments(values: Array, counted: Mask) -> Moments:
 
 
 def merged(a: Moments, b: Moments) -> Moments:
-    """Return the moments of two successive stretches together (Chan, Golub and LeVeque 1983, eq. 2.1)."""
+    """Return the moments of two successive chunks together (Chan, Golub and LeVeque 1983, eq. 2.1)."""
     count = a.count + b.count
     total = np.maximum(count, 1)
     shift = b.mean - a.mean

@@ -59,7 +59,7 @@ def propagate(
 
 
 class DenseTrajectory:
-    """Orbits that can be evaluated at any time, stretch by stretch; arguments as in `propagate`.
+    """Orbits that can be evaluated at any time, chunk by chunk; arguments as in `propagate`.
 
     A `schedule` says when the orbits' thrust changes; the state at that instant is the one after the change. An orbit
     ends where it goes below `surface_m`, m from the centre; None for no surface.

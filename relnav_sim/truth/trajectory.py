@@ -41,7 +41,7 @@ class Truth:
 
 
 class TruthTrajectory:
-    """The truth of a block of runs, evaluated a stretch of epochs at a time.
+    """The truth of a block of runs, evaluated a chunk of epochs at a time.
 
     Attributes:
         force: The force model of both craft.

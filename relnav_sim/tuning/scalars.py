@@ -13,7 +13,7 @@ from relnav_sim.campaign.entries import FilterEntry, entry_from
 from relnav_sim.campaign.models import TuneObjective
 from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
 from relnav_sim.campaign.problems import Path, dotted, no_such, quoted
-from relnav_sim.models.gp import GpOptions
+from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.options import Options, Tunable
 
 DIGITS = 3

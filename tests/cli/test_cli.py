@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 from relnav_sim.campaign import load_campaign
 from relnav_sim.campaign.schema import schema_text
 from relnav_sim.cli.app import COMMANDS, app
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.models.registry import dynamics_kinds
 from relnav_sim.sensors import sensor_kinds
 from relnav_sim.sensors.noise import noise_kinds
 

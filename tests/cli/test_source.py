@@ -13,7 +13,7 @@ from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.cli.app import app
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.source import newest_result, readable
-from relnav_sim.runner.folder import shard_folder
+from relnav_sim.runner.shard_folder import shard_folder
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.models.dynamics import Step
-from relnav_sim.models.process_noise import ProcessNoiseOptions
-from relnav_sim.models.registry import dynamics_kinds
+from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
+from relnav_sim.dynamics.registry import dynamics_kinds
 
 ORBIT = ChiefOrbit(7.2e6, 0.02, 0.9, 0.3, 0.4, 0.5, 3.986004418e14, 6378137.0, 1.08262668e-3)
 NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)

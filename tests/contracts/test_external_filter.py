@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "docs" / "example-filter"
+EXAMPLE = ROOT / "examples" / "filter"
 PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))
 [(NAME, MODULE)] = PROJECT["project"]["entry-points"]["relnav.filters"].items()
 

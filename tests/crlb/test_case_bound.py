@@ -6,11 +6,11 @@ import numpy as np
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.crlb.case_bound import case_bound, failed_bound
+from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.process_noise import process_noise_matrix
 from relnav_sim.filters import registry
 from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.filters.kalman import GaussianFilterOptions
-from relnav_sim.models.cw import cw_system, cw_transition
-from relnav_sim.models.process_noise import process_noise_matrix
 from relnav_sim.results.bound import write_bound
 from relnav_sim.runner.bound_task import bound_tasks
 from relnav_sim.sensors import SensorSuite, filter_inputs, measurement_model, reading_probability

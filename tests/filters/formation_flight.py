@@ -8,8 +8,8 @@ import numpy as np
 
 from relnav_sim import ForceModel, LinearDynamics, eci_from_rtn, propagate, rtn_from_eci
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.models.cw import cw_transition
-from relnav_sim.models.gp_fit import Transitions, fit_gp_dynamics
+from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
 
 MU = 398600.4e9
 ORBIT = ChiefOrbit(7e6, 0.0, np.pi / 6, np.pi / 4, np.pi / 6, 0.0, MU, 6378137.0, 1.08263e-3)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim import FunctionMeasurement, LinearDynamics
-from relnav_sim.models.cw import cw_system
-from relnav_sim.models.process_noise import van_loan
+from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.process_noise import van_loan
 
 MEAN_MOTION = 1.078e-3
 SIGMAS = np.array([4.0, 1.2e-3, 1.2e-3])

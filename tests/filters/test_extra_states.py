@@ -7,12 +7,13 @@ import pytest
 from scipy.stats import chi2
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
+from relnav_sim.dynamics.augmentation.kinds import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions, extension
+from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.models.augmented import AdditiveBias, AugmentedDynamics, AugmentedMeasurement
-from relnav_sim.models.cw import cw_system, cw_transition
-from relnav_sim.models.extra_states import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions, extension
-from relnav_sim.models.process_noise import van_loan
-from relnav_sim.models.radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
+from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 KINDS = sorted(filter_kinds())
 CONSIDERING = sorted(kind for kind, known in filter_kinds().items() if known.considers)

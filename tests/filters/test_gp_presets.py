@@ -5,8 +5,8 @@ from radar_problem import polar, polar_jacobian
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, create_filter, run_filter
 from relnav_sim.campaign.entries import entry_from
+from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.models.gp import GpOptions
 
 SIGMAS = np.array([0.1 / 3, np.radians(0.05 / 3), np.radians(0.05 / 3)])
 MEASUREMENT = FunctionMeasurement(polar, np.diag(SIGMAS**2), polar_jacobian, angles=(1, 2))

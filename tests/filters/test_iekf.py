@@ -3,8 +3,8 @@ import pytest
 from scipy.optimize import minimize
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 STILL = LinearDynamics(np.eye(3), np.zeros((3, 3)))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.components import Linearised, predictive_nis
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 0.5], [0.5, 1.0]])

@@ -4,11 +4,11 @@ from radar_problem import polar, radar_problem
 from scipy import stats
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.cloud import log_likelihood, moments, square_root, standard_normals
 from relnav_sim.filters.particle import power_that_leaves_half, tempered_ess
 from relnav_sim.filters.resampling import draw_ancestors, effective_sample_size
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 SCHEMES = ("systematic", "stratified", "residual")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
-from relnav_sim.models.measurement import MeasurementDefaults
+from relnav_sim.measurements.interface import MeasurementDefaults
 
 F, Q = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.array([[1 / 3, 0.5], [0.5, 1.0]])
 Z = np.random.default_rng(1).normal(5, 1, (3, 20, 1))

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.smoother import smooth
-from relnav_sim.models.dynamics import Step
 
 RUNS, EPOCHS, N = 3, 25, 4
 

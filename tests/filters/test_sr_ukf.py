@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 F = np.kron(np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2))

@@ -4,8 +4,8 @@ from radar_problem import polar, polar_jacobian, radar_problem
 from scipy import stats
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.models.dynamics import Step
 from relnav_sim.streams import RandomSource
 
 F = np.array([[1.0, 1.0], [0.0, 1.0]])

@@ -11,7 +11,7 @@ import pytest
 
 from relnav_sim.results.atomic import remove_temporaries, written_whole
 from relnav_sim.results.block import RefusedError
-from relnav_sim.runner.folder import shard_folder, working_folder
+from relnav_sim.runner.shard_folder import shard_folder, working_folder
 
 
 @pytest.mark.parametrize("exists", [True, False])

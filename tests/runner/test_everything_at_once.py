@@ -14,11 +14,11 @@ import yaml
 
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.dynamics import registry as dynamics_registry
+from relnav_sim.dynamics.cw import CwOptions
 from relnav_sim.filters import registry
 from relnav_sim.filters.alpha_kf import AlphaKalmanFilter
 from relnav_sim.filters.ekf import ExtendedKalmanFilter
-from relnav_sim.models import registry as dynamics_registry
-from relnav_sim.models.cw import CwOptions
 from relnav_sim.results import layout, seal
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.changes import changed_keys

@@ -11,8 +11,8 @@ from small_campaign import assert_same_bits
 from relnav_sim import run_campaign
 from relnav_sim.results import seal
 from relnav_sim.results.block import RefusedError, ResultsError
-from relnav_sim.runner.folder import shard_folder
 from relnav_sim.runner.merging import merge_results
+from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.single import run_single
 
 PARTS = 3

@@ -11,9 +11,9 @@ import pytest
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.results.block import RefusedError, ResultsError
-from relnav_sim.runner.folder import HEADER, shard_folder
 from relnav_sim.runner.merging import merge_results
 from relnav_sim.runner.sessions import SESSIONS, end_session, past_sessions, provenance_of
+from relnav_sim.runner.shard_folder import HEADER, shard_folder
 from relnav_sim.runner.unfinished import results_so_far
 
 

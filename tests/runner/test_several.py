@@ -9,9 +9,9 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.crlb.case_bound import failed_bound
 from relnav_sim.results.block import RefusedError
 from relnav_sim.runner import compute, job, several
-from relnav_sim.runner.folder import working_folder
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.several import run_campaigns
+from relnav_sim.runner.shard_folder import working_folder
 
 
 def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):

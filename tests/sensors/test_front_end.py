@@ -155,10 +155,10 @@ def test_polar_and_cartesian_tell_the_same(scene):
     sight = np.stack(sight_vector(*np.moveaxis(inputs["polar"], -1, 0)), axis=-1)
     nadir = sight @ mounting_matrix(*mounting)
     plain = np.stack([-nadir[..., 2], nadir[..., 0], -nadir[..., 1]], axis=-1)
-    stretch = np.linalg.norm(inputs["cartesian"], axis=-1) / np.linalg.norm(plain, axis=-1)
+    chunk = np.linalg.norm(inputs["cartesian"], axis=-1) / np.linalg.norm(plain, axis=-1)
     single = np.exp(np.radians(1.0) ** 2 / 2)
-    assert (stretch > single * (1 - 1e-9)).all()
-    assert (stretch < single**2 * (1 + 1e-9)).all()
+    assert (chunk > single * (1 - 1e-9)).all()
+    assert (chunk < single**2 * (1 + 1e-9)).all()
 
 
 def test_no_radar_no_inputs(scene):

@@ -30,9 +30,9 @@ EXAMPLES = {
 }
 
 
-def sample(parts, runs=200, epochs=500, channels=3, step_s=0.2, seed=7, stretches=None):
+def sample(parts, runs=200, epochs=500, channels=3, step_s=0.2, seed=7, chunks=None):
     noise = Noise(parts, "radar", RandomSource(seed, tuple(range(runs))), channels, step_s)
-    ends = np.cumsum(stretches or [epochs])
+    ends = np.cumsum(chunks or [epochs])
     times = np.arange(ends[-1]) * step_s
     return np.concatenate([noise.sample(part) for part in np.split(times, ends[:-1])], axis=1)
 
@@ -47,10 +47,10 @@ def test_every_registered_kind_has_an_example():
 
 
 @pytest.mark.parametrize("kind", EXAMPLES)
-def test_bits_do_not_depend_on_stretches_or_block(kind):
+def test_bits_do_not_depend_on_chunks_or_block(kind):
     parts = [EXAMPLES[kind]]
-    whole = sample(parts, runs=5, stretches=[300])
-    assert np.array_equal(whole, sample(parts, runs=5, stretches=[1, 2, 97, 200]), equal_nan=True)
+    whole = sample(parts, runs=5, chunks=[300])
+    assert np.array_equal(whole, sample(parts, runs=5, chunks=[1, 2, 97, 200]), equal_nan=True)
     for runs in ((3,), (4, 1)):
         noise = Noise(parts, "radar", RandomSource(7, runs), 3, 0.2)
         alone = noise.sample(np.arange(300) * 0.2)

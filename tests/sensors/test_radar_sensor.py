@@ -12,11 +12,11 @@ from relnav_sim.sensors import SensorSuite
 TINY = {"range_sigma_m": 1e-9, "angle_sigma_deg": 1e-12}
 
 
-def read(scene, relative, epochs=64, runs=2, stretch=None, **radar):
+def read(scene, relative, epochs=64, runs=2, chunk=None, **radar):
     """Readings of a radar without noise worth mentioning, unless the options say otherwise."""
     options = scene.sensors(radar={**TINY, **radar})
     suite = SensorSuite(options, scene.source(runs), scene.STEP_S)
-    lengths = [stretch] * (epochs // stretch) if stretch else [epochs]
+    lengths = [chunk] * (epochs // chunk) if chunk else [epochs]
     firsts = np.cumsum([0, *lengths[:-1]])
     parts = [
         suite.measure(scene.truth(relative, n, int(k)), int(k))["radar"] for k, n in zip(firsts, lengths, strict=True)
@@ -102,11 +102,11 @@ def test_field_of_view_and_tracking(scene):
     np.testing.assert_allclose(tracking[:, 0, 2], ups, atol=1e-9)
 
 
-@pytest.mark.parametrize("stretch", [None, 7])
-def test_period(scene, stretch):
+@pytest.mark.parametrize("chunk", [None, 7])
+def test_period(scene, chunk):
     """Readings at whole numbers of periods from time zero, the same numbers as without a period."""
     options = {"range_sigma_m": 4.0, "angle_sigma_deg": 0.1}
-    z = read(scene, [0.0, 1000.0, 0.0], 63, stretch=stretch, period_s=1.0, **options)
+    z = read(scene, [0.0, 1000.0, 0.0], 63, chunk=chunk, period_s=1.0, **options)
     every = read(scene, [0.0, 1000.0, 0.0], 63, **options)
     due = np.arange(63) % 5 == 0
     assert np.isnan(z[:, ~due]).all()

@@ -40,7 +40,7 @@ def simulate(scene, options, runs, places, lengths=(EPOCHS,)):
 
 
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_bits_do_not_depend_on_block_or_stretches(scene, carrier):
+def test_bits_do_not_depend_on_block_or_chunks(scene, carrier):
     options = everything(scene, carrier)
     runs = [0, 1, 2, 3, 4]
     whole = simulate(scene, options, runs, relative(runs))
@@ -71,7 +71,7 @@ def test_sensors_do_not_disturb_each_other(scene):
     np.testing.assert_array_equal(radar["radar"], whole["radar"])
 
 
-def test_stretches_must_follow_each_other(scene):
+def test_chunks_must_follow_each_other(scene):
     suite = SensorSuite(everything(scene), scene.source(1), scene.STEP_S)
     suite.measure(scene.truth([0.0, 1000.0, 0.0], 4), 0)
     with pytest.raises(ValueError, match="next epoch to measure is 4, not 8"):

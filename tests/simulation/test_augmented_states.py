@@ -8,7 +8,7 @@ from small_campaign import TEXT
 from relnav_sim import CampaignError, load_campaign
 from relnav_sim.simulation.augmented_states import extended_prior, extension_of, true_extra
 from relnav_sim.simulation.block import simulate_block
-from relnav_sim.simulation.chunks import stretches
+from relnav_sim.simulation.chunks import chunks
 from relnav_sim.simulation.start import radar_model, starting_belief
 from relnav_sim.streams import RandomSource
 
@@ -31,7 +31,7 @@ def test_the_first_fix_is_as_wrong_as_the_biases_make_it(tmp_path):
     config = campaign(tmp_path, entry).cases[0].config
     extra = extension_of(config.filters["ekf"], config)
     source = RandomSource(5, tuple(range(runs)))
-    first = next(iter(stretches(config, source)))
+    first = next(iter(chunks(config, source)))
     b = extra.sigma * rng.standard_normal((runs, 3))
     z = first.inputs["polar"].copy()
     z += b[:, None]
@@ -140,7 +140,7 @@ def test_true_values_where_they_are_known(tmp_path):
 
     def true_values(text):
         config = campaign(tmp_path, entry, text).cases[0].config
-        first = next(iter(stretches(config, RandomSource(5, (0, 1)))))
+        first = next(iter(chunks(config, RandomSource(5, (0, 1)))))
         extra = extension_of(config.filters["ekf"], config)
         return true_extra(extra, config, first.truth, RandomSource(5, (0, 1))), first.truth, config
 

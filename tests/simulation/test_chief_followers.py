@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.campaign.load import parse_campaign
-from relnav_sim.models import chief_legs, nonlinear_j2
+from relnav_sim.dynamics import chief_segments, nonlinear_j2
 from relnav_sim.runner.work import with_filters
 from relnav_sim.simulation.block import simulate_block
 
@@ -52,20 +52,20 @@ def test_shared_estimates_change_no_bit(case, monkeypatch):
 
 @pytest.mark.parametrize("gnss", [True, False])
 def test_whoever_shares_the_chief_is_charged_all_of_it(case, monkeypatch, gnss):
-    """By a clock that stands still but for a second whenever legs are computed."""
-    clock, real = [0.0], chief_legs.chief_legs
+    """By a clock that stands still but for a second whenever segments are computed."""
+    clock, real = [0.0], chief_segments.chief_segments
 
     def slow(*args):
         clock[0] += 1
         return real(*args)
 
-    monkeypatch.setattr(chief_legs, "chief_legs", slow)
+    monkeypatch.setattr(chief_segments, "chief_segments", slow)
     monkeypatch.setattr(time, "process_time", lambda: clock[0])
     if not gnss:
         sensors = case.config.sensors.model_copy(update={"gnss": None})
         case = replace(case, config=case.config.model_copy(update={"sensors": sensors}))
     for names in (["wide"], ["narrow", "wide", "ukf"]):
-        chief_legs.shared_nominal_chief.cache_clear()
+        chief_segments.shared_nominal_chief.cache_clear()
         before = clock[0]
         found = simulate_block(with_filters(case, names), 1, [3, 4]).result.filters
         seconds = clock[0] - before

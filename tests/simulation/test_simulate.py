@@ -45,7 +45,7 @@ def test_cases_share_their_random_numbers(campaign):
 
 def test_the_length_of_a_stretch_does_not_show(campaign, monkeypatch):
     whole = simulate(campaign(), case=1, runs=range(2))
-    monkeypatch.setattr(module, "STRETCH_EPOCHS", 7)
+    monkeypatch.setattr(module, "CHUNK_EPOCHS", 7)
     pieces = simulate(campaign(), case=1, runs=range(2))
     for name, z in whole.inputs.items():
         assert np.array_equal(z, pieces.inputs[name], equal_nan=True)
@@ -54,7 +54,7 @@ def test_the_length_of_a_stretch_does_not_show(campaign, monkeypatch):
 
 def test_without_dispersions_all_runs_share_one_truth(campaign):
     parsed = campaign("truth.dispersions={}")
-    stretch = next(module.stretches(parsed.cases[0].config, RandomSource(parsed.seed, (0, 1, 2))))
-    assert stretch.truth.relative.shape[0] == 1
+    chunk = next(module.chunks(parsed.cases[0].config, RandomSource(parsed.seed, (0, 1, 2))))
+    assert chunk.truth.relative.shape[0] == 1
     simulation = simulate(parsed, runs=range(3))
     assert np.array_equal(simulation.relative[0], simulation.relative[2])

@@ -8,7 +8,7 @@ import pytest
 from relnav_sim import open_results, run_campaign, simulate
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.campaign.manoeuvres import manoeuvre_times
-from relnav_sim.simulation.chunks import stretches
+from relnav_sim.simulation.chunks import chunks
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
 
@@ -118,10 +118,10 @@ def test_measured_thrust_falls_back_on_the_plan():
     outage = {**ACCELEROMETER, "carrier": "deputy", "deadband_m_s2": 0.0}
     outage["noise"] = [{"kind": "gaussian"}, {"kind": "outage", "windows_s": [[95, 105]]}]
     config = campaign({"kf": {"kind": "kf"}}, accelerometer=outage).cases[0].config
-    stretch = next(stretches(config, RandomSource(1, (0, 1))))
+    chunk = next(chunks(config, RandomSource(1, (0, 1))))
     inputs = ThrustInputs(config)
-    planned, _ = inputs.of(stretch, "planned")
-    measured, noise = inputs.of(stretch, "measured")
+    planned, _ = inputs.of(chunk, "planned")
+    measured, noise = inputs.of(chunk, "measured")
     np.testing.assert_array_equal(measured[:, :, 0], np.repeat(planned[:, :, 0], 2, axis=0))
     np.testing.assert_array_equal(measured[:, 95:105, 1], np.repeat(planned[:, 95:105, 1], 2, axis=0))
     assert np.abs(measured[:, 160, 1, 0] - planned[0, 160, 1, 0]).max() < 1e-3

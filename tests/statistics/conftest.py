@@ -43,11 +43,11 @@ def draw(runs: int, epochs: int, seed: int = 0) -> Estimates:
     return Estimates(error, covariance, nis, np.where(np.isnan(nis), 0.0, -nis / 2))
 
 
-def accumulate(estimates: Estimates, rules: ScoringRules, stretch: int = 64) -> ErrorAccumulator:
+def accumulate(estimates: Estimates, rules: ScoringRules, chunk: int = 64) -> ErrorAccumulator:
     runs, epochs = estimates.nis.shape
     accumulator = ErrorAccumulator(runs, rules)
-    for start in range(0, epochs, stretch):
-        part = estimates.part(slice(None), slice(start, start + stretch))
+    for start in range(0, epochs, chunk):
+        part = estimates.part(slice(None), slice(start, start + chunk))
         times = rules.step_s * (1 + start + np.arange(part.nis.shape[1]))
         extras = {"rejected": np.where(np.isnan(part.nis), np.nan, part.nis > 5), "nis": part.nis}
         accumulator.add(times, part.error, part.covariance, part.nis, part.log_likelihood, extras)
@@ -55,7 +55,7 @@ def accumulate(estimates: Estimates, rules: ScoringRules, stretch: int = 64) -> 
 
 
 class Accumulate(Protocol):
-    def __call__(self, estimates: Estimates, rules: ScoringRules, stretch: int = 64) -> ErrorAccumulator: ...
+    def __call__(self, estimates: Estimates, rules: ScoringRules, chunk: int = 64) -> ErrorAccumulator: ...
 
 
 @pytest.fixture

@@ -15,16 +15,16 @@ def _search(r: np.ndarray, threshold: float, hold: int) -> float:
 
 
 @pytest.mark.parametrize("hold", [0, 1, 5, 40, 199, 200, 500])
-@pytest.mark.parametrize("stretch", [1, 7, 64, 200])
-def test_against_a_search(hold: int, stretch: int) -> None:
+@pytest.mark.parametrize("chunk", [1, 7, 64, 200])
+def test_against_a_search(hold: int, chunk: int) -> None:
     rng = np.random.default_rng(hold)
     r = np.exp(rng.standard_normal((30, 200)) * 0.5 + np.linspace(4, rng.uniform(-3, 4, 30), 200).T)
     r[3, 120:] = np.inf
     r[4] = 0.5
     r[5] = 0.0
     streaming = Convergence(30, 2.0, hold)
-    for start in range(0, 200, stretch):
-        streaming.add(r[:, start : start + stretch])
+    for start in range(0, 200, chunk):
+        streaming.add(r[:, start : start + chunk])
     np.testing.assert_array_equal(streaming.below_threshold(), [_search(row, 2.0, hold) for row in r])
     thresholds = rng.uniform(0.5, 50, 30)
     found = streaming.below(thresholds)

@@ -25,10 +25,10 @@ def _plain(error, span):
     return np.concatenate([part, np.stack(norms, axis=-1)], axis=-1)
 
 
-@pytest.mark.parametrize("stretch", [1, 64, 300])
-def test_against_plain_numpy(draw_estimates, accumulated, stretch) -> None:
+@pytest.mark.parametrize("chunk", [1, 64, 300])
+def test_against_plain_numpy(draw_estimates, accumulated, chunk) -> None:
     one = draw_estimates(4, EPOCHS - 1)
-    summary = accumulated(one, RULES, stretch).result(cpu_us_per_step=1.5).summary
+    summary = accumulated(one, RULES, chunk).result(cpu_us_per_step=1.5).summary
     nees = {
         block: np.einsum(
             "bki,bki->bk",
@@ -101,12 +101,12 @@ def test_any_split_of_the_runs_gives_the_same_bits(draw_estimates, accumulated, 
     if data.draw(st.booleans()):
         one.error[3, 140, 2] = np.nan
         one.covariance[4, 20] -= 100 * np.eye(6)
-    stretch = data.draw(st.sampled_from([17, 128, 300]))
-    whole = _everything(accumulated(one, RULES, stretch).result())
+    chunk = data.draw(st.sampled_from([17, 128, 300]))
+    whole = _everything(accumulated(one, RULES, chunk).result())
     cuts = sorted(data.draw(st.sets(st.integers(1, runs - 1))))
     blocks = [list(range(a, b)) for a, b in zip([0, *cuts], [*cuts, runs], strict=True)]
     for block in [*blocks, *[[run] for run in range(runs)]]:
-        part = _everything(accumulated(one.part(block), RULES, stretch).result())
+        part = _everything(accumulated(one.part(block), RULES, chunk).result())
         assert part.keys() == whole.keys()
         for name, array in part.items():
             assert array.tobytes() == np.ascontiguousarray(whole[name][block]).tobytes(), (name, block)
@@ -145,17 +145,17 @@ def test_memory_order_of_the_input_does_not_show(draw_estimates, accumulated, sa
     same_bits(accumulated(one, RULES).result(), accumulated(turned, RULES).result())
 
 
-@pytest.mark.parametrize("stretch", [50, 300])
-def test_failures_end_their_own_run_only(draw_estimates, accumulated, stretch) -> None:
+@pytest.mark.parametrize("chunk", [50, 300])
+def test_failures_end_their_own_run_only(draw_estimates, accumulated, chunk) -> None:
     one = draw_estimates(6, EPOCHS - 1)
-    clean = accumulated(one, RULES, stretch).result().arrays()
+    clean = accumulated(one, RULES, chunk).result().arrays()
     one.error[1, 149, 4] = np.nan
     one.covariance[2, 149, 3, 3] = np.inf
     one.covariance[3, 149] -= 1e4 * np.eye(6)
     one.error[3, 151] = np.inf
     one.error[4, :] = np.inf
     with np.errstate(all="raise"):
-        accumulator = accumulated(one, RULES, stretch)
+        accumulator = accumulated(one, RULES, chunk)
         result = accumulator.result()
     assert accumulator.failed_epoch.tolist() == [-1, 150, 150, 150, 1, -1]
     assert accumulator.failures("ekf", range(10, 16)) == (
@@ -196,7 +196,7 @@ def test_the_settled_span_begins_at_the_first_epoch_not_before_settle_s(settle_s
     assert dataclasses.replace(RULES, settle_s=settle_s).settled_epoch == epoch
 
 
-def test_stretches_must_continue_and_fit(draw_estimates) -> None:
+def test_chunks_must_continue_and_fit(draw_estimates) -> None:
     one = draw_estimates(2, 10)
     arrays = (one.error, one.covariance, one.nis, one.log_likelihood)
     accumulator = ErrorAccumulator(2, dataclasses.replace(RULES, epochs=15))

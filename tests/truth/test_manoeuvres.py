@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 from relnav_sim.astro.orbits import elements_from_state
-from relnav_sim.models.cw import cw_transition
+from relnav_sim.dynamics.cw import cw_transition
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import TruthOptions, truth_trajectory
 from relnav_sim.truth.manoeuvres import ManoeuvreOptions
@@ -54,7 +54,7 @@ def kicked(state, delta_v):
 
 
 def brute_force(state, duration_s, force, ballistic, acceleration=(0, 0, 0)):
-    """Return the state after a leg of constant thrust in its own turning axes: scipy's DOP853 with short steps."""
+    """Return the state after a segment of constant thrust in its own turning axes: scipy's DOP853 with short steps."""
 
     def slope(t, y):
         thrust = kicked(y, np.array(acceleration))[3:] - y[3:]
@@ -130,13 +130,13 @@ def test_the_error_falls_with_the_tolerance_as_without_thrust(orbits):
     assert errors[3] < 2e-6
 
 
-def test_bits_depend_neither_on_the_block_nor_on_the_stretches():
+def test_bits_depend_neither_on_the_block_nor_on_the_chunks():
     times = np.arange(0, 3001, 7.0)
     whole = trajectory(MIXED, runs=range(9), execution_errors=ERRORS).at(times)
     part = trajectory(MIXED, runs=[7, 2], execution_errors=ERRORS)
-    stretches = [part.at(times[k : k + 50]) for k in range(0, len(times), 50)]
+    chunks = [part.at(times[k : k + 50]) for k in range(0, len(times), 50)]
     for name in ("chief", "deputy", "relative"):
-        joined = np.concatenate([getattr(stretch, name) for stretch in stretches], axis=1)
+        joined = np.concatenate([getattr(chunk, name) for chunk in chunks], axis=1)
         assert np.array_equal(joined, getattr(whole, name)[[7, 2]])
     again = part.at(times[20:30])  # back before manoeuvres: integrated anew, with the same bits
     assert np.array_equal(again.deputy, whole.deputy[[7, 2], 20:30])

@@ -119,7 +119,7 @@ def test_bits_of_a_time_do_not_depend_on_the_other_times(orbits):
         assert np.array_equal(propagate(states, times[some], force, 0.01), whole[:, some])
 
 
-def test_stretches_are_the_whole_and_going_back_gives_the_same_bits(orbits):
+def test_chunks_are_the_whole_and_going_back_gives_the_same_bits(orbits):
     states, force, times = mixed_batch(orbits), orbits.force(), np.arange(0, 20_000, 10.0)
     whole = propagate(states, times, force, 0.01)
     trajectory = DenseTrajectory(states, force, 0.01)

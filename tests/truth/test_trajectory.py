@@ -54,14 +54,14 @@ def test_without_dispersions_all_runs_share_one_truth():
     assert not truth_options().is_dispersed
 
 
-def test_a_runs_truth_does_not_depend_on_the_block_or_the_stretch():
+def test_a_runs_truth_does_not_depend_on_the_block_or_the_chunk():
     times = np.arange(0, 3000, 20.0)
     whole = trajectory(range(6), dispersions=EVERYTHING).at(times)
     assert truth_options(dispersions=EVERYTHING).is_dispersed
     part = trajectory([4, 2], dispersions=EVERYTHING)
-    stretches = [part.at(times[k : k + 40]) for k in range(0, len(times), 40)]
+    chunks = [part.at(times[k : k + 40]) for k in range(0, len(times), 40)]
     for name in ("chief", "deputy", "relative"):
-        joined = np.concatenate([getattr(stretch, name) for stretch in stretches], axis=1)
+        joined = np.concatenate([getattr(chunk, name) for chunk in chunks], axis=1)
         assert np.array_equal(joined, getattr(whole, name)[[4, 2]])
 
 
@@ -135,7 +135,7 @@ def test_the_filters_chief_is_the_nominal_one():
 
 
 def test_a_craft_that_falls_to_the_earth_ends_its_run():
-    """Air three thousand times too dense: the truth ends, says so, and stays ended in later stretches."""
+    """Air three thousand times too dense: the truth ends, says so, and stays ended in later chunks."""
     path = trajectory(duration_s=6000.0, chief__orbit__a_km=6600, forces__atmosphere={"density_kg_m3": 1e-8})
     first, second = path.at(np.arange(0, 3000, 10.0)), path.at(np.arange(3000, 6000, 10.0))
     ended = np.isnan(np.concatenate([first.relative, second.relative], axis=1)).any(axis=2)[0]

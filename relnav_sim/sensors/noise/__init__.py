@@ -90,7 +90,7 @@ class Noise:
     """The noise of one sensor over one block of runs.
 
     The numbers of a run depend neither on the other runs of the block nor on how the epochs are split into
-    stretches: each kind of draw has a stream of its own. Gaussian and mixture parts draw their normal numbers from
+    chunks: each kind of draw has a stream of its own. Gaussian and mixture parts draw their normal numbers from
     the same stream, so that cases with one and with the other differ in nothing but the switch.
 
     Args:

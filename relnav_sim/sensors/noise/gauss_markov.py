@@ -39,7 +39,7 @@ class GaussMarkovNoise(Options):
 
 
 class _GaussMarkov:
-    """v_k = phi v_{k-1} + sqrt(1 - phi^2) w_k with v_0 = w_0; the filter's state is carried between stretches."""
+    """v_k = phi v_{k-1} + sqrt(1 - phi^2) w_k with v_0 = w_0; the filter's state is carried between chunks."""
 
     def __init__(self, setting: NoiseSetting, tau_s: float, scale: float) -> None:
         self._normals = setting.streams()

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class NoiseProcess(Protocol):
-    """One noise of one sensor over one block of runs; it remembers where the last stretch ended."""
+    """One noise of one sensor over one block of runs; it remembers where the last chunk ended."""
 
     def sample(self, times_s: Array) -> Array:
         """Return the noise at the next epochs, in sigmas: broadcasts to (runs, len(times_s), channels)."""

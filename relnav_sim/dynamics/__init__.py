@@ -1,0 +1,1 @@
+"""Relative motion that a filter may believe in: one model a file, and its process noise."""

@@ -1,0 +1,1 @@
+"""Augmented states: dynamics of [x; b], and the kinds of b that a campaign can name."""

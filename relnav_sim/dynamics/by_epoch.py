@@ -1,0 +1,77 @@
+"""Arrays by epoch, computed for a chunk of epochs at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.dynamics.interface import Step
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+EPOCHS = 512
+"""Epochs of a chunk: enough to spread NumPy's overhead thin, few enough to cost no memory to speak of."""
+
+
+class PerChunk(Generic[T]):
+    """What a function gives for 512 epochs at a time, for callers that go from epoch to epoch.
+
+    The chunks lie on a fixed grid of epochs, so the numbers of an epoch do not depend on the order of the calls.
+    The two latest chunks are kept: callers that take turns of 512 epochs ask for the end of the one before.
+
+    Args:
+        compute: Maps epochs (512,), the first of them a multiple of 512, to what is wanted of them.
+    """
+
+    def __init__(self, compute: Callable[[Array], T]) -> None:
+        self._compute = compute
+        self._held: dict[int, T] = {}
+
+    def at(self, epoch: int) -> tuple[T, int]:
+        """Return the chunk with this epoch, and the epoch's place in it."""
+        chunk, place = divmod(epoch, EPOCHS)
+        if chunk not in self._held:
+            computed = self._compute(np.arange(chunk * EPOCHS, (chunk + 1) * EPOCHS, dtype=float))
+            self._held = dict([*self._held.items(), (chunk, computed)][-2:])
+        return self._held[chunk], place
+
+
+class LinearByEpoch:
+    """Linear dynamics whose transition matrix differs from epoch to epoch: x_k = F_k x_{k-1} + w, w ~ N(0, Q).
+
+    Args:
+        transitions: Maps epochs (K,) to the matrices (K, n, n) of the steps that end there.
+        process_noise: Q (n, n).
+    """
+
+    linear = True
+
+    def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
+        self.dimension = len(process_noise)
+        self._chunks = PerChunk(partial(_closed, transitions))
+        self._Q = process_noise
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
+        return moved
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        matrices, place = self._chunks.at(step.epoch)
+        return matrices[place]
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (n, n)."""
+        return self._Q
+
+
+def _closed(transitions: Callable[[Array], Array], epochs: Array) -> Array:
+    """Return matrices that a filter can't write into: they are kept for the other runs' next steps."""
+    matrices = transitions(epochs)
+    matrices.setflags(write=False)
+    return matrices

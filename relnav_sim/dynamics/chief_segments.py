@@ -1,0 +1,193 @@
+"""What the chief does step by step, as a filter knows it: from its own GNSS fixes, or by the nominal orbit."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.kepler import initial_state
+from relnav_sim.dynamics.by_epoch import EPOCHS, PerChunk
+from relnav_sim.dynamics.orbit_filter import OrbitFilter
+from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame
+from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning_frame
+from relnav_sim.linalg import runs_last
+
+if TYPE_CHECKING:
+    from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+
+Array = NDArray[np.float64]
+TOGETHER = 1024
+"""States whose segments are computed together: enough to spread NumPy's overhead thin, few enough for the cache."""
+
+
+class ChiefSegments:
+    """The segments that begin at the chief's states at some epochs; computed when first asked for, several at a time.
+
+    Args:
+        chief: The states, ECI, (runs, K, 6), m and m/s. The step to epoch k takes that of k - 1.
+        first_epoch: Epoch of the first of them.
+        division: How a step is integrated.
+        gravity: What acts on the chief.
+
+    Attributes:
+        cpu_s: CPU time spent on them so far, s.
+    """
+
+    def __init__(self, chief: Array, first_epoch: int, division: Division, gravity: Gravity) -> None:
+        self.cpu_s = 0.0
+        self._chief, self._first_epoch = chief, first_epoch
+        self._division, self._gravity = division, gravity
+        self._together = max(TOGETHER // max(len(chief), 1), 1)
+        self._stacks: dict[int, Segment] = {}
+
+    def segment(self, epoch: int) -> Segment:
+        """Return the segment of the step that ends at an epoch."""
+        place = epoch - 1 - self._first_epoch
+        if not 0 <= place < self._chief.shape[1]:
+            last = self._first_epoch + self._chief.shape[1] - 1
+            raise ValueError(
+                f"the step to epoch {epoch} needs the chief's state at epoch {epoch - 1}; "
+                f"there are those of epochs {self._first_epoch} to {last}"
+            )
+        stack, within = divmod(place, self._together)
+        if stack not in self._stacks:
+            begin = time.process_time()
+            first = stack * self._together
+            states = self._chief[:, first : first + self._together]
+            self._stacks[stack] = chief_segments(states, self._division, self._gravity)
+            self.cpu_s += time.process_time() - begin
+        return self._stacks[stack][within]
+
+
+def chief_segments(chief: Array, division: Division, gravity: Gravity) -> Segment:
+    """Return what the chief does over one step from each of its states (b, K, 6), ECI: K segments, stacked."""
+    runs, K, _ = chief.shape
+    start = runs_last(chief.swapaxes(0, 1).reshape(-1, 6))
+    enter, _ = turning_frame(*orbit_frame(start, gravity))
+    end, nodes = advance_orbit(start, division, gravity)
+    _, leave = turning_frame(*orbit_frame(end, gravity))
+
+    def stacked(columns: Array) -> Array:
+        return np.ascontiguousarray(np.moveaxis(columns.reshape(*columns.shape[:-1], K, runs), -2, 0))
+
+    return Segment(stacked(enter), stacked(leave), gravity.anchor(stacked(nodes)))
+
+
+class ChiefFollower:
+    """Keeps dynamics supplied with the chief's orbit as one filter estimates it, a chunk of epochs at a time.
+
+    Dynamics that see the same fixes and believe the same share one.
+
+    Args:
+        filter: Estimates the chief's orbit; fresh.
+        division: How a step is integrated.
+        gravity: What acts on the chief.
+    """
+
+    def __init__(self, filter: OrbitFilter, division: Division, gravity: Gravity) -> None:
+        self._filter = filter
+        self._division, self._gravity = division, gravity
+        self._supplied: list[NonlinearJ2Dynamics] = []
+        self._before: Array | None = None
+        self._segments: ChiefSegments | None = None
+        self._past_cpu_s = 0.0
+        self._next_epoch = 0
+
+    @property
+    def cpu_s(self) -> float:
+        """CPU time spent on the orbit so far, s, whichever of the dynamics asked first: what one alone would need."""
+        return self._past_cpu_s + (0.0 if self._segments is None else self._segments.cpu_s)
+
+    def supply(self, dynamics: NonlinearJ2Dynamics) -> None:
+        """Supply these dynamics from now on."""
+        self._supplied.append(dynamics)
+
+    def take(self, fixes: Array, first_epoch: int, forces: Array | None = None) -> None:
+        """Take the chief's GNSS fixes of the next chunk, (runs, K, 6), ECI, NaN = none; the first is at epoch 0.
+
+        A chunk that is already taken is left alone, so each user of the follower may hand it on.
+
+        Args:
+            fixes: The fixes.
+            first_epoch: Epoch of the first of them.
+            forces: Known thrust in the steps that end there, as `KnownThrust.take` has it; the chief's is used.
+        """
+        if first_epoch < self._next_epoch:
+            return
+        begin = time.process_time()
+        self._next_epoch = first_epoch + fixes.shape[1]
+        estimates = self._filter.advance(fixes, None if forces is None else forces[:, :, 0])
+        # The first step of a chunk begins at the last epoch of the one before.
+        known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
+        self._before = estimates[:, -1:]
+        self._past_cpu_s = self.cpu_s + time.process_time() - begin
+        self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._division, self._gravity)
+        for dynamics in self._supplied:
+            dynamics.follow_chief(self._segments)
+
+
+@lru_cache(maxsize=4)
+def shared_nominal_chief(orbit: ChiefOrbit, step_s: float) -> NominalChief:
+    """Return the nominal chief of an orbit, the same object for all filters of a block."""
+    return NominalChief(orbit, step_s)
+
+
+class NominalChief:
+    """The nominal orbit under a body's zonal harmonics, epoch by epoch: what a filter knows without any fix.
+
+    Args:
+        orbit: The nominal orbit; epoch 0 is its own.
+        step_s: Time between epochs, s.
+
+    Attributes:
+        cpu_s: CPU time spent on chunks of it so far, s.
+    """
+
+    def __init__(self, orbit: ChiefOrbit, step_s: float) -> None:
+        self.cpu_s = 0.0
+        self._division = divide(orbit, step_s)
+        self._gravity = Gravity.of(orbit)
+        self._chunks = PerChunk(self._segments)
+        self._starts = [initial_state(orbit)[:, None]]
+
+    def at(self, epoch: int) -> Array:
+        """Return the state at an epoch from 0 on; at -1 it is one step before, ECI, (1, 6)."""
+        if epoch < 0:
+            backwards = Division(self._division.rule, self._division.parts, -self._division.part_s)
+            return advance_orbit(self._starts[0], backwards, self._gravity)[0].T
+        (states, _), place = self._chunks.at(epoch)
+        return states[place]
+
+    def segment(self, epoch: int) -> Segment:
+        """Return the segment of the step that ends at an epoch, from 0 on."""
+        if epoch < 1:
+            return chief_segments(self.at(epoch - 1)[None], self._division, self._gravity)[0]
+        (_, segments), place = self._chunks.at(epoch - 1)
+        return segments[place]
+
+    def _segments(self, epochs: Array) -> tuple[Array, Segment]:
+        """Return the states of a chunk, (512, 1, 6), and the segments that begin there."""
+        begin = time.process_time()
+        chunk = int(epochs[0]) // EPOCHS
+        while len(self._starts) <= chunk:
+            self._starts.append(self._walk(self._starts[-1])[1])
+        states, following = self._walk(self._starts[chunk])
+        if len(self._starts) == chunk + 1:
+            self._starts.append(following)
+        segments = chief_segments(states.swapaxes(0, 1), self._division, self._gravity)
+        self.cpu_s += time.process_time() - begin
+        return states, segments
+
+    def _walk(self, state: Array) -> tuple[Array, Array]:
+        """Return the states of a chunk from its first one (6, 1), (512, 1, 6), and the first one after it."""
+        states = np.empty((EPOCHS, 1, 6))
+        for place in states:
+            place[:] = state.T
+            state, _ = advance_orbit(state, self._division, self._gravity)
+        return states, state

@@ -1,0 +1,1 @@
+"""Dynamics learned by a Gaussian process."""

@@ -1,0 +1,102 @@
+"""Relative dynamics as a filter sees them: the interface, and the linear case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from relnav_sim.given_arrays import covariances, finite, numbers
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One epoch of a filter: `epoch` indexes the measurements' time axis, `duration_s` is the time since the last."""
+
+    epoch: int
+    duration_s: float = 1.0
+
+
+class Dynamics(Protocol):
+    """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
+
+    `linear` promises that `propagate` is exactly multiplication by `transition`.
+    """
+
+    dimension: int
+    linear: bool
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return f(states), (runs, ..., n) -> (runs, ..., n)."""
+        ...
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobian of f at `mean` (runs, n): (n, n) or (runs, n, n)."""
+        ...
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q at `states` (runs, ..., n): (n, n), or (runs, ..., n, n) where it depends on the state."""
+        ...
+
+
+class LinearDynamics:
+    """Linear dynamics x_k = F x_{k-1} + w, w ~ N(0, Q).
+
+    Args:
+        transition: F, (n, n), or (T, n, n) with one matrix per epoch.
+        process_noise: Q, (n, n), or (T, n, n) with one matrix per epoch.
+
+    Raises:
+        ValueError: A matrix is not square, the sizes differ, an entry is not finite, or Q is no covariance.
+    """
+
+    linear = True
+    leaves_arguments_alone = True
+
+    def __init__(self, transition: ArrayLike, process_noise: ArrayLike) -> None:
+        F = numbers(transition, "transition")
+        if F.ndim not in (2, 3) or F.shape[-1] != F.shape[-2]:
+            raise ValueError(f"transition has shape {F.shape}; it must be (n, n) or (T, n, n)")
+        self._F = finite(F, "transition", ("epoch", "row", "column")[-F.ndim :]).copy()
+        self._Q = covariances(process_noise, "process_noise", "(n, n) or (T, n, n)", ([], ["epoch"]))
+        if self._F.shape[-1] != self._Q.shape[-1]:
+            raise ValueError(f"transition is for {self._F.shape[-1]} states, process_noise for {self._Q.shape[-1]}")
+        self.dimension = self._F.shape[-1]
+        for matrices in (self._F, self._Q):
+            matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
+
+    def check_extent(self, runs: int, epochs: int) -> None:
+        """Refuse a block that has more epochs than there are matrices.
+
+        Raises:
+            ValueError: It has.
+        """
+        for name, matrices in (("transition", self._F), ("process_noise", self._Q)):
+            if matrices.ndim == 3 and len(matrices) < epochs:
+                raise ValueError(f"{name} is given for {len(matrices)} epochs, the readings have {epochs}")
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return F x for every state, (runs, ..., n)."""
+        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
+        return moved
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F of this epoch, (n, n)."""
+        return _of_epoch(self._F, "transition", step)
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q of this epoch, (n, n)."""
+        return _of_epoch(self._Q, "process_noise", step)
+
+
+def _of_epoch(matrices: Array, name: str, step: Step) -> Array:
+    if matrices.ndim == 2:
+        return matrices
+    if step.epoch >= len(matrices):
+        raise ValueError(f"{name} is given for {len(matrices)} epochs, but there is an epoch {step.epoch}")
+    matrix: Array = matrices[step.epoch]
+    return matrix

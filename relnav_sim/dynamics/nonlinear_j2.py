@@ -1,0 +1,124 @@
+"""Relative motion of two point masses under J2 to J4, about the chief's orbit as the filter itself knows it."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief, shared_nominal_chief
+from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
+from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.relative_flow import divide, flow, linear_flow
+from relnav_sim.options import Options
+
+Array = NDArray[np.float64]
+
+
+class NonlinearJ2Options(Options):
+    """Exact relative motion under a point mass and J2 (or J2 to J4), about the chief's orbit from its own GNSS fixes.
+
+    Without GNSS fixes of the chief, the nominal orbit takes their place, propagated by the same gravity.
+    """
+
+    step_cost_us: ClassVar[float] = 3.0
+    """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
+    step_overhead_us: ClassVar[float] = 200.0
+    """Rough CPU time of a step however few the runs, us; it keeps many such filters of small blocks apart."""
+    shared_overhead_us: ClassVar[float] = 250.0
+    """The same of the chief's orbit, which filters of a block with the same options share."""
+    shared_epoch_bytes: ClassVar[float] = 830.0
+    """Memory that the chief's segments take for one run and epoch of a chunk, bytes; held once for these filters."""
+
+    kind: Literal["nonlinear_j2"] = Field(
+        default="nonlinear_j2", description="Exact relative motion with J2 about the chief's estimated orbit"
+    )
+    zonals: Literal[2, 3, 4] = Field(
+        default=2,
+        description="Highest zonal harmonic for both craft: 2 (J2; default, which leaves out some 1e-8 m/s^2 at 12 "
+        "km), 3 (J2, J3) or 4 (J2 to J4)",
+    )
+    chief_orbit: OrbitFilterOptions = Field(
+        default=OrbitFilterOptions(), description="How the chief's orbit is estimated from its GNSS fixes"
+    )
+
+    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> NonlinearJ2Dynamics:
+        """Return the dynamics about the nominal orbit; `NonlinearJ2Dynamics.with_chief` puts the estimated one in."""
+        Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
+        return NonlinearJ2Dynamics(orbit.up_to(self.zonals), Q, step_s)
+
+    def follower(self, orbit: ChiefOrbit, fix_sigmas: Array, step_s: float, runs: int) -> ChiefFollower:
+        """Return what supplies such dynamics with the chief's orbit from its fixes; arguments as of `OrbitFilter`."""
+        body = orbit.up_to(self.zonals)
+        filter = OrbitFilter(self.chief_orbit, body, fix_sigmas, step_s, runs)
+        return ChiefFollower(filter, divide(body, step_s), Gravity.of(body))
+
+
+class NonlinearJ2Dynamics:
+    """The difference of two orbits under a point mass and zonal harmonics in the chief's RTN frame.
+
+    It is integrated to rounding error, about the nominal orbit until it is given the chief's states.
+
+    A step starts from the chief's state at its first epoch and carries the chief along, so that the frame at its end
+    is the one that state leads to. The frame's rate includes the harmonics' tilt of the orbit plane. The duration of a
+    `Step` is not looked at.
+
+    Args:
+        orbit: The chief's nominal orbit; its body has the harmonics.
+        process_noise: Q (6, 6).
+        step_s: Time between epochs, s.
+
+    Attributes:
+        nominal: The chief on that orbit; dynamics of the same orbit share him.
+    """
+
+    dimension = 6
+    linear = False
+
+    def __init__(self, orbit: ChiefOrbit, process_noise: Array, step_s: float) -> None:
+        self._orbit = orbit
+        self._Q = process_noise
+        self._step_s = step_s
+        self._division = divide(orbit, step_s)
+        self._gravity = Gravity.of(orbit)
+        self.nominal = shared_nominal_chief(orbit, step_s)
+        self._chief: ChiefSegments | NominalChief = self.nominal
+        self._latest: tuple[int, bytes, Array] | None = None
+
+    def with_chief(self, chief: Array, first_epoch: int) -> NonlinearJ2Dynamics:
+        """Return the same dynamics about the chief's states at some epochs.
+
+        Args:
+            chief: The filter's own estimates, ECI, (runs, K, 6), m and m/s. The step to epoch k takes that of k - 1.
+            first_epoch: Epoch of the first of them.
+        """
+        bound = NonlinearJ2Dynamics(self._orbit, self._Q, self._step_s)
+        bound.follow_chief(ChiefSegments(chief, first_epoch, self._division, self._gravity))
+        return bound
+
+    def follow_chief(self, segments: ChiefSegments) -> None:
+        """Take what the chief does from here on; for a filter fed a chunk of epochs at a time."""
+        self._chief, self._latest = segments, None
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return states (runs, ..., 6) after the step that ends at its epoch."""
+        # A filter asks for the Jacobian and then for the mean of the same step.
+        if self._latest is not None and self._latest[:2] == (step.epoch, states.tobytes()) and states.ndim == 2:
+            return self._latest[2].copy()
+        return flow(states, self._chief.segment(step.epoch), self._division, self._gravity)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobian (runs, 6, 6) of `propagate` at `mean` (runs, 6), by the variational equations."""
+        end, F = linear_flow(mean, self._chief.segment(step.epoch), self._division, self._gravity)
+        self._latest = step.epoch, mean.tobytes(), end
+        return F
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (6, 6)."""
+        return self._Q

@@ -1,0 +1,97 @@
+"""A user's models get read-only arguments, so that one that writes into them is refused instead of believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.read_only_call import called_read_only
+
+Array = NDArray[np.float64]
+
+
+class ReadOnlyDynamics:
+    """Dynamics whose functions see read-only states and must return the right shapes; all else is as in those behind.
+
+    Args:
+        base: The dynamics.
+    """
+
+    def __init__(self, base: Dynamics) -> None:
+        self._base = base
+        self.dimension = base.dimension
+        self.linear = base.linear
+        self._name = type(base).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return f(states)."""
+        return self._result("propagate", self._base.propagate, states, step, states.shape)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobian of f."""
+        n = self.dimension
+        return self._result("transition", self._base.transition, mean, step, (n, n), (len(mean), n, n))
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q."""
+        n = self.dimension
+        shapes = (n, n), (len(states), n, n), (*states.shape[:-1], n, n)
+        return self._result("process_noise", self._base.process_noise, states, step, *shapes)
+
+    def _result(
+        self, name: str, function: Callable[[Array, Any], Any], states: Array, step: Step, *shapes: tuple[int, ...]
+    ) -> Array:
+        result = np.asarray(called_read_only(function, f"{name} of {self._name}", states, step))
+        if result.shape not in shapes:
+            wanted = " or ".join(map(str, dict.fromkeys(shapes)))
+            raise ValueError(
+                f"{name} of {self._name} returned shape {result.shape} for states {states.shape}; it must be {wanted}"
+            )
+        return result
+
+
+class ReadOnlyMeasurement:
+    """A measurement whose functions see read-only states; everything else is that of the one behind it.
+
+    Args:
+        base: The measurement.
+    """
+
+    def __init__(self, base: Any) -> None:
+        self._base = base
+        self._name = type(base).__name__
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states)."""
+        return np.asarray(called_read_only(self._base.predict, f"predict of {self._name}", states, epoch))
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx."""
+        return np.asarray(called_read_only(self._base.jacobian, f"jacobian of {self._name}", states, epoch))
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R."""
+        return np.asarray(called_read_only(self._base.noise, f"noise of {self._name}", mean, epoch))
+
+    def mixture(self, mean: Array, epoch: int) -> Any:
+        """Return the components of the noise."""
+        return called_read_only(self._base.mixture, f"mixture of {self._name}", mean, epoch)
+
+
+def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:
+    """Return the model, guarded unless it says by ``leaves_arguments_alone`` that it needs no guard."""
+    return model if getattr(model, "leaves_arguments_alone", False) else guarded(model)

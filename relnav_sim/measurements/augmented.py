@@ -1,0 +1,100 @@
+"""What is measured of an augmented state [x; b]: the base's reading, distorted by the augmented states b."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+
+Array = NDArray[np.float64]
+
+
+class Distortion(Protocol):
+    """What extra states b (..., e) do to a reading.
+
+    `sees` are the numbers, from 0, of the extra states that the reading depends on.
+    """
+
+    sees: tuple[int, ...]
+
+    def apply(self, predicted: Array, extra: Array) -> Array:
+        """Return the reading (..., m) that takes the place of the error-free `predicted` (..., m)."""
+        ...
+
+    def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
+        """Return its derivatives by `predicted`, (..., m, m), or None for I, and by `extra`, (..., m, e)."""
+        ...
+
+
+class AdditiveBias:
+    """A reading off by C b.
+
+    Args:
+        matrix: C, (m, e).
+    """
+
+    def __init__(self, matrix: ArrayLike) -> None:
+        self._C = np.array(matrix, dtype=float)
+        self.sees = tuple(np.flatnonzero(self._C.any(axis=0)).tolist())
+
+    def apply(self, predicted: Array, extra: Array) -> Array:
+        """Return predicted + C b."""
+        offset: Array = np.einsum("ij,...j->...i", self._C, extra)
+        return predicted + offset
+
+    def jacobian(self, predicted: Array, extra: Array) -> tuple[None, Array]:
+        """Return None (I) and C."""
+        return None, self._C
+
+
+class AugmentedMeasurement(MeasurementDefaults):
+    """A measurement of [x; b]: what the base measures of x, distorted by the extra states.
+
+    Args:
+        base: What is measured of x, with its noise.
+        states: Number of states n of x.
+        distortion: What b does to the reading.
+    """
+
+    def __init__(self, base: Measurement, states: int, distortion: Distortion) -> None:
+        self.base = base
+        self._n = states
+        self._distortion = distortion
+        self.dimension = base.dimension
+        seen = getattr(base, "depends_on", None)
+        self.depends_on = (
+            *(range(states) if seen is None else seen),
+            *(states + place for place in distortion.sees),
+        )
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return the distorted readings of states (runs, ..., n + e)."""
+        return self._distortion.apply(self.base.predict(states[..., : self._n], epoch), states[..., self._n :])
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives by [x; b], (runs, ..., m, n + e), or (m, n + e) where they are constant."""
+        x, b = states[..., : self._n], states[..., self._n :]
+        H = self.base.jacobian(x, epoch)
+        by_predicted, by_extra = self._distortion.jacobian(self.base.predict(x, epoch), b)
+        if by_predicted is not None:
+            H = by_predicted @ H
+        leading = np.broadcast_shapes(H.shape[:-2], by_extra.shape[:-2])
+        whole = np.empty((*leading, self.dimension, states.shape[-1]))
+        whole[..., : self._n] = H
+        whole[..., self._n :] = by_extra
+        return whole
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return the base's R at x."""
+        return self.base.noise(mean[..., : self._n], epoch)
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the base's mixture at x."""
+        return self.base.mixture(mean[..., : self._n], epoch)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return the base's residual."""
+        return self.base.residual(z, predicted)

@@ -1,0 +1,56 @@
+"""A measurement that was taken some time before its epoch, as a filter that knows the latency sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+
+Array = NDArray[np.float64]
+
+
+class Delayed(MeasurementDefaults):
+    """The base measurement of the state some time ago: h(r - v latency, v).
+
+    The relative velocity is taken as constant meanwhile. What that leaves out is half the relative acceleration times
+    the square of the latency, 1e-3 m at 1e-3 m/s^2 and 1.4 s, and thrust within the latency: an impulse dv puts the
+    readings of the next `latency_s` off by at most dv times the latency.
+
+    Args:
+        base: The measurement without latency; its state begins with position and velocity.
+        latency_s: Time from the measurement to its epoch, s.
+    """
+
+    def __init__(self, base: Measurement, latency_s: float) -> None:
+        self.base = base
+        self.latency_s = latency_s
+        self.dimension = base.dimension
+        self.angles = getattr(base, "angles", ())
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return the base's h at the states some time ago, (runs, ..., m)."""
+        return self.base.predict(self._earlier(states), epoch)
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives with respect to the states now."""
+        H = self.base.jacobian(self._earlier(states), epoch).copy()
+        H[..., 3:6] -= self.latency_s * H[..., :3]
+        return H
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return the base's R at the mean some time ago."""
+        return self.base.noise(self._earlier(mean), epoch)
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the components of the base's noise, if it has any."""
+        return self.base.mixture(self._earlier(mean), epoch)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return the base's residual."""
+        return self.base.residual(z, predicted)
+
+    def _earlier(self, states: Array) -> Array:
+        earlier = states.copy()
+        earlier[..., :3] -= self.latency_s * states[..., 3:6]
+        return earlier

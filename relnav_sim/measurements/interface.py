@@ -1,0 +1,118 @@
+"""Measurements as a filter sees them: the interface, and what follows from its functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.linalg import log_density, mixture_log_density
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """The components of a mixture noise at one epoch: weights (k,), covariances (k, m, m) or (runs, k, m, m)."""
+
+    weights: Array
+    covariances: Array
+    shared: bool
+
+
+class Measurement(Protocol):
+    """What a sensor should read in a given state, z = h(x) + v, and how noisy the reading is."""
+
+    dimension: int
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states), (runs, ..., n) -> (runs, ..., m)."""
+        ...
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx at `states` (runs, ..., n): (runs, ..., m, n), or (m, n) where it is constant."""
+        ...
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return the covariance R of v at `mean` (runs, n): (m, m) or (runs, m, m)."""
+        ...
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the components of v where it is a Gaussian mixture, else None."""
+        ...
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return z - predicted with angles wrapped to [-pi, pi); shapes broadcast, last axis m."""
+        ...
+
+    def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
+        """Return log p(z | states) for z (runs, m) and states (runs, ..., n): (runs, ...)."""
+        ...
+
+
+def wrap_angle(angle: Array) -> Array:
+    """Return the angle in [-pi, pi], rad. A value already inside is returned to the last bit."""
+    return angle - 2 * np.pi * np.rint(angle / (2 * np.pi))
+
+
+class MeasurementDefaults:
+    """The parts of a measurement that follow from the others; a measurement may replace any.
+
+    Attributes:
+        angles: Components of z that are angles, rad.
+        depends_on: States that z depends on; None: any. Sampling filters draw only those.
+        states: Number n of states it is for; None: any.
+    """
+
+    angles: tuple[int, ...] = ()
+    depends_on: tuple[int, ...] | None = None
+    states: int | None = None
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states)."""
+        raise TypeError(f"{type(self).__name__} has no predict(states, epoch)")
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R."""
+        raise TypeError(f"{type(self).__name__} has no noise(mean, epoch)")
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return None: the noise is Gaussian."""
+        return None
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return z - predicted with the components in `angles` wrapped."""
+        difference = z - predicted
+        for component in self.angles:
+            angle = difference[..., component]
+            # Most differences need no turn, and looking is cheaper than wrapping. NaN compares false, so it wraps.
+            if not np.abs(angle).max(initial=0.0) <= np.pi:
+                difference[..., component] = wrap_angle(angle)
+        return difference
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx by central differences, (runs, ..., m, n)."""
+        n = states.shape[-1]
+        columns = []
+        for j in range(n):
+            # Cube root of the rounding error balances truncation against cancellation.
+            width = np.cbrt(np.finfo(float).eps) * np.maximum(np.abs(states[..., j]), 1.0)
+            ahead, behind = states.copy(), states.copy()
+            ahead[..., j] += width
+            behind[..., j] -= width
+            change = self.residual(self.predict(ahead, epoch), self.predict(behind, epoch))
+            columns.append(change / (ahead[..., j] - behind[..., j])[..., None])
+        return np.stack(columns, axis=-1)
+
+    def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
+        """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
+        extra = states.ndim - 2
+        spread = (slice(None), *[None] * extra)
+        residual = self.residual(z[spread], self.predict(states, epoch))
+        mean = states.reshape(len(states), -1, states.shape[-1]).mean(axis=1)
+        mixture = self.mixture(mean, epoch)
+        if mixture is None:
+            return log_density(residual, self.noise(mean, epoch))
+        return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)

@@ -1,0 +1,195 @@
+"""The radar as a filter sees it: range, azimuth and elevation as functions of the relative state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import (
+    NADIR_FROM_RTN,
+    Vector,
+    components,
+    polar,
+    polar_gradients,
+    rotate,
+    rows,
+    sight_vector,
+    times,
+)
+from relnav_sim.linalg import transpose
+from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.measurements.seen_from_deputy import (
+    chief_from_deputy,
+    chief_from_deputy_with_jacobian,
+    deputy_from_chief,
+)
+
+Array = NDArray[np.float64]
+Assumed = Literal["nominal", "total", "mixture"]
+_ZERO, _MINUS_ONE = np.zeros(()), -np.ones(())
+
+
+@dataclass(frozen=True)
+class RadarNoise:
+    """What a filter is told about the noise of one radar reading.
+
+    Attributes:
+        weights: (k,) probabilities of the noise's joint components, positive, summing to 1.
+        deviations: (k, 3) standard deviations of range (m), azimuth and elevation (rad) in each component.
+        nominal: (3,) the same while no outlier component shows.
+        attitude: (3, 3) covariance of the white attitude error about the radar's axes, rad^2.
+        assumed: ``nominal`` (the nominal component alone), ``total`` (one Gaussian with the mixture's covariance)
+            or ``mixture`` (the total for who asks for one covariance, and the components).
+    """
+
+    weights: Array
+    deviations: Array
+    nominal: Array
+    attitude: Array
+    assumed: Assumed = "total"
+
+    @property
+    def variances(self) -> Array:
+        """The (3,) variances of the one Gaussian that stands for the noise."""
+        if self.assumed == "nominal":
+            return np.square(self.nominal)
+        return np.einsum("k,ki->i", self.weights, np.square(self.deviations))
+
+    @property
+    def has_components(self) -> bool:
+        """Whether the filter is told the components of a mixture."""
+        return self.assumed == "mixture" and len(self.weights) > 1
+
+
+class PolarRadar(MeasurementDefaults):
+    """Range, azimuth and elevation of the other craft in the radar frame; z = (m, rad, rad).
+
+    The state begins with the deputy's position and velocity relative to the chief, RTN (m, m/s); more states may
+    follow. The radar's axes stand fixed in the nadir frame of its carrier's orbit. The azimuth and its row of the
+    Jacobian do not exist on the radar's z axis: mount the radar so that the target stays away from it.
+
+    The noise is diagonal plus G P G^T: an attitude error dtheta turns the line of sight and moves the angles by
+    G dtheta, G = H_angles [r x] (attitude errors do not touch the range).
+
+    Args:
+        mounting: Rotation (3, 3) from the carrier's nadir frame to the radar frame.
+        noise: What the filter is told about the noise.
+        carrier: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
+            deputy, in the deputy's own orbit frame (Wei, Song and Zhang 2012); needs `chief_orbit`.
+        chief_orbit: The chief's nominal orbit; taken as circular.
+
+    Raises:
+        ValueError: The carrier is the deputy and there is no chief orbit.
+    """
+
+    dimension = 3
+    angles = (1, 2)
+
+    def __init__(
+        self,
+        mounting: Array,
+        noise: RadarNoise,
+        carrier: Literal["chief", "deputy"] = "chief",
+        chief_orbit: ChiefOrbit | None = None,
+    ) -> None:
+        if carrier == "deputy" and chief_orbit is None:
+            raise ValueError("a radar on the deputy needs the chief's nominal orbit")
+        self._radar_from_rtn = rows(mounting @ NADIR_FROM_RTN)
+        self._rtn_from_radar = rows((mounting @ NADIR_FROM_RTN).T)
+        self._orbit = chief_orbit if carrier == "deputy" else None
+        # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
+        self.depends_on = (0, 1, 2) if self._orbit is None else None
+        self._attitude = rows(noise.attitude) if noise.attitude.any() else None
+        self._variances = noise.variances.tolist()
+        self._weights = noise.weights
+        self._component_variances = np.square(noise.deviations).tolist() if noise.has_components else []
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
+        # Laid out in memory as the states are: what follows is then elementwise along the particles.
+        z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
+        z[..., 0], z[..., 1], z[..., 2] = polar(self._sight(states))
+        return z
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
+        by_state: Array | None = None
+        if self._orbit is None:
+            sight = self._sight(states)
+        else:
+            seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
+            sight = rotate(self._radar_from_rtn, seen)
+        gradients = polar_gradients(sight)
+        H = np.zeros((*states.shape[:-1], 3, states.shape[-1]))
+        by_position = H if by_state is None else np.empty((*states.shape[:-1], 3, 3))
+        for i, row in enumerate(gradients):
+            for j, entry in enumerate(times(self._rtn_from_radar, row)):
+                by_position[..., i, j] = entry
+        if by_state is not None:
+            H[..., :6] = by_position @ by_state
+        return H
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
+        return self._covariance(mean, self._variances)
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the joint components, (k, 3, 3) or (runs, k, 3, 3), where the filter is told of a mixture."""
+        if not self._component_variances:
+            return None
+        covariances = [self._covariance(mean, variances) for variances in self._component_variances]
+        return Mixture(self._weights, np.stack(covariances, axis=-3), shared=True)
+
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at; at rest where that matters."""
+        sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
+        seen = rotate(self._rtn_from_radar, sight)
+        return np.stack(seen if self._orbit is None else deputy_from_chief(seen, self._orbit), axis=-1)
+
+    def _sight(self, states: Array) -> Vector:
+        """Return the line of sight in the radar frame."""
+        relative = components(states) if self._orbit is None else chief_from_deputy(states, self._orbit)
+        return rotate(self._radar_from_rtn, relative)
+
+    def _covariance(self, states: Array, variances: list[float]) -> Array:
+        """Return diag(variances) + G P G^T, (..., 3, 3), or (3, 3) with perfect attitude."""
+        if self._attitude is None:
+            return np.diag(variances)
+        x, y, z = self._sight(states)
+        in_plane = x * x + y * y
+        level = np.sqrt(in_plane)
+        # dtheta moves the azimuth by (z x / p^2, z y / p^2, -1) and the elevation by (y / p, -x / p, 0), p = level.
+        slope = z / in_plane
+        azimuth = (slope * x, slope * y, _MINUS_ONE)
+        elevation = (y / level, -x / level, _ZERO)
+        P_azimuth = times(self._attitude, azimuth)
+        P_elevation = times(self._attitude, elevation)
+        R = np.zeros((*states.shape[:-1], 3, 3))
+        R[..., 0, 0] = variances[0]
+        R[..., 1, 1] = azimuth[0] * P_azimuth[0] + azimuth[1] * P_azimuth[1] + (variances[1] - P_azimuth[2])
+        R[..., 1, 2] = R[..., 2, 1] = elevation[0] * P_azimuth[0] + elevation[1] * P_azimuth[1]
+        R[..., 2, 2] = elevation[0] * P_elevation[0] + elevation[1] * P_elevation[1] + variances[2]
+        return R
+
+
+def first_fix(radar: PolarRadar, z: Array, epoch: int = 0) -> tuple[Array, Array]:
+    """Return the relative position that one reading gives, and its covariance to first order.
+
+    Args:
+        radar: The model of the reading.
+        z: Range, azimuth and elevation, (runs, 3); NaN gives NaN.
+        epoch: The reading's epoch.
+
+    Returns:
+        Position of the deputy relative to the chief, RTN, (runs, 3) m, and covariance J R J^T, (runs, 3, 3) m^2,
+        J = (dh/dr)^-1. Zero relative velocity is assumed where the reading depends on it.
+    """
+    state = np.zeros((len(z), 6))
+    state[:, :3] = radar.position(z)
+    H = radar.jacobian(state, epoch)[:, :, :3]
+    J = np.asarray(np.linalg.inv(H), dtype=np.float64)
+    return state[:, :3], J @ radar.noise(state, epoch) @ transpose(J)
