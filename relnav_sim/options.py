@@ -1,14 +1,30 @@
 """The base of every options model: what a campaign file or a keyword argument may say."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
 
 class Options(BaseModel):
-    """Frozen, strict options: unknown keys, wrong types, NaN and infinity are refused."""
+    """Frozen, strict options: unknown keys, wrong types, NaN and infinity are refused.
+
+    Attributes:
+        former_keys: Keys that had another name once, by their name now. Campaigns may still use the former name, and
+            hashes are taken over it, so that a rename changes no campaign.
+        former_words: The same of the words that a key takes, by the key and the word now.
+    """
+
+    former_keys: ClassVar[Mapping[str, str]] = {}
+    former_words: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class AddedLater:
+    """Marks an option that campaigns did not have at first: at its default it stays outside their hashes."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from relnav_sim.campaign.expand import Point, Variable, points
 from relnav_sim.campaign.file_model import DEFAULTS, SECTIONS, PartValidator, check_name
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.problems import SHOWN, Problem
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.sensors import Sensors
 
 _CASES_WITH_PROBLEMS = 8
 """Enough to tell a problem of one value from a problem of the whole file."""
@@ -68,7 +68,7 @@ def in_one_spelling(cases: Sequence[ValidatedPoint]) -> list[ValidatedPoint]:
     return [replace(case, parts=replace(case.parts, filters=_without_thrust(case, spelt_out))) for case in cases]
 
 
-def _says_the_default(entry: FilterEntry, sensors: SensorsOptions | None) -> bool:
+def _says_the_default(entry: FilterEntry, sensors: Sensors | None) -> bool:
     return sensors is not None and entry.known_thrust == default_thrust(sensors)
 
 
@@ -93,7 +93,10 @@ def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, 
     filters: dict[str, Any] = {}
     problems: list[Problem] = []
     for section, (_, words) in SECTIONS.items():
-        if section in point.data:
+        if section == "sensors" and section in point.data:
+            parts[section], found = _sensors(point.data[section], validator)
+            problems += found
+        elif section in point.data:
             value, found = validator.part((section,), point.data[section])
             problems += found
             if value is not None:
@@ -119,3 +122,24 @@ def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, 
             break
     together = Parts(**parts, filters=filters)
     return ValidatedPoint(point, together), [*problems, *check_together(together)]
+
+
+def _sensors(section: Any, validator: PartValidator) -> tuple[dict[str, Any] | None, list[Problem]]:
+    """Return the valid sensors by name, or nothing where one is wrong, and the problems; an empty entry is none."""
+    if not isinstance(section, dict):
+        return None, [Problem(("sensors",), "must be a section of sensors, as 'radar: {range_sigma_m: 4, ...}'")]
+    sensors: dict[str, Any] = {}
+    problems: list[Problem] = []
+    for name, entry in section.items():
+        if entry is None:
+            continue
+        value, found = validator.part(("sensors", name), entry)
+        problems += found
+        try:
+            check_name(name)
+        except ValueError as error:
+            problems.append(Problem(("sensors", name), str(error)))
+        sensors[name] = value
+        if len(problems) > SHOWN:
+            break
+    return (None if problems else sensors), problems

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
-from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.dynamics.registry import is_learned
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.truth import TruthOptions
 
 MOST_EPOCHS = 10_000_000
@@ -27,7 +27,7 @@ class Parts:
 
     clock: Clock | None = None
     truth: TruthOptions | None = None
-    sensors: SensorsOptions | None = None
+    sensors: Sensors | None = None
     start: Options | None = None
     statistics: StatisticsOptions | None = None
     filters: Mapping[str, FilterEntry] = field(default_factory=dict)
@@ -38,7 +38,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
     if parts.clock is not None:
         yield from _check_clock(parts.clock)
         if parts.sensors is not None:
-            yield from _check_periods(parts.sensors, parts.clock, ("sensors",))
+            yield from _check_periods(parts.sensors, parts.clock)
         if parts.statistics is not None and parts.statistics.settle_s >= parts.clock.duration_s:
             yield Problem(
                 ("statistics", "settle_s"),
@@ -46,39 +46,93 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             )
         if parts.truth is not None:
             yield from _check_manoeuvres(parts.truth, parts.clock)
-    radar = parts.sensors.radar if parts.sensors is not None else None
-    if parts.sensors is not None and radar is None:
-        yield Problem(("sensors", "radar"), "the filters have nothing to go by: give the radar")
-    if radar is not None and radar.latency_s and isinstance(parts.start, FirstFixStart):
-        yield Problem(
-            ("sensors", "radar", "latency_s"),
-            f"the first reading comes {radar.latency_s:g} s after the start, so there is no fix to start from; "
-            "take start.kind dispersed or given",
-        )
+    if parts.sensors is not None:
+        yield from _check_sensors(parts.sensors, parts.start)
     for name, entry in parts.filters.items():
-        if entry.known_thrust == "measured" and parts.sensors is not None and parts.sensors.accelerometer is None:
-            yield Problem(
-                ("filters", name, "known_thrust"), "nothing measures the thrust: give sensors.accelerometer, or planned"
-            )
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
         if parts.sensors is not None:
+            yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and not is_learned(entry.dynamics):
             yield Problem(
                 ("filters", name, "dynamics"),
                 f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",
             )
-        if entry.kind in LINEAR_ONLY and entry.measurement != "cartesian":
-            yield Problem(
-                ("filters", name, "measurement"),
-                f"the {entry.kind} filter needs a linear measurement: cartesian (or leave this key out)",
+
+
+def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]:
+    """Yield what the sensors lack for any filter, or for the start."""
+    relative = relative_sensors(sensors)
+    if not relative:
+        kinds = [kind for kind, model in sensor_kinds().items() if model.role == "other"]
+        yield Problem(("sensors",), f"the filters have nothing to go by: give a sensor of the kind {listed(kinds)}")
+        return
+    if len({each.host for each in relative.values()}) > 1:
+        for name, each in sensors.items():
+            if each.host is None:
+                yield Problem(
+                    ("sensors", name, "host"),
+                    "the relative sensors are on both craft, so say which of them carries this one: chief or deputy",
+                )
+    for role in ("orbit", "attitude", "force"):
+        for host in ("chief", "deputy"):
+            both = [name for name, each in sensors.items() if each.role == role and host in hosts_of(sensors, each)]
+            if len(both) > 1:
+                yield Problem(
+                    ("sensors", both[1]), f"{both[0]} tells the {host} the same; a craft goes by one sensor of a kind"
+                )
+    if not isinstance(start, FirstFixStart):
+        return
+    giving = next((name for name, each in relative.items() if each.gives_fix), None)
+    if giving is None:
+        yield Problem(
+            ("start", "kind"),
+            f"no sensor here gives a position by itself ({listed(list(relative), 'and')}), so there is no first fix; "
+            "take dispersed or given",
+        )
+    elif relative[giving].latency_s or relative[giving].offset_s:
+        late_s = relative[giving].latency_s or relative[giving].offset_s
+        key = "latency_s" if relative[giving].latency_s else "offset_s"
+        yield Problem(
+            ("sensors", giving, key),
+            f"the first reading comes {late_s:g} s after the start, so there is no fix to start from; "
+            "take start.kind dispersed or given",
+        )
+
+
+def _check_sensors_of(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
+    """Yield what a filter wants of the sensors and can't have."""
+    if entry.known_thrust == "measured" and own_sensor(sensors, "force") is None:
+        yield Problem(
+            ("filters", name, "known_thrust"), "nothing measures the thrust: give sensors.accelerometer, or planned"
+        )
+    relative = relative_sensors(sensors)
+    unknown = [each for each in entry.sensors or () if each not in relative]
+    for each in unknown:
+        place = ("filters", name, "sensors", (entry.sensors or ()).index(each))
+        own = f"{each} measures its own craft, not the other one; " if each in sensors else ""
+        yield Problem(place, own + no_such("sensor", each, list(relative)))
+    if unknown:
+        return
+    linear = entry.kind in LINEAR_ONLY
+    for each, options in relative_sensors(sensors, entry.sensors).items():
+        form = form_taken(options, entry.measurement)
+        if linear and form not in options.linear_forms:
+            remedy = (
+                f"take {options.linear_forms[0]} (or leave this key out)"
+                if options.linear_forms
+                else f"leave {each} out of its sensors, or take ekf"
             )
-        elif entry.measurement == "cartesian" and radar is not None and radar.carrier == "deputy":
             yield Problem(
                 ("filters", name, "measurement"),
-                "cartesian needs the radar on the chief: a deputy's orbit frame turns with the state",
+                f"the {entry.kind} filter needs a linear measurement, and {each} gives none as {form}: {remedy}",
+            )
+        elif form == "cartesian" and options.host == "deputy":
+            yield Problem(
+                ("filters", name, "measurement"),
+                f"cartesian needs the sensor {each} on the chief: a deputy's orbit frame turns with the state",
             )
 
 
@@ -110,16 +164,17 @@ def _check_manoeuvres(truth: TruthOptions, clock: Clock) -> Iterator[Problem]:
             )
 
 
-def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: SensorsOptions) -> Iterator[Problem]:
+def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
     """Yield where the filter is to carry a bias that nothing it is told of has, or that comes and goes by halves."""
-    options = sensors.accelerometer
+    found = own_sensor(sensors, "force")
+    options = None if found is None else found[1]
     for place, extra in enumerate(entry.augment):
         if extra.kind != "accelerometer_bias":
             continue
         path: Path = ("filters", name, "augment", place)
         if options is None or entry.known_thrust in ("none", "planned"):
             yield Problem(path, "the filter is told of no measured thrust: give sensors.accelerometer and measured")
-        elif options.deadband_m_s2 > 0 and options.carrier == "both":
+        elif options.deadband_m_s2 > 0 and options.host == "both":
             yield Problem(
                 path,
                 "with a deadband the biases of two accelerometers come and go by themselves; set the deadband to 0",
@@ -138,14 +193,17 @@ def _check_clock(clock: Clock) -> Iterator[Problem]:
         )
 
 
-def _check_periods(options: Options, clock: Clock, path: Path) -> Iterator[Problem]:
-    """Yield the sampling periods that are no whole number of steps."""
-    for key in type(options).model_fields:
-        value = getattr(options, key)
-        if isinstance(value, Options):
-            yield from _check_periods(value, clock, (*path, key))
-        elif key == "period_s" and isinstance(value, float):
-            yield from _check_multiple(value, clock.step_s, (*path, key))
+def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
+    """Yield the periods and offsets of sensors that are no whole number of steps."""
+    for name, each in sensors.items():
+        if each.period_s is not None:
+            yield from _check_multiple(each.period_s, clock.step_s, ("sensors", name, "period_s"))
+        yield from _check_multiple(each.offset_s, clock.step_s, ("sensors", name, "offset_s"))
+        if each.offset_s > clock.duration_s:
+            yield Problem(
+                ("sensors", name, "offset_s"),
+                f"the first reading comes after {each.offset_s:g} s; the run ends at {clock.duration_s:g} s",
+            )
 
 
 def _check_multiple(value: float, step_s: float, path: Path) -> Iterator[Problem]:

@@ -5,26 +5,27 @@ from __future__ import annotations
 import functools
 import json
 import operator
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, cast
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal, cast
 
-from pydantic import Field, SerializeAsAny, TypeAdapter, create_model, field_validator
+from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
 from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import FilterKind, filter_kinds
-from relnav_sim.options import Options
+from relnav_sim.options import AddedLater, Options
+from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
+from relnav_sim.sensors.registry import sensor_kinds
 
-MeasurementKind = Literal["polar", "cartesian"]
-AssumedNoise = Literal["nominal", "total", "mixture"]
 KnownThrust = Literal["none", "planned", "measured"]
 AssumedLatency = Literal["known", "none"]
-Registered = tuple[tuple[FilterKind, ...], tuple[tuple[str, type[Options]], ...]]
+Kinds = tuple[tuple[str, type[Options]], ...]
+Registered = tuple[tuple[FilterKind, ...], Kinds, tuple[tuple[str, type[SensorOptions]], ...]]
 
 _MEASUREMENT = (
-    "Form of the radar measurement that the filter takes: polar (range, azimuth, elevation) or cartesian (the fix "
-    "converted to a position in the orbit frame)"
+    "Form of the readings that the filter takes: spherical (as they are read; formerly polar) or cartesian (converted "
+    "to a position in the orbit frame, of sensors that allow it)"
 )
 
 
@@ -34,6 +35,8 @@ class FilterEntry(Options):
     An entry is also an instance of its kind's options model, so a filter's factory takes it as it is.
     """
 
+    former_words: ClassVar[Mapping[str, Mapping[str, str]]] = {"measurement": {"spherical": "polar"}}
+
     kind: str = Field(description="The filter; `relnav list filters` shows the kinds")
     dynamics: SerializeAsAny[Options] = Field(description="The relative motion that the filter believes in")
     process_noise: ProcessNoiseOptions = Field(
@@ -41,7 +44,13 @@ class FilterEntry(Options):
         description="What the filter adds to its covariance each step; default: white acceleration of 1e-6 m^2/s^3, "
         "about what curvature and differential J2 leave out of cw dynamics at 12 km",
     )
-    measurement: MeasurementKind = Field(description=_MEASUREMENT)
+    sensors: Annotated[tuple[str, ...] | None, AddedLater()] = Field(
+        default=None,
+        min_length=1,
+        description="Names of the sensors that the filter goes by, in the order in which it takes their readings; "
+        "default: all that measure the other craft",
+    )
+    measurement: Form = Field(description=_MEASUREMENT)
     assumed_noise: AssumedNoise = Field(
         default="total",
         description="Measurement noise that the filter believes in: nominal (the sensors' sigmas, without outliers), "
@@ -66,6 +75,13 @@ class FilterEntry(Options):
         "of the attitude, drag, bias of the accelerometer; each estimated or only accounted for. Default: none",
     )
 
+    @field_validator("sensors")
+    @classmethod
+    def _named_once(cls, sensors: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        if twice := sorted({name for name in sensors or () if (sensors or ()).count(name) > 1}):
+            raise ValueError(f"{twice[0]} stands there twice")
+        return sensors
+
     @field_validator("augment")
     @classmethod
     def _each_once(cls, augment: tuple[ExtraStateOption, ...]) -> tuple[ExtraStateOption, ...]:
@@ -85,8 +101,8 @@ def entry_from(data: dict[str, Any]) -> FilterEntry:
 
 
 def registered() -> Registered:
-    """Return every filter and dynamics that is registered now; models made from them are kept by it."""
-    return tuple(filter_kinds().values()), tuple(dynamics_kinds().items())
+    """Return every filter, dynamics and sensor that is registered now; models made from them are kept by it."""
+    return tuple(filter_kinds().values()), tuple(dynamics_kinds().items()), tuple(sensor_kinds().items())
 
 
 def entry_adapter() -> TypeAdapter[FilterEntry]:
@@ -106,7 +122,7 @@ def _entry_adapter(known: Registered) -> TypeAdapter[FilterEntry]:
 
 @functools.cache
 def _entry_type(known: Registered) -> Any:
-    kinds, dynamics = known
+    kinds, dynamics, _ = known
     motion = one_of([model for _, model in dynamics])
     return one_of([_entry_model(kind, motion) for kind in kinds])
 
@@ -128,7 +144,7 @@ def _entry_model(kind: FilterKind, motion: Any) -> type[FilterEntry]:
             ),
         ),
         "measurement": (
-            MeasurementKind,
+            Form,
             Field(default=kind.measurement, description=f"{_MEASUREMENT}; default {kind.measurement}"),
         ),
     }
@@ -146,3 +162,35 @@ def one_of(models: list[type[Any]]) -> Any:
     """Return the union of options models that their `kind` tells apart."""
     union = functools.reduce(operator.or_, models)
     return union if len(models) == 1 else Annotated[union, Field(discriminator="kind")]
+
+
+def sensor_adapter() -> TypeAdapter[SensorOptions]:
+    """Return the validator of one sensor over every kind registered now."""
+    return _sensor_adapter(registered())
+
+
+@functools.cache
+def _sensor_adapter(known: Registered) -> TypeAdapter[SensorOptions]:
+    return TypeAdapter(one_of([model for _, model in known[2]]))
+
+
+def sensors_type() -> Any:
+    """Return the model of the whole `sensors:` section, for the schema: any name with a kind, kinds as names."""
+    return _sensors_type(registered())
+
+
+@functools.cache
+def _sensors_type(known: Registered) -> Any:
+    union = one_of([model for _, model in known[2]])
+
+    class Sensors(Options):
+        """What is measured: sensors by names of your choice, each of a `kind`; default kind: the name."""
+
+        model_config = ConfigDict(extra="allow")
+        __pydantic_extra__: dict[str, union] = Field(init=False)  # type: ignore[valid-type]  # made at run time
+
+    fields: dict[str, Any] = {
+        name: (model | None, Field(default=None, description=(model.__doc__ or "").partition("\n")[0]))
+        for name, model in known[2]
+    }
+    return create_model("Sensors", __base__=Sensors, __doc__=Sensors.__doc__, __module__=__name__, **fields)

@@ -5,11 +5,21 @@ from __future__ import annotations
 import functools
 import json
 import re
+from collections.abc import Mapping
 from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, WithJsonSchema, create_model
 
-from relnav_sim.campaign.entries import Registered, entry_adapter, entry_type, registered
+from relnav_sim.campaign.entries import (
+    FilterEntry,
+    Registered,
+    entry_adapter,
+    entry_type,
+    registered,
+    sensor_adapter,
+    sensors_type,
+)
+from relnav_sim.campaign.former import present_spelling
 from relnav_sim.campaign.messages import explain
 from relnav_sim.campaign.models import (
     LARGEST_SEED,
@@ -25,7 +35,7 @@ from relnav_sim.campaign.problems import Path, Problem
 from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.sensors import SensorOptions, sensor_kinds
 from relnav_sim.truth import TruthOptions
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
@@ -91,7 +101,7 @@ class Settings(Options):
 SECTIONS: dict[str, tuple[Any, str]] = {
     "clock": (Clock, "Length of a run, step, and what is stored"),
     "truth": (TruthOptions, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
-    "sensors": (SensorsOptions, "What is measured, and how badly"),
+    "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
     "start": (StartOptions, "Where the filters start, all alike; default: at the first radar fix"),
     "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
 }
@@ -112,6 +122,7 @@ def file_model() -> type[Options]:
         key: (kind, Field(default=DEFAULTS[key], description=words) if key in DEFAULTS else Field(description=words))
         for key, (kind, words) in SECTIONS.items()
     }
+    sections["sensors"] = (sensors_type(), Field(description=SECTIONS["sensors"][1]))
     entry: Any = entry_type()
     made = create_model(
         "Campaign",
@@ -141,6 +152,34 @@ def _adapter(section: str) -> TypeAdapter[Any]:
     return TypeAdapter(SECTIONS[section][0])
 
 
+def _adapter_of(path: Path) -> TypeAdapter[Any]:
+    if path[0] == "filters":
+        return entry_adapter()
+    return sensor_adapter() if path[0] == "sensors" else _adapter(str(path[0]))
+
+
+def spelt_now(path: Path, data: Any) -> Any:
+    """Return a sensor's or filter's data in the present spelling, a sensor's kind filled in: by default its name."""
+    if path[0] == "filters":
+        return present_spelling(FilterEntry, data)
+    if path[0] != "sensors" or not isinstance(data, dict):
+        return data
+    kinds = sensor_kinds()
+    if "kind" not in data and path[1] in kinds:
+        data = {"kind": path[1], **data}
+    return present_spelling(kinds.get(data.get("kind"), Options), data)
+
+
+def sensors_from(section: Mapping[str, Any]) -> dict[str, SensorOptions]:
+    """Return the sensors of a campaign's content, which may be in a former spelling.
+
+    Raises:
+        ValidationError: One is not valid any more.
+    """
+    entries = {name: spelt_now(("sensors", name), entry) for name, entry in section.items() if entry is not None}
+    return {name: sensor_adapter().validate_json(json.dumps(entry), strict=True) for name, entry in entries.items()}
+
+
 class PartValidator:
     """Validates the parts of a file one by one, each once: cases share the parts that they do not vary."""
 
@@ -154,12 +193,11 @@ class PartValidator:
         return self._validated(TypeAdapter(Settings), part, ())  # type: ignore[return-value]  # of the adapter's type
 
     def part(self, path: Path, data: Any) -> tuple[Options | None, list[Problem]]:
-        """Return a section (`("clock",)`) or a filter (`("filters", name)`), or its problems."""
+        """Return a section (`("clock",)`), a sensor (`("sensors", name)`) or a filter, or its problems."""
         found = self._known.get((path, id(data)))
         if found is None:
-            adapter: TypeAdapter[Any] = entry_adapter() if path[0] == "filters" else _adapter(str(path[0]))
             # The data is kept with the answer, so that its id stays its own.
-            found = (data, *self._validated(adapter, data, path))
+            found = (data, *self._validated(_adapter_of(path), spelt_now(path, data), path))
             self._known[path, id(data)] = found
         return found[1], found[2]
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.former import former_content, former_spelling
+from relnav_sim.sensors.registry import sensor_kinds
 
 OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements"})
 """Keys that change how much is computed and in which pieces, but no number that is."""
@@ -15,7 +17,8 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 
 def campaign_hash(content: Mapping[str, Any]) -> str:
     """Return the hash of a campaign's content, 64 hexadecimal digits."""
-    return _digest({key: value for key, value in content.items() if key not in OUTSIDE_HASH})
+    first = former_content(content, sensor_kinds(), FilterEntry)
+    return _digest({key: value for key, value in first.items() if key not in OUTSIDE_HASH})
 
 
 def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
@@ -28,14 +31,16 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
         content: The case's sections as plain data.
         variables: The values of the varied paths.
     """
-    own = {key: value for key, value in content.items() if key != "filters"}
-    own["filters"] = {path: value for path, value in variables.items() if path.split(".")[0] == "filters"}
+    varied = {path: [value] for path, value in variables.items() if path.split(".")[0] == "filters"}
+    first = former_content({**content, "grid": varied}, sensor_kinds(), FilterEntry)
+    own = {key: value for key, value in first.items() if key not in ("filters", "grid")}
+    own["filters"] = {path: values[0] for path, values in first["grid"].items()}
     return _digest(own)[:12]
 
 
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
-    return _digest(entry.model_dump(mode="json"))[:12]
+    return _digest(former_spelling(FilterEntry, entry.model_dump(mode="json")))[:12]
 
 
 def _digest(content: Any) -> str:

@@ -13,6 +13,7 @@ from relnav_sim.campaign.blocks import block_size
 from relnav_sim.campaign.cases import ValidatedPoint, in_one_spelling, validated_points
 from relnav_sim.campaign.expand import read_variables
 from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Settings
+from relnav_sim.campaign.former import present_path
 from relnav_sim.campaign.identity import campaign_hash, case_id, filter_id
 from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
 from relnav_sim.campaign.messages import unknown_key
@@ -21,6 +22,7 @@ from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement
+from relnav_sim.sensors import sensor_kinds
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,11 @@ def _error(problems: Sequence[Problem], source: Source) -> CampaignError:
 def _case(name: str, valid: ValidatedPoint) -> Case:
     config = CaseConfig(name=name, **vars(valid.parts))
     content = config.model_dump(mode="json", exclude={"name"})
-    variables = {variable.text: value_at(content, variable.path) for variable, _ in valid.point.choices}
+    kinds = sensor_kinds()
+    variables = {
+        variable.text: value_at(content, present_path(variable.path, content, kinds))
+        for variable, _ in valid.point.choices
+    }
     return Case(case_id(content, variables), valid.point.label, variables, config)
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from relnav_sim.campaign.entries import KnownThrust
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.sensors import Sensors, own_sensor
 
 
 class ManoeuvreTime(NamedTuple):
@@ -18,9 +18,9 @@ class ManoeuvreTime(NamedTuple):
     end_s: float
 
 
-def default_thrust(sensors: SensorsOptions) -> KnownThrust:
+def default_thrust(sensors: Sensors) -> KnownThrust:
     """Return what a filter is told of thrust that does not say: what is measured where anything is, else the plan."""
-    return "planned" if sensors.accelerometer is None else "measured"
+    return "planned" if own_sensor(sensors, "force") is None else "measured"
 
 
 def manoeuvre_times(config: CaseConfig) -> tuple[ManoeuvreTime, ...]:

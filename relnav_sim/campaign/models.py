@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, fie
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.options import Options
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.sensors import SensorOptions
 from relnav_sim.truth import TruthOptions
 
 LARGEST_SEED = 2**63 - 1
@@ -214,7 +214,7 @@ class CaseConfig(Options):
     name: str = Field(description="The campaign's name")
     clock: Clock
     truth: TruthOptions
-    sensors: SensorsOptions
+    sensors: dict[str, SerializeAsAny[SensorOptions]]
     start: StartOptions = FirstFixStart()
     filters: dict[str, SerializeAsAny[FilterEntry]]
     statistics: StatisticsOptions = StatisticsOptions()

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from relnav_sim.campaign.file_model import sensors_from
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.campaign.paths import parse_path, replaced
-from relnav_sim.sensors import SensorsOptions, reading_probability, sight_warnings
-from relnav_sim.sensors.radar import steps_per_reading
+from relnav_sim.sensors import Sensors, reading_probability, relative_sensors, sight_warnings
+from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, truth_trajectory
 
@@ -36,7 +37,9 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
     said: list[tuple[str, list[str]]] = []
     for case in campaign.cases:
         config = case.config
-        key = "".join(part.model_dump_json() for part in (config.clock, config.truth, config.sensors, config.start))
+        key = "".join(
+            part.model_dump_json() for part in (config.clock, config.truth, *config.sensors.values(), config.start)
+        )
         if key not in found and len(found) < MOST_GEOMETRIES:
             found[key] = _nominal_warnings(config)
         if key in found:
@@ -66,7 +69,7 @@ def flown_warnings(
                 varied = replaced(varied, parse_path(text, varied), value)
         try:
             truth = TruthOptions.model_validate_json(json.dumps(varied["truth"]))
-            sensors = SensorsOptions.model_validate_json(json.dumps(varied["sensors"]))
+            sensors = sensors_from(varied["sensors"])
         except ValidationError:
             said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
             continue
@@ -75,8 +78,8 @@ def flown_warnings(
 
 
 def _nominal_warnings(config: CaseConfig) -> list[str]:
-    clock, radar = config.clock, config.sensors.radar
-    every = 1 if radar is None else steps_per_reading(radar.period_s, clock.step_s)
+    clock, relative = config.clock, relative_sensors(config.sensors)
+    every = min((steps_per_reading(each.period_s, clock.step_s) for each in relative.values()), default=1)
     every *= -(-clock.epochs // (every * MOST_EPOCHS))
     trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)))
     at_start = trajectory.at([0.0])
@@ -85,21 +88,23 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
         f"In the nominal trajectory {reason}; every run ends about then." for reason in trajectory.failures.values()
     ]
     sentences = sight_warnings(config.sensors, truth)
-    fix = radar is None or reading_probability(config.sensors, at_start, 0, clock.step_s).any()
-    if isinstance(config.start, FirstFixStart) and not fix:
-        sentences.append(
-            "The radar gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
-        )
+    giving = [name for name, each in relative.items() if each.gives_fix]
+    if isinstance(config.start, FirstFixStart) and giving:
+        chance = reading_probability(config.sensors, giving[0], at_start, 0, clock.step_s)
+        if not chance.all(axis=-1).any():
+            sentences.append(
+                f"The {giving[0]} gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
+            )
     return [*ended, *sentences]
 
 
-def _flown(options: TruthOptions, sensors: SensorsOptions, times_s: Array, relative: Array) -> Truth:
+def _flown(options: TruthOptions, sensors: Sensors, times_s: Array, relative: Array) -> Truth:
     """Return the true states of both craft, from the relative ones and the nominal chief.
 
     A radar on the chief sees the relative position in axes that turn with the chief: where the chief is does not
     matter then, and it may stay where it starts. A radar on the deputy turns with the deputy's own orbit.
     """
-    alone = sensors.radar is None or sensors.radar.carrier == "chief"
+    alone = all(each.host == "chief" for each in relative_sensors(sensors).values())
     trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
     chief = trajectory.at(times_s[:1] if alone else times_s).chief
     chief = np.broadcast_to(chief, (*relative.shape[:2], 6))

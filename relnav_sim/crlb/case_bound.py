@@ -15,14 +15,14 @@ from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
 from relnav_sim.dynamics.augmentation.kinds import Extension
-from relnav_sim.measurements.spherical_radar import PolarRadar
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
-from relnav_sim.sensors import radar_model, reading_probability
+from relnav_sim.sensors import reading_probability, relative_sensors, sensor_measurement
 from relnav_sim.sensors.noise import noise_parts, white_law
-from relnav_sim.simulation.augmented_states import extension_of
+from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
 from relnav_sim.simulation.chunks import CHUNK_EPOCHS
 from relnav_sim.simulation.memory import lacks_memory
+from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory
 
@@ -154,27 +154,31 @@ class _Ensemble:
         chief: ECI state of the chief, mean over the ensemble, (T, 6).
         relative: Relative states, RTN, (b, T, 6).
         relative_mean: Their mean, (T, 6).
-        probability: Probability of a reading, (b, T); NaN where a trajectory has ended.
+        probability: By sensor, the probability of each channel, (b, T, m); NaN where a trajectory has ended.
     """
 
     chief: Array
     relative: Array
     relative_mean: Array
-    probability: Array
+    probability: Mapping[str, Array]
 
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     runs = tuple(range(ENSEMBLE if config.truth.is_dispersed else 1))
     trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, runs))
-    chief, relative, probability = [], [], []
+    chief, relative = [], []
+    probability: dict[str, list[Array]] = {name: [] for name in relative_sensors(config.sensors)}
     for epochs in _chunks(0, config.clock.epochs):
         truth = trajectory.at(epochs * config.clock.step_s)
         chief.append(_mean(truth.chief))
         relative.append(truth.relative)
-        likely = reading_probability(config.sensors, truth, int(epochs[0]), config.clock.step_s)
-        probability.append(np.where(np.isnan(truth.relative[..., 0]), np.nan, likely))
+        ended = np.isnan(truth.relative[..., :1])
+        for name in probability:
+            likely = reading_probability(config.sensors, name, truth, int(epochs[0]), config.clock.step_s)
+            probability[name].append(np.where(ended, np.nan, likely))
     states = np.concatenate(relative, axis=1)
-    return _Ensemble(np.concatenate(chief), states, _mean(states), np.concatenate(probability, axis=1))
+    chances = {name: np.concatenate(parts, axis=1) for name, parts in probability.items()}
+    return _Ensemble(np.concatenate(chief), states, _mean(states), chances)
 
 
 def _mean(values: Array) -> Array:
@@ -184,24 +188,35 @@ def _mean(values: Array) -> Array:
         return np.asarray(np.where(known, values, 0.0).sum(axis=0) / known.sum(axis=0))
 
 
-class _Information:
-    """The information of the measurement chain along an ensemble of truths, E[H^T I H]."""
+class _SensorInformation:
+    """The information of one sensor's readings along an ensemble of truths, E[H^T I H]."""
 
-    def __init__(self, config: CaseConfig, truth: _Ensemble) -> None:
-        radar = config.sensors.radar
-        assert radar is not None  # a campaign has one: its filters need it
-        model = radar_model("polar", "nominal", config.sensors, nominal_chief(config.truth))
-        assert isinstance(model, PolarRadar)
-        law = white_law(noise_parts(radar.noise), len(radar.sigmas))
-        self._model, self._truth, self._mounting = model, truth, radar.mounting
-        self._own = np.diag(np.square(law.nominal * radar.sigmas))
-        attitude = np.concatenate([self._attitude(states) for states in truth.relative])
-        self._reading = ReadingInformation(law.weights, law.scales * radar.sigmas, attitude)
+    def __init__(self, name: str, config: CaseConfig, truth: _Ensemble) -> None:
+        options = relative_sensors(config.sensors)[name]
+        orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+        self._name, self._config, self._truth = name, config, truth
+        self._model = sensor_measurement(
+            name, config.sensors, orbit, step_s, assumed_noise="nominal", assumed_latency="none"
+        )
+        self._alone = np.flatnonzero(~np.array(options.needs_direction()))
+        law = white_law(noise_parts(options.noise), len(options.channels))
+        self._reading: ReadingInformation | None = None
+        if len(law.weights) > 1:
+            self._own = np.diag(np.square(law.nominal * options.sigmas))
+            attitude = np.concatenate([self._attitude(states) for states in truth.relative])
+            self._reading = ReadingInformation(law.weights, law.scales * options.sigmas, attitude)
 
     def _attitude(self, states: Array) -> Array:
         """Return the covariance that the attitude's error adds to the angles, (N, 2, 2)."""
         R = self._model.noise(states, 0) - self._own
         return np.asarray(np.broadcast_to(R[..., 1:, 1:], (len(states), 2, 2)))
+
+    def _noise_information(self, states: Array) -> Array:
+        """Return the Fisher information (N, m, m) that noise leaves about the channels."""
+        if self._reading is not None:
+            return self._reading.at(self._attitude(states))
+        R = self._model.noise(states, 0)
+        return np.asarray(np.linalg.inv(np.broadcast_to(R, (len(states), *R.shape[-2:]))))
 
     def at(self, epochs: NDArray[np.int64], extra: Extension | None = None) -> Array:
         """Return the information of the readings at some epochs, (K, n, n); 0 where no trajectory goes on.
@@ -210,22 +225,50 @@ class _Information:
             epochs: (K,).
             extra: States behind the six that readings depend on too; they count as 0.
         """
-        states, probability = self._truth.relative[:, epochs], self._truth.probability[:, epochs]
+        states, probability = self._truth.relative[:, epochs], self._truth.probability[self._name][:, epochs]
         flat = states.reshape(-1, 6)
-        H = self._jacobian(flat, extra)
+        H, noise = self._jacobian(flat, extra), self._noise_information(flat)
+        whole = probability.min(axis=-1)
+        total = self._weighed(H, noise, whole)
+        if len(self._alone):
+            # What is left of a reading without direction.
+            part = probability[..., self._alone].min(axis=-1) - whole
+            if (part > 0).any():
+                kept = np.asarray(np.linalg.inv(np.linalg.inv(noise)[:, self._alone[:, None], self._alone]))
+                total = total + self._weighed(H[:, self._alone], kept, part)
+        going = np.maximum((~np.isnan(whole)).sum(axis=0), 1)
+        return np.asarray(total / going[:, None, None])
+
+    def _weighed(self, H: Array, noise: Array, probability: Array) -> Array:
+        """Return the sum (K, n, n) over the ensemble of the information times its probability (b, K)."""
         n = H.shape[-1]
-        information = (H.swapaxes(1, 2) @ self._reading.at(self._attitude(flat)) @ H).reshape(*probability.shape, n, n)
+        information = (H.swapaxes(1, 2) @ noise @ H).reshape(*probability.shape, n, n)
         # Where nothing is measured the information may be anything, as of a target on the radar's axis.
         weighed = np.where(probability[..., None, None] > 0, probability[..., None, None] * information, 0.0)
-        going = np.maximum((~np.isnan(probability)).sum(axis=0), 1)
-        return np.asarray(weighed.sum(axis=0) / going[:, None, None])
+        return np.asarray(weighed.sum(axis=0))
 
     def _jacobian(self, states: Array, extra: Extension | None) -> Array:
-        """Return H (N, 3, n) at states (N, 6)."""
+        """Return H (N, m, n) at states (N, 6)."""
         if extra is None:
-            return self._model.jacobian(states, 0)
-        whole = np.concatenate([states, np.zeros((len(states), len(extra.names)))], axis=1)
-        return extra.measurement(self._model, self._mounting).jacobian(whole, 0)
+            H = self._model.jacobian(states, 0)
+        else:
+            whole = np.concatenate([states, np.zeros((len(states), len(extra.names)))], axis=1)
+            H = augmented_measurement(extra, self._name, self._model, self._config).jacobian(whole, 0)
+        return np.broadcast_to(H, (len(states), *H.shape[-2:]))
+
+
+class _Information:
+    """The information of some sensors' readings together; their errors count as independent."""
+
+    def __init__(self, config: CaseConfig, truth: _Ensemble) -> None:
+        self._sensors = {name: _SensorInformation(name, config, truth) for name in relative_sensors(config.sensors)}
+
+    def at(
+        self, epochs: NDArray[np.int64], extra: Extension | None = None, names: Sequence[str] | None = None
+    ) -> Array:
+        """Return the information at some epochs, (K, n, n), of the sensors of these names; None: of all."""
+        each = [self._sensors[name].at(epochs, extra) for name in (self._sensors if names is None else names)]
+        return each[0] if len(each) == 1 else np.asarray(sum(each))
 
 
 def _start(config: CaseConfig, truth: _Ensemble, information: _Information, extra: Extension | None) -> Array | None:
@@ -233,10 +276,12 @@ def _start(config: CaseConfig, truth: _Ensemble, information: _Information, extr
     start = config.start
     behind = np.zeros(0) if extra is None else extra.sigma
     if isinstance(start, FirstFixStart):
-        share = float(truth.probability[:, 0].mean())  # a run without a first fix has failed and does not count
+        name = fix_sensor(config)
+        # A run without a first fix has failed and does not count.
+        share = float(truth.probability[name][:, 0].min(axis=-1).mean())
         if not share > 0:
             return None
-        J = information.at(np.zeros(1, dtype=np.int64), extra)[0] / share
+        J = information.at(np.zeros(1, dtype=np.int64), extra, [name])[0] / share
         J[3:, 3:] += np.diag(1 / np.square([*start.velocity_sigma_m_s, *behind]))
         return np.asarray(np.linalg.inv(J))
     return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s, *behind]))

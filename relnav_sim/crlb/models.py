@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,12 @@ class Model:
         a, b = self.extra, other.extra
         if a is None or b is None:
             return a is b
-        return a.names == b.names and np.array_equal(a.sigma, b.sigma) and np.array_equal(a.errors, b.errors)
+        return (
+            a.names == b.names
+            and np.array_equal(a.sigma, b.sigma)
+            and _same(a.channels, b.channels)
+            and _same(a.turns, b.turns)
+        )
 
     def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
         """Return F and Q of the steps that end at `epochs` (K,), (K, n, n) each; NaN and 0 once it is broken.
@@ -75,6 +81,16 @@ class Model:
         whole = self.extra.dynamics(_Given(F, Q), nominal_chief(self._config.truth), step_s)
         states, step = np.zeros((len(F), self.dimension)), Step(0, step_s)
         return whole.transition(states, step), whole.process_noise(states, step)
+
+
+def _same(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two trees of arrays are equal."""
+    if one.keys() != other.keys():
+        return False
+    return all(
+        _same(value, other[key]) if isinstance(value, Mapping) else np.array_equal(value, other[key])
+        for key, value in one.items()
+    )
 
 
 class _Given:
@@ -146,4 +162,4 @@ def model_key(entry: FilterEntry) -> str:
     """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
     if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
         return entry.model_dump_json()
-    return entry.model_dump_json(include={"dynamics", "process_noise", "augment"})
+    return entry.model_dump_json(include={"dynamics", "process_noise", "augment", "sensors"})

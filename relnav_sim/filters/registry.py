@@ -24,7 +24,7 @@ from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
 from relnav_sim.printable import message_of
 
-MeasurementKind = Literal["polar", "cartesian"]
+MeasurementKind = Literal["spherical", "cartesian"]
 C = TypeVar("C", bound=type)
 
 _BUILT_IN = (
@@ -60,7 +60,7 @@ class FilterKind:
         name: The name that campaigns and `create_filter` use.
         options_model: Its options, a pydantic model.
         factory: ``factory(dynamics, measurement, options) -> Filter``.
-        measurement: The form of the radar measurement it takes unless the campaign says otherwise.
+        measurement: The form of the readings that it takes unless the campaign says otherwise.
         cost_us: Rough CPU time per filter step and run, for planning, us.
         learned_dynamics: Whether campaigns may give it learned dynamics only.
         overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
@@ -88,7 +88,7 @@ class FilterKind:
 def register_filter(
     name: str,
     options_model: type[Options],
-    measurement: MeasurementKind = "polar",
+    measurement: MeasurementKind | Literal["polar"] = "spherical",
     cost_us: float = 3.0,
     learned_dynamics: bool = False,
     overhead_us: float = 200.0,
@@ -98,7 +98,8 @@ def register_filter(
     Args:
         name: The name in campaigns.
         options_model: Subclass of `relnav_sim.options.Options`.
-        measurement: ``polar`` (range, azimuth, elevation) or ``cartesian`` (converted position).
+        measurement: Form of the readings that it takes by default, ``spherical`` (as they are read; formerly ``polar``)
+            or ``cartesian`` (converted to a position).
         cost_us: Rough CPU time per filter step and run, us; only for planning.
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
         overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
@@ -111,7 +112,8 @@ def register_filter(
         known = _KINDS.get(name)
         if known is not None and known.factory is not factory:
             raise ValueError(f"a filter named {name!r} is registered already")
-        _KINDS[name] = FilterKind(name, options_model, factory, measurement, cost_us, learned_dynamics, overhead_us)
+        form: MeasurementKind = "cartesian" if measurement == "cartesian" else "spherical"
+        _KINDS[name] = FilterKind(name, options_model, factory, form, cost_us, learned_dynamics, overhead_us)
         return factory
 
     return register

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,20 @@ Array = NDArray[np.float64]
 RANGE, AZIMUTH, ELEVATION, TURN = 0, 1, 2, slice(3, 6)
 """Rows of the radar's errors: range (m), azimuth, elevation (rad), and a turn about the radar's axes (rad)."""
 ERRORS = 6
+
+
+def radar_errors(channels: Mapping[str, Array], turn: Array) -> Array:
+    """Return the radar's errors (6, e) as a combination of augmented states.
+
+    Args:
+        channels: What each state adds to ``range`` (m), ``azimuth`` and ``elevation`` (rad), (e,) each.
+        turn: The turn about the radar's axes that each state is, (3, e), rad.
+    """
+    errors = np.zeros((ERRORS, turn.shape[1]))
+    for row, name in ((RANGE, "range"), (AZIMUTH, "azimuth"), (ELEVATION, "elevation")):
+        errors[row] = channels.get(name, 0.0)
+    errors[TURN] = turn
+    return errors
 
 
 class RadarDistortion:

@@ -1,29 +1,47 @@
-"""What is measured: radar, GNSS, star tracker and accelerometers with their noise, and the chain to the filters."""
+"""What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
 
-from relnav_sim.sensors.accelerometer import AccelerometerOptions
 from relnav_sim.sensors.availability import reading_probability
-from relnav_sim.sensors.front_end import attitude_covariance, filter_inputs, measurement_model, radar_model
-from relnav_sim.sensors.gnss import GnssOptions
+from relnav_sim.sensors.campaign_sensors import (
+    Sensors,
+    attitude_covariance,
+    hosts_of,
+    own_sensor,
+    relative_sensors,
+)
+from relnav_sim.sensors.front_end import filter_inputs, form_taken, sensor_measurement
+from relnav_sim.sensors.interface import (
+    Channel,
+    ErrorShares,
+    MeasurementContext,
+    RelativeSensorOptions,
+    Sensed,
+    SensorOptions,
+)
 from relnav_sim.sensors.noise import noise_kinds
-from relnav_sim.sensors.options import SensorsOptions, sensor_kinds
-from relnav_sim.sensors.radar import RadarOptions
+from relnav_sim.sensors.registry import register_sensor, sensor_kinds
 from relnav_sim.sensors.sight_warnings import sight_warnings
-from relnav_sim.sensors.star_tracker import StarTrackerOptions
-from relnav_sim.sensors.suite import SensorSuite
+from relnav_sim.sensors.suite import SensorSuite, streams_of
 
 __all__ = [
-    "AccelerometerOptions",
-    "GnssOptions",
-    "RadarOptions",
+    "Channel",
+    "ErrorShares",
+    "MeasurementContext",
+    "RelativeSensorOptions",
+    "Sensed",
+    "SensorOptions",
     "SensorSuite",
-    "SensorsOptions",
-    "StarTrackerOptions",
+    "Sensors",
     "attitude_covariance",
     "filter_inputs",
-    "measurement_model",
+    "form_taken",
+    "hosts_of",
     "noise_kinds",
-    "radar_model",
+    "own_sensor",
     "reading_probability",
+    "register_sensor",
+    "relative_sensors",
     "sensor_kinds",
+    "sensor_measurement",
     "sight_warnings",
+    "streams_of",
 ]

@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from relnav_sim.options import Options
-from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, noise_parts
-from relnav_sim.streams import RandomSource
+from relnav_sim.sensors.interface import Channel, Craft, Role, Sensed, SensorOptions
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption
+from relnav_sim.sensors.registry import register_sensor
+from relnav_sim.sensors.streams import SensorStreams
 
 Array = NDArray[np.float64]
-Craft = Literal["chief", "deputy"]
-CHANNELS = 3
 
 
-class AccelerometerOptions(Options):
+@register_sensor("accelerometer")
+class AccelerometerOptions(SensorOptions):
     """Accelerometers: the specific force in the body of their craft, which keeps to its RTN axes, step by step.
 
     They feel thrust and drag, not gravity. A reading is the mean over the step before its epoch, and the mean weighted
     with the time that was left, from which the change of position follows. Both suffer the same errors.
     """
 
-    carrier: Literal["both", "chief", "deputy"] = Field(
+    role: ClassVar[Role] = "force"
+    channels: ClassVar[tuple[Channel, ...]] = tuple(
+        Channel(f"force_{axis}", "m/s^2", f"specific force, {axis}") for axis in ("radial", "along", "normal")
+    )
+    per_craft: ClassVar[bool] = True
+    former_keys: ClassVar[Mapping[str, str]] = {"host": "carrier"}
+
+    kind: Literal["accelerometer"] = Field(default="accelerometer", description="Specific force on its host")
+    host: Craft | Literal["both"] = Field(
         default="both", description="Craft that carry one; default: both, so that all relative thrust is measured"
     )
     velocity_random_walk_m_s_sqrt_s: float = Field(
@@ -53,53 +62,20 @@ class AccelerometerOptions(Options):
         "0: none do. Without an estimated bias a filter that adds up the bias all the way is worse than none",
     )
 
-    @field_validator("noise")
-    @classmethod
-    def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        check_parts(noise_parts(noise), CHANNELS)
-        return noise
+    def bias(self, streams: SensorStreams) -> Array:
+        """Return each run's constant error, (runs, 3), m/s^2."""
+        return self.bias_sigma_m_s2 * streams.constant("bias", 1, 3)[:, 0]
 
-    @property
-    def craft(self) -> tuple[Craft, ...]:
-        """The craft that carry one."""
-        return ("chief", "deputy") if self.carrier == "both" else (self.carrier,)
-
-
-def constant_bias(options: AccelerometerOptions, craft: Craft, source: RandomSource) -> Array:
-    """Return each run's constant error of one craft's accelerometer, (runs, 1, 3), m/s^2."""
-    return options.bias_sigma_m_s2 * source.streams(f"sensor.accelerometer.{craft}.bias").normal(1, CHANNELS)
-
-
-class Accelerometer:
-    """The accelerometer of one craft over one block of runs.
-
-    Args:
-        options: How badly it measures.
-        craft: The craft that carries it.
-        source: Seed and runs of the block.
-        step_s: Time between epochs, s.
-    """
-
-    def __init__(self, options: AccelerometerOptions, craft: Craft, source: RandomSource, step_s: float) -> None:
-        name = f"accelerometer.{craft}"
-        self._sigma = options.velocity_random_walk_m_s_sqrt_s / np.sqrt(step_s)
-        self._deadband = options.deadband_m_s2
-        self._noise = Noise(noise_parts(options.noise), name, source, CHANNELS, step_s)
-        self._bias = constant_bias(options, craft, source)
-        errors = source.streams(f"sensor.{name}.scale_factor").normal(1, 1, CHANNELS)
-        self._scale = 1 + options.scale_factor_sigma_percent / 100 * errors
-
-    def measure(self, times_s: Array, felt: Array) -> Array:
-        """Return the plain and the weighted mean of the measured force, (runs, K, 6), m/s^2, RTN of the craft.
-
-        Args:
-            times_s: Epochs (K,), the ones that follow the last call's.
-            felt: True means of both kinds, (runs or 1, K, 2, 3), m/s^2.
-        """
-        z = self._sigma * self._noise.sample(times_s) + self._bias
-        readings = self._scale * felt + z[:, :, None]
-        if self._deadband > 0:
+    def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the plain and the weighted mean of the measured force, (runs, K, 6), m/s^2, RTN of the host."""
+        assert truth.felt is not None  # it says that it `feels`
+        errors = streams.constant("scale_factor", 1, 1, 3)
+        scale = 1 + self.scale_factor_sigma_percent / 100 * errors
+        sigma = self.velocity_random_walk_m_s_sqrt_s / np.sqrt(truth.step_s)
+        z = sigma * streams.noise(truth.times_s) + self.bias(streams)[:, None]
+        readings = scale * truth.felt + z[:, :, None]
+        if self.deadband_m_s2 > 0:
             plain = readings[:, :, 0]
-            small = plain[..., 0] ** 2 + plain[..., 1] ** 2 + plain[..., 2] ** 2 < self._deadband**2
+            small = plain[..., 0] ** 2 + plain[..., 1] ** 2 + plain[..., 2] ** 2 < self.deadband_m_s2**2
             readings[small] = 0.0
-        return readings.reshape(*readings.shape[:2], 2 * CHANNELS)
+        return readings.reshape(*readings.shape[:2], 6)

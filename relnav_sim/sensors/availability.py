@@ -1,4 +1,4 @@
-"""How probable it is that the filters get a measurement, at the true states of some epochs."""
+"""How probable it is that the filters get each channel of a sensor, at the true states of some epochs."""
 
 from __future__ import annotations
 
@@ -8,43 +8,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.options import Options
+from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, relative_sensors
+from relnav_sim.sensors.due import due
+from relnav_sim.sensors.interface import Craft, Sensed, SensorOptions
 from relnav_sim.sensors.noise import OutageNoise, noise_parts
-from relnav_sim.sensors.options import SensorsOptions
-from relnav_sim.sensors.radar import in_sight, steps_per_reading, true_reading
-from relnav_sim.sensors.suite import TrueStates, carrier_and_other
+from relnav_sim.sensors.suite import TrueStates
 
 Array = NDArray[np.float64]
 
 
-def reading_probability(sensors: SensorsOptions, truth: TrueStates, first_epoch: int, step_s: float) -> Array:
-    """Return the probability of a measurement, (runs or 1, K): 0 or 1 unless outages are random.
+def sensed(truth: TrueStates, host: Craft, step_s: float) -> Sensed:
+    """Return the true states as a sensor on one craft meets them, without latency."""
+    states = (truth.chief, truth.deputy) if host == "chief" else (truth.deputy, truth.chief)
+    return Sensed(truth.times_s, *states, None, step_s)
 
-    Radar limits, field of view, period and fixed outages decide for certain. Random outages count by the probability
-    that the sensor works: every run starts working, and working and outage times are exponentially distributed. A
-    measurement needs the radar and, where there are any, the GNSS receiver and the star tracker.
+
+def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_epoch: int, step_s: float) -> Array:
+    """Return the probability of each channel of a sensor, (runs or 1, K, m): 0 or 1 unless outages are random.
+
+    Its limits, field of view, period and fixed outages decide for certain. Random outages count by the probability that
+    the sensor works: every run starts working, and working and outage times are exponentially distributed. A channel
+    that needs the host's attitude and orbit needs its GNSS receiver and star tracker too, where there are any.
 
     Args:
-        sensors: The sensors, with a radar.
+        sensors: All sensors of the campaign.
+        name: The sensor's name; a relative one.
         truth: Epochs (K,) and true states.
         first_epoch: Number of the first epoch.
         step_s: Time between epochs, s.
     """
-    radar = sensors.radar
-    assert radar is not None  # a campaign has one: its filters need it
-    carrier, other = carrier_and_other(sensors, truth)
+    options = relative_sensors(sensors)[name]
     epochs = np.arange(first_epoch, first_epoch + len(truth.times_s))
-    probability = np.where(in_sight(radar, true_reading(radar, carrier, other)), 1.0, 0.0)
-    probability *= epochs % steps_per_reading(radar.period_s, step_s) == 0
-    return probability * working_probability(sensors, truth.times_s)
+    probability = np.where(options.in_reach(sensed(truth, options.host, step_s)), 1.0, 0.0)
+    probability *= due(epochs, options.period_s, options.offset_s, step_s)
+    probability *= working_probability(options, truth.times_s)
+    direction = probability * _direction_known(sensors, options.host, truth.times_s)
+    return np.stack([direction if needed else probability for needed in options.needs_direction()], axis=-1)
 
 
-def working_probability(sensors: SensorsOptions, times_s: Array) -> Array:
-    """Return the probability (K,) that no outage of a sensor that a measurement needs is on."""
+def _direction_known(sensors: Sensors, host: Craft, times_s: Array) -> Array:
+    """Return the probability (K,) that a craft knows its attitude and orbit."""
     probability = np.ones(len(times_s))
-    for sensor in (sensors.radar, sensors.gnss, sensors.star_tracker):
-        if sensor is not None:
-            probability *= _working(noise_parts(sensor.noise), times_s)
+    for role in ("orbit", "attitude"):
+        found = own_sensor(sensors, role, host)
+        if found is not None:
+            probability = probability * working_probability(found[1], times_s)
     return probability
+
+
+def working_probability(options: SensorOptions, times_s: Array) -> Array:
+    """Return the probability (K,) that no outage of a sensor is on."""
+    return _working(noise_parts(options.noise), times_s)
 
 
 def _working(parts: Sequence[Options], times_s: Array) -> Array:

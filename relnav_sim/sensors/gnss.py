@@ -1,25 +1,34 @@
-"""GNSS receiver: inertial position and velocity of the craft that carries the radar."""
+"""GNSS receiver: inertial position and velocity of its host."""
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from relnav_sim.options import Options
-from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, noise_parts
-from relnav_sim.streams import RandomSource
+from relnav_sim.sensors.interface import Channel, Role, Sensed, SensorOptions
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
+from relnav_sim.sensors.registry import register_sensor
+from relnav_sim.sensors.streams import SensorStreams
 
 Array = NDArray[np.float64]
-CHANNELS = 6
 
 
-class GnssOptions(Options):
-    """GNSS receiver on the craft that carries the radar: its ECI position and velocity at every step.
+@register_sensor("gnss")
+class GnssOptions(SensorOptions):
+    """GNSS receiver of a craft: its ECI position and velocity at every step.
 
     The front end builds the orbit frame from them. Without a receiver in the campaign the orbit frame is perfect.
     """
 
+    role: ClassVar[Role] = "orbit"
+    channels: ClassVar[tuple[Channel, ...]] = (
+        *(Channel(f"position_{axis}", "m", f"ECI position {axis}") for axis in "xyz"),
+        *(Channel(f"velocity_{axis}", "m/s", f"ECI velocity {axis}") for axis in "xyz"),
+    )
+    kind: Literal["gnss"] = Field(default="gnss", description="Position and velocity of its host, ECI")
     position_sigma_m: float = Field(gt=0, description="Position noise per axis, 1 sigma, m")
     velocity_sigma_m_s: float = Field(gt=0, description="Velocity noise per axis, 1 sigma, m/s")
     noise: NoiseOption = Field(
@@ -28,39 +37,22 @@ class GnssOptions(Options):
         "list of parts that add; default: white Gaussian. Real solutions are largely gauss_markov, tau_s 100 to 3600",
     )
 
-    @field_validator("noise")
-    @classmethod
-    def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        check_parts(noise_parts(noise), CHANNELS)
-        return noise
-
     @property
     def sigmas(self) -> Array:
         """Standard deviations (6,), m and m/s."""
         return np.repeat([self.position_sigma_m, self.velocity_sigma_m_s], 3)
 
+    def frame_covariance(self, radius_m: float, speed_m_s: float) -> Array:
+        """Return the covariance (3, 3) of the white tilt of the computed orbit frame, about the nadir axes, rad^2.
 
-class Gnss:
-    """The receiver over one block of runs.
-
-    Args:
-        options: How badly it measures.
-        source: Seed and runs of the block.
-        step_s: Time between epochs, s.
-    """
-
-    def __init__(self, options: GnssOptions, source: RandomSource, step_s: float) -> None:
-        self._sigmas = options.sigmas
-        self._noise = Noise(noise_parts(options.noise), "gnss", source, CHANNELS, step_s)
-
-    def measure(self, times_s: Array, carrier: Array) -> Array:
-        """Return the measured ECI states (runs, K, 6), m and m/s; NaN where there is no solution.
-
-        Args:
-            times_s: Epochs (K,), the ones that follow the last call's.
-            carrier: ECI states of the craft, (runs or 1, K, 6).
+        Errors dr of position and dv of velocity turn it by (dr_y / r, -dr_x / r, dv_y / v), on a near-circular orbit.
         """
-        z = self._noise.sample(times_s)
-        z *= self._sigmas
-        z += carrier
+        tilt, yaw = self.position_sigma_m / radius_m, self.velocity_sigma_m_s / speed_m_s
+        return np.diag(np.square([tilt, tilt, yaw])) * white_variance(noise_parts(self.noise))
+
+    def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the measured ECI states (runs, K, 6), m and m/s; NaN where there is no solution."""
+        z = streams.noise(truth.times_s)
+        z *= self.sigmas
+        z += truth.host
         return z

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.sensors.availability import working_probability
-from relnav_sim.sensors.noise import noise_parts, probability_below
-from relnav_sim.sensors.options import SensorsOptions
-from relnav_sim.sensors.radar import CHANNELS, RadarOptions, in_sight, true_reading
-from relnav_sim.sensors.suite import TrueStates, carrier_and_other
+from relnav_sim.sensors.availability import reading_probability, sensed
+from relnav_sim.sensors.campaign_sensors import Sensors, relative_sensors
+from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed
+from relnav_sim.sensors.suite import TrueStates
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -26,25 +25,29 @@ RARE = 1e-6
 _WINDOWS_NAMED = 3
 
 
-def sight_warnings(sensors: SensorsOptions, truth: TrueStates) -> list[str]:
-    """Return sentences on what the geometry does to the radar's readings at some epochs; none where all is well.
+def sight_warnings(sensors: Sensors, truth: TrueStates) -> list[str]:
+    """Return sentences on what the geometry does to the readings at some epochs; none where all is well.
 
     Args:
         sensors: The sensors of a campaign.
         truth: Epochs (K,), increasing, and true states (runs or 1, K, 6).
     """
-    radar = sensors.radar
-    if radar is None:
+    relative = relative_sensors(sensors)
+    if not relative:
         return []
-    distance, azimuth, elevation = true_reading(radar, *carrier_and_other(sensors, truth))
-    seen = in_sight(radar, (distance, azimuth, elevation))
-    heard = seen & np.isfinite(distance) & (working_probability(sensors, truth.times_s) > 0)
-    return [
-        *_met(distance, truth.times_s),
-        *_out_of_sight(radar, seen, heard, distance),
-        *_near_axis(radar, heard, elevation, truth.times_s),
-        *_below_zero(radar, heard, distance),
-    ]
+    offset = truth.deputy[..., :3] - truth.chief[..., :3]
+    distance = np.sqrt(np.square(offset).sum(axis=-1))
+    said = _met(distance, truth.times_s)
+    for name, options in relative.items():
+        met = sensed(truth, options.host, 1.0)
+        seen = options.in_reach(met) & np.isfinite(distance)
+        # Whether a reading is due does not matter: the epochs here are those that were looked at, not all there are.
+        always = options.model_copy(update={"period_s": None, "offset_s": 0.0})
+        heard = (reading_probability({**sensors, name: always}, name, truth, 0, 1.0) > 0).any(axis=-1) & seen
+        said += _out_of_sight(name, options, seen, heard, distance)
+        said += _near_pole(name, options, met, heard, truth.times_s)
+        said += _below_zero(name, options, heard, distance)
+    return said
 
 
 def _met(distance: Array, times_s: Array) -> list[str]:
@@ -57,7 +60,7 @@ def _met(distance: Array, times_s: Array) -> list[str]:
     ]
 
 
-def _out_of_sight(radar: RadarOptions, seen: Flags, heard: Flags, distance: Array) -> list[str]:
+def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, heard: Flags, distance: Array) -> list[str]:
     flown = np.isfinite(distance).any(axis=1)
     blind = np.asarray(flown & ~heard.any(axis=1))
     if not blind.any():
@@ -65,40 +68,43 @@ def _out_of_sight(radar: RadarOptions, seen: Flags, heard: Flags, distance: Arra
     why = "its sensors are never all at work"
     if not seen[blind].any():
         near, far = np.nanmin(distance[blind]), np.nanmax(distance[blind])
-        limits = radar.range_limits_m
+        limits = options.range_limits_m
         outside = limits is not None and (far < limits[0] or near > limits[1])
         where = (
             "range_limits_m" if outside else "field of view" if limits is None else "range_limits_m or field of view"
         )
         why = f"the other craft, {near:.4g} to {far:.4g} m away, is never within its {where}"
-    return [f"The radar gives no reading in the whole run{_of_runs(blind)}: {why}. The filters only predict."]
+    return [f"The {name} gives no reading in the whole run{_of_runs(blind)}: {why}. The filters only predict."]
 
 
-def _near_axis(radar: RadarOptions, heard: Flags, elevation: Array, times_s: Array) -> list[str]:
-    near_deg = min(max(NEAR_AXIS_DEG, NEAR_AXIS_SIGMAS * radar.angle_sigma_deg), 90.0)
-    from_axis_deg = 90 - np.degrees(np.abs(elevation))
+def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: Flags, times_s: Array) -> list[str]:
+    off = options.off_pole(truth)
+    if off is None:
+        return []
+    angle_sigma_deg = np.degrees(max(options.sigmas[[channel.angle for channel in options.channels]]))
+    near_deg = min(max(NEAR_AXIS_DEG, NEAR_AXIS_SIGMAS * angle_sigma_deg), 90.0)
+    from_axis_deg = np.degrees(off)
     near = heard & (from_axis_deg < near_deg)
     if not near.any():
         return []
     nearest_deg = round(float(from_axis_deg[near].min()), 2)
     return [
-        f"The line of sight is within {near_deg:.3g} deg of the radar's azimuth axis {_when(near, times_s)}, nearest "
+        f"The line of sight is within {near_deg:.3g} deg of the {name}'s azimuth axis {_when(near, times_s)}, nearest "
         f"{nearest_deg:g} deg: azimuth turns quickly there and does not exist on the axis, so that filters err or "
-        "diverge for this reason alone, and a comparison says how they bear it. Turn the radar with "
-        "sensors.radar.mounting_deg to compare them elsewhere."
+        "diverge for this reason alone, and a comparison says how they bear it. Turn it with "
+        f"sensors.{name}.mounting_deg to compare them elsewhere, or take form: tangent, which has no pole."
     ]
 
 
-def _below_zero(radar: RadarOptions, heard: Flags, distance: Array) -> list[str]:
-    level = -(distance + radar.range_bias_m) / radar.range_sigma_m
-    below = probability_below(noise_parts(radar.noise), CHANNELS, 0, level)
-    share = float(below[heard].mean()) if heard.any() else 0.0
+def _below_zero(name: str, options: RelativeSensorOptions, heard: Flags, distance: Array) -> list[str]:
+    below = options.no_echo(distance)
+    share = float(below[heard].mean()) if below is not None and heard.any() else 0.0
     if share <= RARE:
         return []
     return [
-        f"About {100 * share:.2g} % of the readings are missing because their range would not be positive: "
-        f"range_sigma_m is {radar.range_sigma_m:g} m at separations from {distance[heard].min():.4g} m. The rest is "
-        "biased towards long ranges, which no filter is told."
+        f"About {100 * share:.2g} % of the readings of the {name} are missing because their range would not be "
+        f"positive: its sigma is {options.sigmas[0]:g} m at separations from {distance[heard].min():.4g} m. The rest "
+        "is biased towards long ranges, which no filter is told."
     ]
 
 

@@ -1,6 +1,8 @@
-"""Star tracker: inertial attitude of the body that carries the radar."""
+"""Star tracker: inertial attitude of its host's body."""
 
 from __future__ import annotations
+
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,21 +10,29 @@ from pydantic import Field, field_validator
 
 from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
-from relnav_sim.options import Options
-from relnav_sim.sensors.noise import GaussianNoise, Noise, NoiseOption, check_parts, noise_parts
-from relnav_sim.streams import RandomSource
+from relnav_sim.sensors.interface import Channel, Role, Sensed, SensorOptions
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
+from relnav_sim.sensors.registry import register_sensor
+from relnav_sim.sensors.streams import SensorStreams
 
 Array = NDArray[np.float64]
-CHANNELS = 3
 
 
-class StarTrackerOptions(Options):
-    """Star tracker on the craft that carries the radar: its body's attitude at every step.
+@register_sensor("star_tracker")
+class StarTrackerOptions(SensorOptions):
+    """Star tracker of a craft: its body's attitude at every step.
 
     Three small turns corrupt the attitude: two across the boresight, and a larger one about it. Without a tracker in
     the campaign the body's attitude in inertial space is known perfectly.
     """
 
+    role: ClassVar[Role] = "attitude"
+    channels: ClassVar[tuple[Channel, ...]] = (
+        Channel("cross_1", "rad", "turn about the first axis across the boresight"),
+        Channel("cross_2", "rad", "turn about the second axis across the boresight"),
+        Channel("about", "rad", "turn about the boresight"),
+    )
+    kind: Literal["star_tracker"] = Field(default="star_tracker", description="Attitude of its host's body")
     cross_boresight_sigma_arcsec: float = Field(
         gt=0, lt=36000, description="Turn about each axis across the boresight, 1 sigma, arcsec"
     )
@@ -41,12 +51,6 @@ class StarTrackerOptions(Options):
         "add; default: white Gaussian. A white share of 0.84 beside a gauss_markov share of 0.55 with tau_s 60 is a "
         "fair picture of a real tracker",
     )
-
-    @field_validator("noise")
-    @classmethod
-    def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        check_parts(noise_parts(noise), CHANNELS)
-        return noise
 
     @field_validator("boresight_body")
     @classmethod
@@ -69,30 +73,16 @@ class StarTrackerOptions(Options):
         first /= np.linalg.norm(first)
         return np.stack([first, np.cross(boresight, first), boresight], axis=1)
 
+    def body_covariance(self) -> Array:
+        """Return the covariance (3, 3) of the white error of the attitude, about the body's axes, rad^2."""
+        return (self.axes * np.square(self.sigmas)) @ self.axes.T * white_variance(noise_parts(self.noise))
 
-class StarTracker:
-    """The tracker over one block of runs.
-
-    Args:
-        options: How badly it measures, and where it looks.
-        source: Seed and runs of the block.
-        step_s: Time between epochs, s.
-    """
-
-    def __init__(self, options: StarTrackerOptions, source: RandomSource, step_s: float) -> None:
-        self._body_from_tracker = rows(options.axes * options.sigmas)
-        self._noise = Noise(noise_parts(options.noise), "star_tracker", source, CHANNELS, step_s)
-
-    def measure(self, times_s: Array, carrier: Array) -> Array:
+    def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return the body's attitude as a quaternion (x, y, z, w), (runs, K, 4); NaN where there is none.
 
-        The quaternion turns ECI into body components, v_body = C(q) v_eci; scipy's Rotation.from_quat(q) is its
-        inverse, from body to ECI.
-
-        Args:
-            times_s: Epochs (K,), the ones that follow the last call's.
-            carrier: ECI states of the craft, whose body keeps to its nadir frame, (runs or 1, K, 6).
+        The body keeps to the host's nadir frame. The quaternion turns ECI into body components, v_body = C(q) v_eci;
+        scipy's Rotation.from_quat(q) is its inverse, from body to ECI.
         """
-        error = rotate(self._body_from_tracker, components(self._noise.sample(times_s)))
-        attitude = turned(quaternion_from_axes(nadir_axes(carrier)), error)
+        error = rotate(rows(self.axes * self.sigmas), components(streams.noise(truth.times_s)))
+        attitude = turned(quaternion_from_axes(nadir_axes(truth.host)), error)
         return np.stack(attitude, axis=-1)

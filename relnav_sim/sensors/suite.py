@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.sensors.accelerometer import Accelerometer
-from relnav_sim.sensors.gnss import Gnss
-from relnav_sim.sensors.options import SensorsOptions
-from relnav_sim.sensors.radar import Radar
-from relnav_sim.sensors.star_tracker import StarTracker
+from relnav_sim.astro.constants import MU_M3_S2
+from relnav_sim.astro.line_of_sight import components, dot
+from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
+from relnav_sim.sensors.due import due
+from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
+from relnav_sim.sensors.noise import noise_parts
+from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.thrust import CRAFT
 
@@ -37,11 +41,19 @@ class TrueStates(Protocol):
         ...
 
 
-def carrier_and_other(options: SensorsOptions, truth: TrueStates) -> tuple[Array, Array]:
-    """Return the true ECI states of the radar's carrier and of the craft it looks at."""
-    if options.radar is not None and options.radar.carrier == "deputy":
-        return truth.deputy, truth.chief
-    return truth.chief, truth.deputy
+@dataclass(frozen=True)
+class _Reader:
+    """One sensor on one craft: its options, its host and its random numbers."""
+
+    options: SensorOptions
+    host: Craft
+    streams: SensorStreams
+
+
+def streams_of(name: str, options: SensorOptions, host: Craft, source: RandomSource, step_s: float) -> SensorStreams:
+    """Return the random numbers of one sensor on one craft."""
+    stem = f"{name}.{host}" if options.per_craft else name
+    return SensorStreams(stem, noise_parts(options.noise), len(options.channels), source, step_s)
 
 
 class SensorSuite:
@@ -51,30 +63,30 @@ class SensorSuite:
     there are.
 
     Args:
-        options: The sensors.
+        sensors: The sensors by name.
         source: Seed and runs of the block.
         step_s: Time between epochs, s.
 
     Raises:
-        ValueError: The radar's period is no multiple of the step.
+        ValueError: A sensor's period is no multiple of the step.
     """
 
-    def __init__(self, options: SensorsOptions, source: RandomSource, step_s: float) -> None:
-        self._options = options
-        self._radar = None if options.radar is None else Radar(options.radar, source, step_s)
-        self._gnss = None if options.gnss is None else Gnss(options.gnss, source, step_s)
-        self._star_tracker = None if options.star_tracker is None else StarTracker(options.star_tracker, source, step_s)
-        force = options.accelerometer
-        self._accelerometers: dict[str, Accelerometer] = {}
-        if force is not None:
-            self._accelerometers = {craft: Accelerometer(force, craft, source, step_s) for craft in force.craft}
+    def __init__(self, sensors: Sensors, source: RandomSource, step_s: float) -> None:
+        self._step_s = step_s
+        self._runs = len(source.runs)
+        self._readers: dict[str, _Reader] = {}
+        for name, options in sensors.items():
+            due(np.arange(1), options.period_s, options.offset_s, step_s)
+            for host in hosts_of(sensors, options):
+                reading = f"{host}_{name}" if options.per_craft else name
+                self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
         self._next_epoch = 0
 
     def measure(
         self,
         truth: TrueStates,
         first_epoch: int,
-        seen: tuple[Array, Array] | None = None,
+        earlier: Callable[[float], tuple[Array, Array]] | None = None,
         felt: Array | None = None,
     ) -> dict[str, Array]:
         """Return what each sensor reads over the next chunk of epochs.
@@ -82,36 +94,68 @@ class SensorSuite:
         Args:
             truth: Epochs and true states of the chunk.
             first_epoch: Number of its first epoch; chunks follow one another from epoch 0.
-            seen: States of chief and deputy, (runs or 1, K, 6), at the times at which a radar with latency looks, NaN
-                before the start; default: those of the epochs.
+            earlier: Gives the states of chief and deputy, (runs or 1, K, 6), so many seconds before the epochs, NaN
+                before the start; sensors with a latency need it.
             felt: Specific force on both craft, as `TruthTrajectory.felt` gives it; accelerometers need it.
 
         Returns:
-            By sensor, NaN where nothing is measured: ``radar`` (runs, K, 3) range (m), azimuth, elevation (rad);
-            ``gnss`` (runs, K, 6) ECI state of the carrier (m, m/s); ``star_tracker`` (runs, K, 4) attitude
-            quaternion (x, y, z, w) of the carrier's body; ``chief_accelerometer`` and ``deputy_accelerometer``
-            (runs, K, 6) two means of the specific force over the step before (m/s^2, RTN of the craft).
+            By sensor, NaN where nothing is measured: the sensor's reading (runs, K, m) as its options describe it;
+            of a sensor that both craft may carry, ``chief_NAME`` and ``deputy_NAME``.
 
         Raises:
-            ValueError: The chunk does not follow the last one, or there are accelerometers and nothing is felt.
+            ValueError: The chunk does not follow the last one, a sensor returned another shape, or something that a
+                sensor needs is missing.
         """
         if first_epoch != self._next_epoch:
             raise ValueError(f"the next epoch to measure is {self._next_epoch}, not {first_epoch}")
-        times = truth.times_s
-        self._next_epoch += len(times)
-        carrier, other = carrier_and_other(self._options, truth)
-        readings = {}
-        if self._radar is not None:
-            looking, target = carrier, other
-            if seen is not None:
-                looking, target = seen if carrier is truth.chief else seen[::-1]
-            readings["radar"] = self._radar.measure(times, looking, target, first_epoch)
-        if self._gnss is not None:
-            readings["gnss"] = self._gnss.measure(times, carrier)
-        if self._star_tracker is not None:
-            readings["star_tracker"] = self._star_tracker.measure(times, carrier)
-        for craft, accelerometer in self._accelerometers.items():
-            if felt is None:
-                raise ValueError("accelerometers need the specific force that the craft feel")
-            readings[f"{craft}_accelerometer"] = accelerometer.measure(times, felt[:, :, CRAFT.index(craft)])
-        return readings
+        self._next_epoch += len(truth.times_s)
+        return {
+            name: self._read(name, reader, truth, first_epoch, earlier, felt) for name, reader in self._readers.items()
+        }
+
+    def _read(
+        self,
+        name: str,
+        reader: _Reader,
+        truth: TrueStates,
+        first_epoch: int,
+        earlier: Callable[[float], tuple[Array, Array]] | None,
+        felt: Array | None,
+    ) -> Array:
+        options, times_s = reader.options, truth.times_s
+        states = truth.chief, truth.deputy
+        late_s = None
+        if isinstance(options, RelativeSensorOptions):
+            if options.latency_s:
+                if earlier is None:
+                    raise ValueError(f"the sensor {name} has a latency and needs the states some time ago")
+                states = earlier(options.latency_s)
+            late_s = _late(options, reader.streams, len(times_s))
+        if late_s is not None:
+            states = _coasted(states[0], late_s), _coasted(states[1], late_s)
+        if options.role == "force" and felt is None:
+            raise ValueError("accelerometers need the specific force that the craft feel")
+        host, target = states if reader.host == "chief" else states[::-1]
+        own = None if felt is None else felt[:, :, CRAFT.index(reader.host)]
+        z = options.sample(Sensed(times_s, host, target, own, self._step_s), reader.streams)
+        epochs = np.arange(first_epoch, first_epoch + len(times_s))
+        read = due(epochs, options.period_s, options.offset_s, self._step_s)
+        if not read.all():
+            z[:, ~read] = np.nan
+        return z
+
+
+def _late(options: RelativeSensorOptions, streams: SensorStreams, epochs: int) -> Array | None:
+    """Return how much later than they say readings are taken, (runs, K or 1), s; None where they are not."""
+    constant = options.time_tag_sigma_s * streams.constant("time_tag", 1)
+    if options.time_tag_jitter_s:
+        return constant + options.time_tag_jitter_s * streams.normal("time_tag_jitter", epochs)
+    return constant if constant.any() else None
+
+
+def _coasted(states: Array, late_s: Array) -> Array:
+    """Return states (runs or 1, K, 6), ECI, a little later, (runs, K or 1) s: free fall to second order."""
+    position, velocity, late = states[..., :3], states[..., 3:], late_s[..., None]
+    squared = dot(components(states), components(states))
+    fall = (-MU_M3_S2 / (squared * np.sqrt(squared)))[..., None] * position
+    return np.concatenate([position + late * (velocity + late / 2 * fall), velocity + late * fall], axis=-1)

@@ -7,41 +7,46 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
-from relnav_sim.dynamics.augmentation.kinds import AccelerometerBiasOptions, Extension, extension
+from relnav_sim.dynamics.augmentation.kinds import Extension, extension, sensor_of
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
+from relnav_sim.measurements.augmented import AugmentedMeasurement
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.results.block import ExtraStates
-from relnav_sim.sensors.accelerometer import Craft, constant_bias
-from relnav_sim.sensors.noise import BiasNoise, GaussMarkovNoise, NoisePart, noise_parts
+from relnav_sim.sensors import ErrorShares, hosts_of, own_sensor, relative_sensors, sensor_measurement, streams_of
+from relnav_sim.sensors.interface import Craft, Form
+from relnav_sim.sensors.noise import is_white, noise_parts
 from relnav_sim.simulation.chunks import Chunk
-from relnav_sim.simulation.start import radar_model
+from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.statistics.extra import ExtraAccumulator
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth
+from relnav_sim.truth import Truth, nominal_chief
 from relnav_sim.truth.trajectory import force_model
 
 Array = NDArray[np.float64]
 
 
-def mounting_of(config: CaseConfig) -> Array:
-    """Return the rotation (3, 3) from the nadir frame of the radar's carrier to the radar frame."""
-    assert config.sensors.radar is not None, "the campaign's checks ask for a radar"
-    return config.sensors.radar.mounting
-
-
 def extension_of(entry: FilterEntry, config: CaseConfig) -> Extension | None:
-    """Return the extra states of a filter, None where it has none."""
+    """Return the augmented states of a filter, None where it has none."""
     if not entry.augment:
         return None
-    return extension(entry.augment, mounting_of(config), config.clock.step_s)
+    return extension(entry.augment, relative_sensors(config.sensors, entry.sensors), config.clock.step_s)
+
+
+def augmented_measurement(
+    extra: Extension, name: str, base: Measurement, config: CaseConfig, form: Form = "spherical"
+) -> AugmentedMeasurement:
+    """Return what a sensor measures of [x; b], from what it measures of x in one form."""
+    shares = ErrorShares(extra.channels.get(name, {}), extra.turns.get(name, np.zeros((3, len(extra.names)))))
+    return AugmentedMeasurement(base, 6, relative_sensors(config.sensors)[name].distortion(shares, form))
 
 
 def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gaussian:
     """Return the prior of [x; b] from that of x, mean (runs, 6 + e) and covariance (runs, 6 + e, 6 + e).
 
-    b starts at 0 with its sigmas. A position that is the first fix holds the radar's errors: z = h(r) + H_b b makes it
+    b starts at 0 with its sigmas. A position that is the first fix holds its sensor's errors: z = h(r) + H_b b makes it
     wrong by J H_b b, J = (dh/dr)^-1, which is the opposite of the error in b = 0 that it goes with.
     """
     runs, n = prior.mean.shape
@@ -50,9 +55,10 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
     covariance = np.zeros((runs, n + len(P_b), n + len(P_b)))
     covariance[:, :n, :n] = prior.covariance
     covariance[:, n:, n:] = P_b
-    radar = radar_model(config)
-    if isinstance(config.start, FirstFixStart) and radar is not None:
-        H = extra.measurement(radar, mounting_of(config)).jacobian(mean, 0)
+    if isinstance(config.start, FirstFixStart):
+        name = fix_sensor(config)
+        base = sensor_measurement(name, config.sensors, nominal_chief(config.truth), config.clock.step_s)
+        H = augmented_measurement(extra, name, base, config).jacobian(mean, 0)
         # Stacked solve: a run without a fix is NaN and stays so.
         moved = np.asarray(np.linalg.solve(H[:, :, :3], H[:, :, n:]), dtype=np.float64)
         covariance[:, :3, :3] += moved @ P_b @ transpose(moved)
@@ -64,13 +70,15 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
 class ExtraTrack:
     """The extra states of a filter on its way through a block."""
 
-    def __init__(self, extra: Extension, config: CaseConfig, rules: ScoringRules, source: RandomSource) -> None:
-        self._extra, self._config, self._source = extra, config, source
+    def __init__(
+        self, extra: Extension, entry: FilterEntry, config: CaseConfig, rules: ScoringRules, source: RandomSource
+    ) -> None:
+        self._extra, self._entry, self._config, self._source = extra, entry, config, source
         self._accumulator = ExtraAccumulator(len(source.runs), rules, extra.names, extra.units)
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: NDArray[np.int64]) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_extra(self._extra, self._config, chunk.truth, self._source)
+        truth = true_extra(self._entry, self._config, chunk.truth, self._source)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
@@ -79,60 +87,55 @@ class ExtraTrack:
         return self._accumulator.result()
 
 
-def true_extra(extra: Extension, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
-    """Return the true values of extra states at some epochs, (runs, K, e); NaN where they are not known.
+def true_extra(entry: FilterEntry, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
+    """Return the true values of a filter's augmented states at some epochs, (runs, K, e); NaN where they are not known.
 
-    The radar's biases are those of its options, unless a correlated part of its noise drifts on top of them. The
-    attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at the true
-    states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers' biases are
-    those of each run, unless their noise drifts.
+    The errors of a sensor are the constant ones of its options, unless a correlated part of its noise drifts on top of
+    them. The attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at the
+    true states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers' biases
+    are those of each run, unless their noise drifts.
 
     Args:
-        extra: The states.
+        entry: The filter.
         config: The case.
         truth: The true states.
         source: Seed and runs of the block.
     """
-    values = np.full((len(source.runs), len(truth.times_s), len(extra.names)), np.nan)
-    biases = dict(zip(("range_bias", "azimuth_bias", "elevation_bias"), _radar_biases(config), strict=True))
-    measured = dict(zip(AccelerometerBiasOptions.names, _accelerometer_biases(config, source), strict=True))
-    for place, name in enumerate(extra.names):
-        if name in biases:
-            values[..., place] = biases[name]
-        elif name in measured:
-            values[..., place] = measured[name][:, None]
-        elif name.startswith("attitude_error"):
-            sensors = (config.sensors.gnss, config.sensors.star_tracker)
-            white = all(_is_white(noise_parts(sensor.noise)) for sensor in sensors if sensor is not None)
-            values[..., place] = 0.0 if white else np.nan
-        elif name == "differential_drag":
-            values[..., place] = _differential_drag(config, truth)
-    return values
+    shape = (len(source.runs), len(truth.times_s))
+    sensors = relative_sensors(config.sensors, entry.sensors)
+    values = []
+    for option in entry.augment:
+        name = sensor_of(option, sensors)
+        own = np.full((*shape, len(option.names)), np.nan)
+        if name is not None and option.channel is not None:
+            own[...] = sensors[name].constant_errors()[sensors[name].channel_names.index(option.channel)]
+        elif name is not None:
+            own[...] = 0.0 if _attitude_is_white(config, sensors[name].host) else np.nan
+        elif option.kind == "differential_drag":
+            own[...] = np.asarray(_differential_drag(config, truth))[..., None]
+        elif option.kind == "accelerometer_bias":
+            own[...] = _accelerometer_biases(config, source)[:, None]
+        values.append(own)
+    return np.concatenate(values, axis=-1)
 
 
-def _radar_biases(config: CaseConfig) -> Array:
-    """Return the constant errors of range (m), azimuth and elevation (rad), (3,); NaN where they drift."""
-    radar = config.sensors.radar
-    if radar is None:
-        return np.full(3, np.nan)
-    parts = noise_parts(radar.noise)
-    if any(isinstance(part, GaussMarkovNoise) for part in parts):
-        return np.full(3, np.nan)
-    constant = sum((np.broadcast_to(part.value, 3) for part in parts if isinstance(part, BiasNoise)), np.zeros(3))
-    return radar.biases + constant * radar.sigmas
+def _attitude_is_white(config: CaseConfig, host: Craft) -> bool:
+    found = (own_sensor(config.sensors, "orbit", host), own_sensor(config.sensors, "attitude", host))
+    return all(is_white(noise_parts(each[1].noise)) for each in found if each is not None)
 
 
 def _accelerometer_biases(config: CaseConfig, source: RandomSource) -> Array:
-    """Return the constant error of the measured relative thrust, deputy less chief, (3, runs), m/s^2."""
-    options = config.sensors.accelerometer
-    if options is None or not _is_white(noise_parts(options.noise)):
-        return np.full((3, len(source.runs)), np.nan)
+    """Return the constant error of the measured relative thrust, deputy less chief, (runs, 3), m/s^2."""
+    found = own_sensor(config.sensors, "force")
+    if found is None or not is_white(noise_parts(found[1].noise)):
+        return np.full((len(source.runs), 3), np.nan)
+    name, options = found
     signs: dict[Craft, float] = {"deputy": 1.0, "chief": -1.0}
-    return np.asarray(sum(signs[craft] * constant_bias(options, craft, source)[:, 0] for craft in options.craft)).T
-
-
-def _is_white(parts: tuple[NoisePart, ...]) -> bool:
-    return not any(isinstance(part, GaussMarkovNoise | BiasNoise) for part in parts)
+    each = [
+        signs[craft] * options.bias(streams_of(name, options, craft, source, config.clock.step_s))
+        for craft in hosts_of(config.sensors, options)
+    ]
+    return np.asarray(sum(each))
 
 
 def _differential_drag(config: CaseConfig, truth: Truth) -> Array | float:

@@ -24,14 +24,16 @@ from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
+from relnav_sim.measurements.interface import Measurement
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
-from relnav_sim.sensors import measurement_model
-from relnav_sim.simulation.augmented_states import ExtraTrack, extended_prior, extension_of, mounting_of
+from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
+from relnav_sim.sensors.interface import Form
+from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.chief_followers import ChiefFollowers
 from relnav_sim.simulation.chunks import Chunk, chunks
 from relnav_sim.simulation.memory import lacks_memory
-from relnav_sim.simulation.start import radar_model, starting_belief
+from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.simulation.training import training_track
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
@@ -76,7 +78,7 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     relative: list[Array] = []
     for chunk in chunks(config, source):
         if not tracks:
-            prior = starting_belief(config, radar_model(config), chunk, source)
+            prior = starting_belief(config, chunk, source)
             shared = Shared(ThrustInputs(config), ChiefFollowers(config, len(runs)))
             tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
         for track in tracks:
@@ -123,7 +125,8 @@ class CampaignFilter:
 def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit, entry.assumed_latency)
+    extension = extension_of(entry, config)
+    measurement = _measurement(entry, config, extension)
     if isinstance(entry.dynamics, GpOptions):
         coasting: Dynamics = _learned(entry, entry.dynamics, config, seed)
     else:
@@ -132,12 +135,27 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) ->
     thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
     motion = coasting if thrust is None else thrust
     factory = filter_kinds()[entry.kind].factory
-    extension = extension_of(entry, config)
-    if extension is None:
-        return CampaignFilter(factory(motion, radar, entry), coasting, thrust, None)
-    dynamics = extension.dynamics(motion, orbit, step_s)
-    measurement = extension.measurement(radar, mounting_of(config))
+    dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s)
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
+
+
+def _measurement(entry: FilterEntry, config: CaseConfig, extension: Extension | None) -> Measurement:
+    """Return what a filter is told of its sensors."""
+    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    models: dict[str, Measurement] = {}
+    for name, form in sensor_forms(entry, config).items():
+        model = sensor_measurement(
+            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency
+        )
+        models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
+    (measurement,) = models.values()  # TODO several
+    return measurement
+
+
+def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
+    """Return the sensors that a filter goes by, in order, with the form in which it takes their readings."""
+    relative = relative_sensors(config.sensors, entry.sensors)
+    return {name: form_taken(options, entry.measurement) for name, options in relative.items()}
 
 
 _LEARNED: dict[tuple[str, str, str, int], Dynamics] = {}
@@ -193,7 +211,7 @@ class FilterTrack:
         self.broken: Breakdown | None = None
         self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
         self._epoch = 0
-        self._input = entry.measurement
+        self._forms = sensor_forms(entry, config)
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
@@ -212,7 +230,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
-                self._extra = ExtraTrack(made.extension, config, self._errors.rules, source)
+                self._extra = ExtraTrack(made.extension, entry, config, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
             self._belief = self._filter.start(own, source)
@@ -268,7 +286,7 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if self._follower is not None:
             self._follower.take(chunk.z["gnss"], chunk.first_epoch, forces)
-        z = chunk.inputs[self._input]
+        (z,) = (chunk.inputs[name][form] for name, form in self._forms.items())
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history

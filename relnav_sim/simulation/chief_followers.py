@@ -9,6 +9,7 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.chief_segments import ChiefFollower
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics, NonlinearJ2Options
+from relnav_sim.sensors import own_sensor
 from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.simulation.thrust_inputs import known_thrust
 from relnav_sim.truth import nominal_chief
@@ -29,17 +30,18 @@ class ChiefFollowers:
     def of(self, dynamics: Dynamics, entry: FilterEntry) -> ChiefFollower | None:
         """Return what supplies a filter's dynamics with the chief's orbit from its GNSS fixes, where they go by it.
 
-        With the receiver on the deputy, or none, they go by the nominal orbit.
+        Without a receiver on the chief they go by the nominal orbit.
         """
-        gnss, radar = self._config.sensors.gnss, self._config.sensors.radar
+        gnss = own_sensor(self._config.sensors, "orbit", "chief")
         options = entry.dynamics
         if not isinstance(options, NonlinearJ2Options) or not isinstance(dynamics, NonlinearJ2Dynamics):
             return None
-        if gnss is None or (radar is not None and radar.carrier == "deputy"):
+        if gnss is None:
             return None
         key = options.model_dump_json(), known_thrust(entry, self._config)
         if key not in self._followers:
-            sigmas = gnss.sigmas * np.sqrt(white_variance(noise_parts(gnss.noise)) or 1.0)
+            receiver = gnss[1]
+            sigmas = receiver.sigmas * np.sqrt(white_variance(noise_parts(receiver.noise)) or 1.0)
             orbit, step_s = nominal_chief(self._config.truth), self._config.clock.step_s
             self._followers[key] = options.follower(orbit, sigmas, step_s, self._runs)
         self._followers[key].supply(dynamics)

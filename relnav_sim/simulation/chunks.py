@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.sensors import SensorSuite, filter_inputs
+from relnav_sim.sensors import SensorSuite, filter_inputs, own_sensor
+from relnav_sim.sensors.interface import Form
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
@@ -28,14 +30,14 @@ class Chunk:
         first_epoch: Number of the first epoch.
         truth: True states; the leading axis is 1 where all runs share them.
         z: Raw measurements of each sensor, (runs, K, m).
-        inputs: What the front end hands to filters, ``polar`` and ``cartesian``, (runs, K, 3); NaN = missing.
+        inputs: What the front end hands to filters, by relative sensor and form, (runs, K, m); NaN = missing.
         fallen: Why the truth of a run has ended by now, by the run's place in the block.
     """
 
     first_epoch: int
     truth: Truth
     z: Mapping[str, Array]
-    inputs: Mapping[str, Array]
+    inputs: Mapping[str, Mapping[Form, Array]]
     fallen: Mapping[int, str]
 
 
@@ -49,8 +51,8 @@ class Simulation:
         deputy: ECI state of the deputy, (runs, T, 6), m and m/s.
         relative: State of the deputy relative to the chief, RTN, (runs, T, 6), m and m/s.
         z: Raw measurements of each sensor by its name, (runs, T, m), SI and rad; NaN = no measurement.
-        inputs: What the filters are given: ``polar`` (range, azimuth, elevation) and ``cartesian`` (position),
-            through the attitude and orbit that the craft itself measures, (runs, T, 3).
+        inputs: What the filters are given of each relative sensor, by its name, through the attitude and orbit that its
+            host itself measures, (runs, T, m); ``NAME.cartesian`` is the same converted to a position.
     """
 
     times_s: Array
@@ -71,19 +73,18 @@ def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
     clock = config.clock
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
-    latency_s = 0.0 if config.sensors.radar is None else config.sensors.radar.latency_s
+    force = own_sensor(config.sensors, "force")
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
-        seen = _seen(trajectory, times_s, latency_s) if latency_s else None
         truth = trajectory.at(times_s)
-        felt = None if config.sensors.accelerometer is None else trajectory.felt(truth, clock.step_s)
-        z = suite.measure(truth, first, seen, felt)
+        felt = None if force is None else trajectory.felt(truth, clock.step_s)
+        z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
         yield Chunk(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
 
 
-def _seen(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
-    """Return the states of both craft when a radar with latency looks, NaN before the start."""
+def _earlier(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
+    """Return the states of both craft some time before the epochs, NaN before the start."""
     earlier = times_s - latency_s
     past = trajectory.at(np.maximum(earlier, 0.0))
     # An epoch less the latency may round below the start.
@@ -120,5 +121,9 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
         deputy=joined([part.truth.deputy for part in parts]),
         relative=joined([part.truth.relative for part in parts]),
         z={name: joined([part.z[name] for part in parts]) for name in parts[0].z},
-        inputs={name: joined([part.inputs[name] for part in parts]) for name in parts[0].inputs},
+        inputs={
+            name if form == "spherical" else f"{name}.{form}": joined([part.inputs[name][form] for part in parts])
+            for name, forms in parts[0].inputs.items()
+            for form in forms
+        },
     )

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.measurements.spherical_radar import PolarRadar, first_fix
-from relnav_sim.sensors import radar_model as polar_radar
+from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
@@ -16,22 +15,25 @@ from relnav_sim.truth import nominal_chief
 Array = NDArray[np.float64]
 
 
-def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Chunk, source: RandomSource) -> Gaussian:
+def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> Gaussian:
     """Return the prior of every run at epoch 0, mean (runs, 6) and covariance (runs, 6, 6).
 
     Args:
         config: The case.
-        radar: The radar as filters know it; needed for a start at the first fix.
         first: The first chunk of the block. The truth is used only to disperse a start around it.
         source: Seed and numbers of the runs.
 
-    A run whose radar has no measurement at epoch 0 gets NaN for a start at the first fix.
+    A run without a reading at epoch 0 gets NaN for a start at the first fix.
     """
     start, B = config.start, len(source.runs)
     if isinstance(start, FirstFixStart):
-        if radar is None:
-            raise ValueError("a start at the first fix needs a radar")
-        position, position_covariance = first_fix(radar, first.inputs["polar"][:, 0])
+        name = fix_sensor(config)
+        options = relative_sensors(config.sensors)[name]
+        orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+        model = sensor_measurement(name, config.sensors, orbit, step_s, assumed_noise="nominal")
+        fix = options.first_fix(model, first.inputs[name]["spherical"][:, 0])
+        assert fix is not None  # the sensor is one that gives fixes
+        position, position_covariance = fix
         mean = np.concatenate([position, np.broadcast_to(start.velocity_m_s, (B, 3))], axis=1)
         covariance = np.zeros((B, 6, 6))
         covariance[:, :3, :3] = position_covariance
@@ -45,10 +47,13 @@ def starting_belief(config: CaseConfig, radar: PolarRadar | None, first: Chunk, 
     return Gaussian(np.broadcast_to(state, (B, 6)).copy(), covariance)
 
 
-def radar_model(config: CaseConfig) -> PolarRadar | None:
-    """Return the campaign's radar as filters know it, if there is one."""
-    if config.sensors.radar is None:
-        return None
-    radar = polar_radar("polar", "nominal", config.sensors, nominal_chief(config.truth))
-    assert isinstance(radar, PolarRadar)
-    return radar
+def fix_sensor(config: CaseConfig) -> str:
+    """Return the name of the first sensor that gives a position by itself.
+
+    Raises:
+        ValueError: None does; a campaign with such a start is refused when it is loaded.
+    """
+    for name, options in relative_sensors(config.sensors).items():
+        if options.gives_fix:
+            return name
+    raise ValueError("a start at the first fix needs a sensor that gives a position by itself")

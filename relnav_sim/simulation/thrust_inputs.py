@@ -11,6 +11,7 @@ from relnav_sim.campaign.entries import FilterEntry, KnownThrust
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.known_thrust import kicks_of
+from relnav_sim.sensors import hosts_of, own_sensor
 from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.truth.manoeuvres import ExecutionErrors
@@ -38,6 +39,7 @@ class ThrustInputs:
     def __init__(self, config: CaseConfig) -> None:
         self._config = config
         self._step_s = config.clock.step_s
+        self._force = own_sensor(config.sensors, "force")
         common = config.truth.execution_errors
         self._plan = [(planned(each), each.errors or common) for each in config.truth.manoeuvres.values()]
         self._gained: dict[str, Array] = {}
@@ -57,7 +59,7 @@ class ThrustInputs:
             self._latest = chunk
             forces, noise = self._planned(chunk.truth.times_s)
             self._inputs = dict.fromkeys((("planned", False), ("planned", True)), (forces, noise))
-            if self._config.sensors.accelerometer is not None:
+            if self._force is not None:
                 forces, *noises = self._measured(chunk.z, forces)
                 self._inputs |= {("measured", without): (forces, noises[without]) for without in (False, True)}
         return self._inputs[known, carries_bias]
@@ -79,14 +81,14 @@ class ThrustInputs:
         """
         runs = len(next(iter(z.values())))
         forces = np.repeat(plan, runs, axis=0)
-        options = self._config.sensors.accelerometer
-        assert options is not None  # or this is not called
+        assert self._force is not None  # or this is not called
+        name, options = self._force
         noise = np.zeros((2, runs, plan.shape[1], 6, 6))
         random = options.velocity_random_walk_m_s_sqrt_s**2 * self._step_s * white_variance(noise_parts(options.noise))
         doubt = CERTAIN_THRUST * (np.sqrt(random) + options.bias_sigma_m_s2 * self._step_s)
         scale, bias = np.square([options.scale_factor_sigma_percent / 100, options.bias_sigma_m_s2])
-        for craft in options.craft:
-            reading = z[f"{craft}_accelerometer"].reshape(runs, -1, 2, 3)
+        for craft in hosts_of(self._config.sensors, options):
+            reading = z[f"{craft}_{name}"].reshape(runs, -1, 2, 3)
             missing: NDArray[np.bool_] = np.asarray(np.isnan(reading).any(axis=(2, 3)))
             own = forces[:, :, CRAFT.index(craft)]
             own[...] = np.where(missing[..., None, None], own, reading)

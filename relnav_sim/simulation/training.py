@@ -17,9 +17,9 @@ from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
-from relnav_sim.measurements.spherical_radar import PolarRadar, first_fix
-from relnav_sim.sensors import measurement_model, radar_model
+from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import chunks
+from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import begun_earlier, nominal_chief
 
@@ -55,23 +55,26 @@ def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOp
     time_s = np.concatenate([part.truth.times_s for part in flight]) - duration_s
     if options.training == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
-    z = np.concatenate([part.inputs["polar"] for part in flight], axis=1)
+    name = fix_sensor(config)
+    z = np.concatenate([part.inputs[name]["spherical"] for part in flight], axis=1)
     dynamics = (options.base or CwOptions()).build(orbit, noise, step_s)
-    states, first = _smoothed(config, dynamics, orbit, z)
+    states, first = _smoothed(config, name, dynamics, orbit, z)
     return TrainingTrack(states, time_s[first:], orbit, first)
 
 
-def _smoothed(config: CaseConfig, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
-    """Return the smoothed states (K, 6) after the first of the radar's readings z (1, epochs, 3), and their epoch."""
+def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
+    """Return the smoothed states (K, 6) after the first of a sensor's readings z (1, epochs, m), and their epoch."""
     step_s = config.clock.step_s
-    radar = measurement_model("polar", "total", config.sensors, orbit)
-    at_once = radar_model("polar", "total", config.sensors, orbit)
-    assert isinstance(at_once, PolarRadar)
+    sensors = config.sensors
+    radar = sensor_measurement(name, sensors, orbit, step_s)
+    at_once = sensor_measurement(name, sensors, orbit, step_s, assumed_latency="none")
     seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
     if not len(seen):
         raise ValueError("the radar sees nothing before the campaign's start, so that there is nothing to learn from")
     first = int(seen[0]) + 1
-    position, position_covariance = first_fix(at_once, z[:, first - 1])
+    fix = relative_sensors(sensors)[name].first_fix(at_once, z[:, first - 1])
+    assert fix is not None  # the sensor is one that gives fixes
+    position, position_covariance = fix
     # A closed relative orbit of that size moves no faster, so that a latency does not matter to the fix; how it moves,
     # the radar tells in a few readings.
     speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, expm1
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import ARCSEC, NADIR_FROM_RTN
+from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
 from relnav_sim.dynamics.cw import cw_system
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
 from relnav_sim.dynamics.process_noise import van_loan
-from relnav_sim.measurements.augmented import AugmentedMeasurement
-from relnav_sim.measurements.converted_radar import ConvertedRadar
-from relnav_sim.measurements.delayed import Delayed
-from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, ERRORS, RANGE, TURN, RadarDistortion
-from relnav_sim.measurements.spherical_radar import PolarRadar
-from relnav_sim.options import Options
+from relnav_sim.options import AddedLater, Options
 
 Array = NDArray[np.float64]
 _MODE = (
     "estimate, or consider: account for the uncertainty without estimating (Schmidt's filter), right where the "
     "measurements hardly tell the state from others or its model is not trusted; default: estimate"
+)
+_SENSOR = (
+    "Name of the sensor whose error it is, or, of the attitude, the sensor that it turns with all others on its craft; "
+    "default: the first that has such an error"
 )
 _TAU = (
     "Correlation time, s, of a first-order Gauss-Markov process that keeps the sigma; default: none, a constant (or a "
@@ -44,7 +43,7 @@ class ExtraStateOptions(Options):
         unit: Their SI unit.
         key_unit: The unit of the campaign's keys, as it stands in their names.
         key_factor: From that unit to SI.
-        error_row: The radar's error that the state is; None: none of them.
+        channel: The channel of a sensor that the state adds to; None: to none.
         axis: The axis, RTN, of the relative acceleration that the state is; None: of none.
     """
 
@@ -52,11 +51,12 @@ class ExtraStateOptions(Options):
     unit: ClassVar[str]
     key_unit: ClassVar[str]
     key_factor: ClassVar[float] = 1.0
-    error_row: ClassVar[int | None] = None
+    channel: ClassVar[str | None] = None
     axis: ClassVar[int | None] = None
 
     kind: str
     mode: Literal["estimate", "consider"] = Field(default="estimate", description=_MODE)
+    sensor: Annotated[str | None, AddedLater()] = Field(default=None, description=_SENSOR)
     tau_s: float | None = Field(default=None, gt=0, description=_TAU)
 
     @model_validator(mode="after")
@@ -75,9 +75,13 @@ class ExtraStateOptions(Options):
         """Standard deviation that a random walk gains in one second, SI units."""
         return self.key_factor * float(getattr(self, f"walk_{self.key_unit}_per_sqrt_s", 0.0))
 
-    def errors(self, mounting: Array) -> Array:
-        """Return the share of the states in the radar's errors, (6, e); see `augmented_radar`."""
-        return _unit_column(ERRORS, self.error_row, len(self.names))
+    def added(self) -> Array:
+        """Return what each of the states adds to its channel, (e,)."""
+        return np.eye(1, len(self.names))[0]
+
+    def turn(self) -> Array:
+        """Return the turn about the axes of the host's nadir frame that each of the states is, (3, e)."""
+        return np.zeros((3, len(self.names)))
 
     def acceleration(self) -> Array:
         """Return the share of the states in the relative acceleration, RTN, (3, e)."""
@@ -106,7 +110,7 @@ class AzimuthBiasOptions(_AngleBiasOptions):
     """Bias of the radar's azimuth."""
 
     names: ClassVar[tuple[str, ...]] = ("azimuth_bias",)
-    error_row: ClassVar[int | None] = AZIMUTH
+    channel: ClassVar[str | None] = "azimuth"
 
     kind: Literal["azimuth_bias"] = Field(default="azimuth_bias", description="Bias of the radar's azimuth")
 
@@ -115,7 +119,7 @@ class ElevationBiasOptions(_AngleBiasOptions):
     """Bias of the radar's elevation."""
 
     names: ClassVar[tuple[str, ...]] = ("elevation_bias",)
-    error_row: ClassVar[int | None] = ELEVATION
+    channel: ClassVar[str | None] = "elevation"
 
     kind: Literal["elevation_bias"] = Field(default="elevation_bias", description="Bias of the radar's elevation")
 
@@ -126,7 +130,7 @@ class RangeBiasOptions(ExtraStateOptions):
     names: ClassVar[tuple[str, ...]] = ("range_bias",)
     unit: ClassVar[str] = "m"
     key_unit: ClassVar[str] = "m"
-    error_row: ClassVar[int | None] = RANGE
+    channel: ClassVar[str | None] = "range"
 
     kind: Literal["range_bias"] = Field(default="range_bias", description="Bias of the radar's range")
     sigma_m: float = Field(gt=0, description="Standard deviation of the bias at the start, m")
@@ -151,11 +155,9 @@ class AttitudeErrorOptions(ExtraStateOptions):
     )
     sigma_arcsec: float = Field(gt=0, description="Standard deviation of each angle, arcsec")
 
-    def errors(self, mounting: Array) -> Array:
-        """Return the turns about the radar's axes."""
-        errors = np.zeros((ERRORS, 3))
-        errors[TURN] = mounting
-        return errors
+    def turn(self) -> Array:
+        """Return the turn that each of the three is."""
+        return np.eye(3)
 
 
 class DifferentialDragOptions(ExtraStateOptions):
@@ -228,7 +230,8 @@ class Extension:
         decay: Factors over one step, (e,).
         noise: Variances gained in one step, (e,).
         considered: Numbers of those that are accounted for but not estimated.
-        errors: Their share in the radar's errors, (6, e).
+        channels: What they add to the channels of sensors: by sensor and channel, (e,).
+        turns: The turn of the host's body that each is, by sensor, about the nadir frame's axes, (3, e), rad.
         acceleration: Their share in the relative acceleration, RTN, (3, e).
     """
 
@@ -238,7 +241,8 @@ class Extension:
     decay: Array
     noise: Array
     considered: tuple[int, ...]
-    errors: Array
+    channels: Mapping[str, Mapping[str, Array]]
+    turns: Mapping[str, Array]
     acceleration: Array
 
     def dynamics(self, base: Dynamics, orbit: ChiefOrbit, step_s: float) -> AugmentedDynamics:
@@ -255,20 +259,31 @@ class Extension:
                 inputs = _while_pushed(base, G, measured)
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered)
 
-    def measurement(self, base: PolarRadar | ConvertedRadar | Delayed, mounting: Array) -> AugmentedMeasurement:
-        """Return the measurement of [x; b]."""
-        radar = base.base if isinstance(base, Delayed) else base
-        rotation = mounting @ NADIR_FROM_RTN if isinstance(radar, ConvertedRadar) else None
-        return AugmentedMeasurement(base, 6, RadarDistortion(self.errors, rotation))
+
+class SeenBy(Protocol):
+    """What augmented states need to know of a sensor: its channels' names, and the craft that carries it."""
+
+    @property
+    def host(self) -> str | None:
+        """The craft that carries it."""
+        ...
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        ...
 
 
-def extension(options: Sequence[ExtraStateOption], mounting: Array, step_s: float) -> Extension:
-    """Return the extra states of a filter.
+def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], step_s: float) -> Extension:
+    """Return the augmented states of a filter.
 
     Args:
         options: The kinds, in order.
-        mounting: Rotation (3, 3) from the carrier's nadir frame to the radar frame.
+        sensors: The sensors that the filter goes by.
         step_s: Time between epochs, s.
+
+    Raises:
+        ValueError: A state is the error of a sensor that is not there, or that has no such channel.
     """
     each = [option for option in options for _ in option.names]
     sigma = np.array([option.sigma for option in each])
@@ -282,9 +297,55 @@ def extension(options: Sequence[ExtraStateOption], mounting: Array, step_s: floa
         decay=decay,
         noise=np.square(sigma) * lost + np.square(walk) * step_s,
         considered=tuple(place for place, option in enumerate(each) if option.mode == "consider"),
-        errors=np.concatenate([option.errors(mounting) for option in options], axis=1),
+        channels=_added(options, sensors, len(each)),
+        turns=_turned(options, sensors, len(each)),
         acceleration=np.concatenate([option.acceleration() for option in options], axis=1),
     )
+
+
+def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
+    """Return the name of the sensor whose error an augmented state is; None where it is no error of a sensor.
+
+    Raises:
+        ValueError: The sensor is not there, or has no such channel.
+    """
+    if option.channel is None and not option.turn().any():
+        return None
+    having = [name for name, each in sensors.items() if option.channel in (None, *each.channel_names)]
+    if option.sensor is None and having:
+        return having[0]
+    if option.sensor in having:
+        return option.sensor
+    which = "no sensor of this filter" if option.sensor is None else f"the sensor {option.sensor}"
+    if option.sensor is not None and option.sensor not in sensors:
+        raise ValueError(f"the filter has no sensor {option.sensor}; it goes by {', '.join(sensors)}")
+    raise ValueError(f"{which} has no channel {option.channel}")
+
+
+def _added(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, dict[str, Array]]:
+    """Return what e states add to the channels of sensors."""
+    added: dict[str, dict[str, Array]] = {name: {} for name in sensors}
+    first = 0
+    for option in options:
+        name = sensor_of(option, sensors)
+        if name is not None and option.channel is not None:
+            share = added[name].setdefault(option.channel, np.zeros(e))
+            share[first : first + len(option.names)] += option.added()
+        first += len(option.names)
+    return added
+
+
+def _turned(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, Array]:
+    """Return the turns of the sensors' hosts; a turn holds for all sensors on the same craft."""
+    turns = {name: np.zeros((3, e)) for name in sensors}
+    first = 0
+    for option in options:
+        name = sensor_of(option, sensors) if option.turn().any() else None
+        for other, each in sensors.items():
+            if name is not None and each.host == sensors[name].host:
+                turns[other][:, first : first + len(option.names)] += option.turn()
+        first += len(option.names)
+    return turns
 
 
 def _while_pushed(thrust: KnownThrust, G: Array, measured: NDArray[np.bool_]) -> Callable[[Step], Array]:

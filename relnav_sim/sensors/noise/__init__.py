@@ -18,7 +18,15 @@ from relnav_sim.options import Options
 from relnav_sim.sensors.noise.bias import BiasNoise
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
-from relnav_sim.sensors.noise.law import WhiteLaw, has_white_part, probability_below, white_law, white_variance
+from relnav_sim.sensors.noise.law import (
+    WhiteLaw,
+    constant_part,
+    has_white_part,
+    is_white,
+    probability_below,
+    white_law,
+    white_variance,
+)
 from relnav_sim.sensors.noise.mixture import MixtureNoise
 from relnav_sim.sensors.noise.outage import OutageNoise
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
@@ -37,7 +45,9 @@ __all__ = [
     "OutageNoise",
     "WhiteLaw",
     "check_parts",
+    "constant_part",
     "has_white_part",
+    "is_white",
     "noise_kinds",
     "noise_parts",
     "probability_below",

@@ -39,6 +39,20 @@ def has_white_part(parts: Sequence[Options]) -> bool:
     return any(isinstance(part, GaussianNoise | MixtureNoise) for part in parts)
 
 
+def is_white(parts: Sequence[Options]) -> bool:
+    """Return whether all errors are white: no bias, nothing correlated."""
+    return not any(isinstance(part, GaussMarkovNoise | BiasNoise) for part in parts)
+
+
+def constant_part(parts: Sequence[Options], channels: int) -> Array:
+    """Return the sum (channels,) of the biases, in sigmas; NaN where correlated noise drifts on top of them."""
+    if any(isinstance(part, GaussMarkovNoise) for part in parts):
+        return np.full(channels, np.nan)
+    return sum(
+        (np.broadcast_to(part.value, channels) for part in parts if isinstance(part, BiasNoise)), np.zeros(channels)
+    )
+
+
 def white_variance(parts: Sequence[Options]) -> float:
     """Return the variance of the white parts in one channel, in sigmas squared."""
     total = 0.0

@@ -1,0 +1,131 @@
+"""Former spellings: names that campaigns may still use, and that hashes are taken over so that no rename changes them.
+
+A model says which of its keys and words had another name (`Options.former_keys`, `Options.former_words`) and which keys
+campaigns did not have at first (`AddedLater`). Reading goes from former to present names, hashing the other way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+from relnav_sim.campaign.paths import parse_path
+from relnav_sim.campaign.problems import Path, dotted
+from relnav_sim.options import AddedLater, Options
+
+_FIRST_SENSORS = ("radar", "gnss", "star_tracker", "accelerometer")
+"""Sensors that once were the keys of their section, with nothing as the value of those that were not there."""
+
+Models = Mapping[str, type[Options]]
+
+
+def present_spelling(model: type[Options], data: Any) -> Any:
+    """Return a section with former keys and words as they are called now; what is no section is left as it is."""
+    if not isinstance(data, dict):
+        return data
+    now = {former: key for key, former in model.former_keys.items()}
+    renamed = {now[key] if key in now and now[key] not in data else key: value for key, value in data.items()}
+    for key, words in model.former_words.items():
+        named = {former: word for word, former in words.items()}
+        if isinstance(renamed.get(key), str):
+            renamed[key] = named.get(renamed[key], renamed[key])
+    return renamed
+
+
+def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a validated section as plain data in its first spelling, later keys left out where they hold defaults."""
+    first: dict[str, Any] = {}
+    for key, value in data.items():
+        field = model.model_fields.get(key)
+        if field is not None and value == field.default and any(isinstance(m, AddedLater) for m in field.metadata):
+            continue
+        words = model.former_words.get(key, {})
+        inner = [] if field is None else _models_in(field.annotation)
+        first[model.former_keys.get(key, key)] = (
+            words.get(value, value) if isinstance(value, str) else _inner(value, inner)
+        )
+    return first
+
+
+def _inner(value: Any, models: Sequence[type[Options]]) -> Any:
+    """Return a value in its first spelling, sections in it by the one of these models that they are of."""
+    if isinstance(value, list):
+        return [_inner(each, models) for each in value]
+    if not isinstance(value, Mapping):
+        return value
+    fitting = [model for model in models if "kind" not in value or value["kind"] == model.model_fields["kind"].default]
+    return former_spelling(fitting[0], value) if len(fitting) == 1 else value
+
+
+def _models_in(annotation: Any) -> list[type[Options]]:
+    """Return the options models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, Options):
+        return [annotation] if annotation is not Options else []
+    return [model for part in get_args(annotation) for model in _models_in(part)]
+
+
+def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Path:
+    """Return the path of a value in validated content, a sensor's key by its present name."""
+    if path[0] != "sensors" or len(path) < 3:
+        return path
+    entry = content["sensors"].get(path[1]) or {}
+    now = {former: key for key, former in sensors.get(str(entry.get("kind")), Options).former_keys.items()}
+    return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
+
+
+def former_content(content: Mapping[str, Any], sensors: Models, filters: type[Options]) -> dict[str, Any]:
+    """Return a campaign's content in its first spelling, for hashes.
+
+    Args:
+        content: Validated sections as plain data, with ``grid`` and ``zip`` where there are any.
+        sensors: The options model of every kind of sensor.
+        filters: The model of what all filters say.
+    """
+    first = dict(content)
+    if "sensors" in first:
+        first["sensors"] = _former_sensors(first["sensors"], sensors)
+    if "filters" in first:
+        first["filters"] = {name: former_spelling(filters, entry) for name, entry in first["filters"].items()}
+    for section in ("grid", "zip"):
+        if section in first:
+            first[section] = dict(
+                _former_variable(text, values, content, sensors, filters) for text, values in first[section].items()
+            )
+    return first
+
+
+def _former_sensors(section: Mapping[str, Any], models: Models) -> dict[str, Any]:
+    named: dict[str, Any] = dict.fromkeys(_FIRST_SENSORS)
+    named |= {name: _former_sensor(name, entry, models) for name, entry in section.items()}
+    return named
+
+
+def _former_sensor(name: str, entry: Any, models: Models) -> Any:
+    if not isinstance(entry, Mapping):
+        return entry
+    first = former_spelling(models[entry["kind"]], entry) if entry.get("kind") in models else dict(entry)
+    if first.get("kind") == name:
+        del first["kind"]
+    return first
+
+
+def _former_variable(
+    text: str, values: Any, content: Mapping[str, Any], sensors: Models, filters: type[Options]
+) -> tuple[str, Any]:
+    """Return a varied path and its values in their first spelling."""
+    path = parse_path(text, content)
+    section, name, *rest = (*path, None)
+    if section == "sensors" and name is not None:
+        entry = content["sensors"].get(name) or {}
+        model = sensors.get(entry.get("kind", name), Options)
+        if rest == [None]:
+            return text, [_former_sensor(str(name), value, sensors) for value in values]
+        if isinstance(rest[0], str):
+            path = (section, name, model.former_keys.get(rest[0], rest[0]), *path[3:])
+            return dotted(path), values
+    if section == "filters" and name is not None:
+        if rest == [None]:
+            return text, [former_spelling(filters, value) if isinstance(value, Mapping) else value for value in values]
+        words = filters.former_words.get(str(rest[0]), {})
+        return text, [words.get(value, value) if isinstance(value, str) else value for value in values]
+    return text, values

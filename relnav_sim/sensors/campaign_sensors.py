@@ -1,0 +1,67 @@
+"""The sensors of a campaign by name: which craft carries each, and what a host knows of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Role, SensorOptions
+
+Array = NDArray[np.float64]
+Sensors = Mapping[str, SensorOptions]
+
+
+def relative_sensors(sensors: Sensors, names: Sequence[str] | None = None) -> dict[str, RelativeSensorOptions]:
+    """Return the sensors that measure the other craft, which filters go by, by name.
+
+    Args:
+        sensors: Those of a campaign.
+        names: Of which ones, in this order; None: of all.
+    """
+    chosen: Any = {name: each for name, each in sensors.items() if each.role == "other"}
+    return chosen if names is None else {name: chosen[name] for name in names}
+
+
+def hosts_of(sensors: Sensors, options: SensorOptions) -> tuple[Craft, ...]:
+    """Return the craft that carry a sensor; one that does not say is with the first relative sensor."""
+    if options.host == "both":
+        return ("chief", "deputy")
+    if options.host is not None:
+        return (options.host,)
+    return (next((each.host for each in relative_sensors(sensors).values()), "chief"),)
+
+
+def own_sensor(sensors: Sensors, role: Role, host: Craft | None = None) -> tuple[str, Any] | None:
+    """Return the name and options of the sensor by which a craft knows its own orbit, attitude or force.
+
+    None where there is none, and that is known perfectly.
+
+    Args:
+        sensors: Those of a campaign.
+        role: ``orbit``, ``attitude`` or ``force``.
+        host: The craft; None: any.
+    """
+    for name, each in sensors.items():
+        if each.role == role and (host is None or host in hosts_of(sensors, each)):
+            return name, each
+    return None
+
+
+def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) -> Array:
+    """Return the covariance (3, 3) of the white error in the attitude between a craft's body and orbit frame, rad^2.
+
+    About the nadir frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
+    in it: no covariance of a white noise describes them.
+    """
+    P = np.zeros((3, 3))
+    attitude, orbit = own_sensor(sensors, "attitude", host), own_sensor(sensors, "orbit", host)
+    if attitude is not None:
+        P += attitude[1].body_covariance()
+    if orbit is not None:
+        radius = chief_orbit.semi_major_axis_m
+        P += orbit[1].frame_covariance(radius, chief_orbit.mean_motion_rad_s * radius)
+    return P

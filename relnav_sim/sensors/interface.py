@@ -1,0 +1,272 @@
+"""What every sensor is: its options in a campaign, what it reads of the truth, and what a filter is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.interface import Measurement
+from relnav_sim.options import AddedLater, Options
+from relnav_sim.sensors.host_frame import HostFrame
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, constant_part, has_white_part, noise_parts
+from relnav_sim.sensors.streams import SensorStreams
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Craft = Literal["chief", "deputy"]
+Role = Literal["other", "orbit", "attitude", "force"]
+Form = Literal["spherical", "cartesian"]
+AssumedNoise = Literal["nominal", "total", "mixture"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One number of a reading.
+
+    Attributes:
+        name: A word for it, as in names of results.
+        unit: Its SI unit; rad for an angle.
+        label: What it is, in words.
+        angle: Whether it is an angle, whose differences are wrapped.
+    """
+
+    name: str
+    unit: str
+    label: str
+    angle: bool = False
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """The truth as one sensor meets it over a chunk of epochs; the leading axis is 1 where all runs share it.
+
+    Attributes:
+        times_s: The epochs (K,), s.
+        host: ECI states of the sensor's host when the readings are taken, (runs or 1, K, 6), m and m/s.
+        target: The same of the other craft.
+        felt: Mean specific force on the host over the step before each epoch, plain and weighted with the time that was
+            left, RTN of the host, (runs or 1, K, 2, 3), m/s^2; None where no sensor asks for it.
+        step_s: Time between epochs, s.
+    """
+
+    times_s: Array
+    host: Array
+    target: Array
+    felt: Array | None
+    step_s: float
+
+
+@dataclass(frozen=True)
+class MeasurementContext:
+    """What a filter may be told around a sensor's own options; never the truth of a run.
+
+    Attributes:
+        orbit: The chief's nominal orbit.
+        attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the nadir
+            frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
+        assumed_noise: The noise that the filter believes in: nominal, total or mixture.
+        form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
+        step_s: Time between epochs, s.
+    """
+
+    orbit: ChiefOrbit
+    attitude: Array
+    assumed_noise: AssumedNoise
+    form: Form
+    step_s: float
+
+
+@dataclass(frozen=True)
+class ErrorShares:
+    """What a filter's augmented states b (e,) do to a sensor's readings.
+
+    Attributes:
+        channels: By the name of a channel, what each state adds to it, (e,), SI units.
+        turn: The turn of the host's body that each state is, about the nadir frame's axes, (3, e), rad.
+    """
+
+    channels: Mapping[str, Array]
+    turn: Array
+
+
+class SensorOptions(Options):
+    """The options of a sensor and what it does; a new kind is a subclass, registered under the kind's name.
+
+    Attributes:
+        channels: The numbers of one reading.
+        role: What it measures: the ``other`` craft, so that filters can go by it, or its host's own ``orbit`` (an ECI
+            state), ``attitude`` (a quaternion) or ``force`` (specific force).
+        per_craft: Whether both craft may carry one; readings and random numbers then have the craft in their names.
+        forms: The forms that filters can take its readings in; the first is the usual one.
+        linear_forms: Those of them that are linear in the state.
+    """
+
+    channels: ClassVar[tuple[Channel, ...]]
+    role: ClassVar[Role]
+    per_craft: ClassVar[bool] = False
+    forms: ClassVar[tuple[Form, ...]] = ("spherical",)
+    linear_forms: ClassVar[tuple[Form, ...]] = ()
+
+    kind: str
+    host: Annotated[Craft | Literal["both"] | None, AddedLater()] = Field(
+        default=None, description="Craft that carries it; default: the one that carries the relative sensors"
+    )
+    noise: NoiseOption = Field(
+        default=GaussianNoise(),
+        description="Noise in units of the sigmas, one channel each: one part or a list of parts that add; default: "
+        "white Gaussian",
+    )
+    period_s: Annotated[float | None, AddedLater()] = Field(
+        default=None,
+        gt=0,
+        description="Time between readings, s, a multiple of the clock's step; default: every step",
+    )
+    offset_s: Annotated[float, AddedLater()] = Field(
+        default=0.0, ge=0, description="Time of the first reading, s, a multiple of the clock's step; default 0"
+    )
+
+    @field_validator("noise")
+    @classmethod
+    def _fits(cls, noise: NoiseOption) -> NoiseOption:
+        parts = noise_parts(noise)
+        check_parts(parts, len(cls.channels))
+        if cls.role == "other" and not has_white_part(parts):
+            raise ValueError("the noise needs a gaussian or mixture part: no filter can weigh it without")
+        return noise
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """Names of the channels."""
+        return tuple(channel.name for channel in self.channels)
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations (m,) of the channels, SI units, by which the noise is multiplied."""
+        raise NotImplementedError(f"{type(self).__name__} has no sigmas")
+
+    def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the readings (runs, K, m), SI units; NaN in a channel where nothing is read.
+
+        The readings of a run may depend on no other run, and not on how the epochs are split: random numbers come from
+        `streams`, which go on from chunk to chunk. Readings that are not due are left out by the caller.
+
+        Args:
+            truth: The true states when they are taken.
+            streams: The sensor's random numbers.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no sample(truth, streams)")
+
+    def constant_errors(self) -> Array:
+        """Return the constant errors (m,) of the channels in truth, SI units; NaN where they drift."""
+        return constant_part(noise_parts(self.noise), len(self.channels)) * self.sigmas
+
+
+class RelativeSensorOptions(SensorOptions):
+    """A sensor that measures the other craft: what a filter is told of it, and when it reads."""
+
+    role: ClassVar[Role] = "other"
+
+    host: Craft = Field(default="chief", description="Craft that carries it and sees the other one; default: the chief")
+    latency_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
+        "whether it knows; default 0",
+    )
+    time_tag_sigma_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Standard deviation of each run's constant error of the time at which readings are taken, s; no "
+        "filter is told of it; default 0",
+    )
+    time_tag_jitter_s: float = Field(
+        default=0.0, ge=0, description="The same of each reading, white, s; no filter is told of it; default 0"
+    )
+    range_limits_m: tuple[float, float] | None = Field(
+        default=None, description="Shortest and longest true range that is measured, m; default: no limits"
+    )
+
+    @field_validator("range_limits_m")
+    @classmethod
+    def _rising(cls, limits: tuple[float, float] | None) -> tuple[float, float] | None:
+        if limits is not None and not 0 <= limits[0] < limits[1]:
+            raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be two rising values from 0 up")
+        return limits
+
+    def in_reach(self, truth: Sensed) -> Flags:
+        """Return where the other craft can be measured, (runs or 1, K): range limits, field of view, light."""
+        offset = truth.target[..., :3] - truth.host[..., :3]
+        return within(self.range_limits_m, np.sqrt(np.square(offset).sum(axis=-1)))
+
+    def off_pole(self, truth: Sensed) -> Array | None:
+        """Return the angle (runs or 1, K), rad, from where a channel does not exist; None: they exist everywhere."""
+        return None
+
+    def no_echo(self, distance: Array) -> Array | None:
+        """Return the probability that noise leaves no reading at a distance, m; None: it never does."""
+        return None
+
+    def needs_direction(self) -> tuple[bool, ...]:
+        """Return for each channel whether it is lost without the host's attitude and orbit."""
+        return (False,) * len(self.channels)
+
+    def inputs(self, z: Array, frame: HostFrame) -> dict[Form, Array]:
+        """Return what filters take, by form, from readings (runs, K, m): by default the readings themselves.
+
+        Args:
+            z: The readings.
+            frame: What the host knows of its attitude and orbit.
+        """
+        return {"spherical": z}
+
+    def measurement(self, context: MeasurementContext) -> Measurement:
+        """Return the sensor as a filter is told of it, for the inputs of the same form, without its latency."""
+        raise NotImplementedError(f"{type(self).__name__} has no measurement(context)")
+
+    def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
+        """Return what a filter's augmented states do to the readings: by default they add to the channels."""
+        e = shares.turn.shape[1]
+        return AdditiveBias(np.stack([shares.channels.get(name, np.zeros(e)) for name in self.channel_names]))
+
+    def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
+        """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
+
+        None where one reading gives no position.
+
+        Args:
+            measurement: From `measurement`, in the spherical form.
+            z: Inputs of that form; NaN gives NaN.
+        """
+        return None
+
+    @property
+    def gives_fix(self) -> bool:
+        """Whether one reading gives a position, so that filters can start from it."""
+        return type(self).first_fix is not RelativeSensorOptions.first_fix
+
+    def information(self, measurement: Measurement, states: Array) -> Array:
+        """Return the Fisher information (N, m, m) that the noise of a reading leaves about its channels.
+
+        By default the inverse of the covariance, which is what Gaussian noise leaves.
+
+        Args:
+            measurement: From `measurement`, told the total noise.
+            states: True relative states (N, 6).
+        """
+        R = np.asarray(measurement.noise(states, 0))
+        return np.asarray(np.linalg.inv(np.broadcast_to(R, (len(states), *R.shape[-2:]))))
+
+
+def within(limits: tuple[float, float] | None, distance: Array) -> Flags:
+    """Return where a distance, m, can be measured: within the limits, and not zero, where there is no direction."""
+    seen = np.asarray(distance != 0)
+    if limits is not None:
+        seen &= (distance >= limits[0]) & (distance <= limits[1])
+    return seen
