@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
 from relnav_sim.filters.kalman import innovation_of, joseph_update
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import Measurement, joint_components
 
 Array = NDArray[np.float64]
 NO_COMPONENT = "no component of the mixture gives the measurement a finite likelihood"
@@ -25,12 +25,7 @@ def noise_components(measurement: Measurement, mean: Array, epoch: int) -> tuple
     if mixture is None:
         R = measurement.noise(mean, epoch)
         return np.ones(1), R[..., None, :, :]
-    if mixture.shared:
-        return mixture.weights, mixture.covariances
-    k, m = mixture.covariances.shape[-3], mixture.covariances.shape[-1]
-    choices = np.stack(np.meshgrid(*[np.arange(k)] * m, indexing="ij"), axis=-1).reshape(-1, m)
-    variances = np.einsum("...kii->...ki", mixture.covariances)[..., choices, np.arange(m)]
-    return mixture.weights[choices].prod(axis=-1), variances[..., None] * np.eye(m)
+    return joint_components(mixture)
 
 
 @dataclass(frozen=True)

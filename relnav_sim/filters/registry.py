@@ -6,7 +6,7 @@ import importlib
 import inspect
 import json
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
@@ -20,6 +20,8 @@ from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import PartialMeasurement
+from relnav_sim.measurements.several import SeveralMeasurements
 from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
 from relnav_sim.printable import message_of
@@ -141,18 +143,32 @@ def filter_kinds() -> dict[str, FilterKind]:
     return dict(_KINDS)
 
 
-def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **options: Any) -> Filter:
+def create_filter(
+    name: str, dynamics: Dynamics, measurement: Measurement | Mapping[str, Measurement], **options: Any
+) -> Filter:
     """Return a filter of the registry.
 
     Args:
         name: A registered name, ``ekf`` say; `relnav list filters` shows them.
         dynamics: How the state moves.
-        measurement: What is measured.
+        measurement: What is measured: one measurement, or several sensors by name. The readings of an epoch are then
+            processed one after the other in this order, which for linear measurements is the same as all at once.
         **options: The filter's options, as in a campaign.
 
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is for another
-            number of states, or the dynamics have considered states and the filter can't do that.
+            number of states, the sensors' names are no names, or the dynamics have considered states and the filter can't
+            do that.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, LinearMeasurement, create_filter
+        >>> dynamics = LinearDynamics(np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2))
+        >>> position = LinearMeasurement(np.array([[1.0, 0.0]]), np.eye(1))
+        >>> rate = LinearMeasurement(np.array([[0.0, 1.0]]), 0.1 * np.eye(1))
+        >>> filter = create_filter("kf", dynamics, {"radar": position, "doppler": rate}, gate_probability=0.999)
+        >>> filter.measurement.dimension
+        2
     """
     kinds = filter_kinds()
     if name not in kinds:
@@ -170,13 +186,33 @@ def create_filter(name: str, dynamics: Dynamics, measurement: Measurement, **opt
         raise ValueError(f"filter {name!r}: {problems}") from None
     if considered_states(dynamics) and not kind.considers:
         raise ValueError(f"filter {name!r} can't account for states without estimating them")
-    measured_states = getattr(measurement, "states", None)
-    if measured_states not in (None, dynamics.dimension):
-        raise ValueError(
-            f"the measurement (columns of H) is for {measured_states} states, the dynamics have {dynamics.dimension}"
-        )
-    motion, sensor = read_only(dynamics, ReadOnlyDynamics), read_only(measurement, ReadOnlyMeasurement)
-    return kind.factory(motion, sensor, checked)
+    return kind.factory(read_only(dynamics, ReadOnlyDynamics), _attending(measurement, dynamics.dimension), checked)
+
+
+def _attending(measurement: Measurement | Mapping[str, Measurement], states: int) -> Measurement:
+    """Return what a filter measures by, which can be told the channels that are present.
+
+    Raises:
+        ValueError: There is no sensor, a name is no text or empty, or a measurement is for another number of states.
+    """
+    named = measurement if isinstance(measurement, Mapping) else {"": measurement}
+    if not named:
+        raise ValueError("the mapping of measurements is empty; give at least one sensor")
+    guarded: dict[str, Measurement] = {}
+    for name, one in named.items():
+        if isinstance(measurement, Mapping) and (not isinstance(name, str) or not name):
+            raise ValueError(f"{name!r} can't be the name of a sensor; give each measurement a name that is text")
+        measured_states = getattr(one, "states", None)
+        if measured_states not in (None, states):
+            which = f"of sensor {name!r} " if name else ""
+            raise ValueError(
+                f"the measurement {which}(columns of H) is for {measured_states} states, the dynamics have {states}"
+            )
+        guarded[name] = read_only(one, ReadOnlyMeasurement)
+    if len(guarded) > 1:
+        return SeveralMeasurements(guarded)
+    [(name, only)] = guarded.items()
+    return PartialMeasurement(only, name)
 
 
 def _plain(value: object) -> object:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,39 +12,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
-from relnav_sim.filters.failed_runs import FailedRun, StatedFailures, failures_of, sentence
-from relnav_sim.filters.returned import Returned, check_name
+from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
+from relnav_sim.filters.history import FilterHistory as FilterHistory
+from relnav_sim.filters.history import Innovations
+from relnav_sim.filters.readings import Readings
+from relnav_sim.filters.returned import Returned
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
+from relnav_sim.measurements.partial import sensors_of
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class FilterHistory:
-    """What a filter said at every epoch.
-
-    Args:
-        mean: State estimate after the measurement, (runs, T, n).
-        covariance: Its covariance, (runs, T, n, n).
-        nis: Normalised innovation squared, (runs, T); NaN where there was no measurement.
-        log_likelihood: log p(z_k | earlier z), (runs, T); 0 where there was no measurement.
-        extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement.
-        failures: The runs that failed, with epoch and reason; from there on their mean, covariance and log-likelihood
-            are NaN.
-    """
-
-    mean: Array
-    covariance: Array
-    nis: Array
-    log_likelihood: Array
-    extras: Mapping[str, Array]
-    failures: tuple[FailedRun, ...] = ()
-
-
 def run_filter(
     filter: Filter,
-    z: ArrayLike,
+    z: ArrayLike | Mapping[str, ArrayLike],
     mean0: ArrayLike,
     cov0: ArrayLike,
     seed: int = 0,
@@ -70,13 +52,15 @@ def run_filter(
     Warns:
         RuntimeWarning: Runs failed; it names them, with epoch and reason, as the history's `failures` do.
     """
-    readings = checked_readings(z, filter.measurement.dimension)
-    prior = checked_prior(mean0, cov0, len(readings), filter.dynamics.dimension)
-    numbered = checked_runs(runs, len(readings))
+    readings = checked_readings(z, filter.measurement)
+    count = len(readings[0])
+    prior = checked_prior(mean0, cov0, count, filter.dynamics.dimension)
+    numbered = checked_runs(runs, count)
     with np.errstate(all="ignore"):  # for the reason in `advance`
         check_models(filter, prior, readings, step_s)
         belief = filter.start(prior, RandomSource(checked_seed(seed), numbered))
-    history = advance(filter, belief, readings, first_epoch=0, step_s=step_s)[1]
+    by_sensor = {sensor.name: one for sensor, one in zip(sensors_of(filter.measurement), readings, strict=True)}
+    history = advance(filter, belief, by_sensor, first_epoch=0, step_s=step_s)[1]
     failures = tuple(replace(failure, run=numbered[failure.run]) for failure in history.failures)
     if failures:
         warnings.warn(sentence(failures), RuntimeWarning, stacklevel=2)
@@ -86,7 +70,7 @@ def run_filter(
 def advance(
     filter: Filter,
     belief: Any,
-    z: Array,
+    z: Array | Mapping[str, Array],
     first_epoch: int,
     step_s: float,
     reached: Callable[[int], None] = lambda epoch: None,
@@ -95,8 +79,9 @@ def advance(
 
     Args:
         filter: The filter.
-        belief: Belief one step before z[:, 0].
-        z: Measurements of the chunk, (runs, K, m).
+        belief: Belief one step before the first epoch of z.
+        z: Measurements of the chunk, (runs, K, m), NaN where a channel is missing; by sensor where the filter was made
+            with several.
         first_epoch: Number of the chunk's first epoch.
         step_s: Time between epochs, s.
         reached: Told of every epoch that begins.
@@ -108,14 +93,11 @@ def advance(
         ValueError: The filter has returned something else than arrays of the right type and shape.
     """
     _keep_freed_memory()
-    B, K, _ = z.shape
+    readings = Readings(filter.measurement, z, first_epoch)
+    B, K = readings.sensors[0].read.shape
     n = filter.dynamics.dimension
     mean, covariance = np.empty((B, K, n)), np.empty((B, K, n, n))
-    nis, log_likelihood = np.full((B, K), np.nan), np.zeros((B, K))
-    extras: dict[str, Array] = {}
-    present = np.asarray(~np.isnan(z).any(axis=2))
-    z = z.view()
-    z.flags.writeable = False  # it is the other filters' too
+    innovations = Innovations(readings, B, K)
     returned = Returned(B, n)
     belief = returned.belief(belief, "start")
     stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
@@ -124,39 +106,52 @@ def advance(
         for k in range(K):
             step = Step(first_epoch + k, step_s)
             reached(step.epoch)
+            readings.begin(k)
             belief = returned.belief(filter.predict(belief, step), "predict")
-            if filter.stochastic or present[:, k].any():
-                belief, innovation = _update_present(filter, belief, z[:, k], present[:, k], step, returned)
-                nis[:, k] = innovation.nis
-                log_likelihood[:, k] = innovation.log_likelihood
-                if innovation.failed:
-                    stated.add(k, innovation.failed, present[:, k])
-                for name, value in innovation.extras.items():
-                    if name not in extras:
-                        check_name(name)
-                        extras[name] = np.full((B, K), np.nan)
-                    extras[name][:, k] = value
+            for place, one in enumerate(readings.sensors):
+                read = one.read[:, k]
+                if filter.stochastic or read.any():
+                    z_k, lacking = readings.attend(one, k)
+                    belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
+                    if lacking is not None:
+                        innovation = _without_absent(innovation, lacking, read)
+                    innovations.add(place, k, innovation)
+                    if innovation.failed:
+                        stated.add(k, innovation.failed, read)
             mean[:, k] = returned.moment(belief, "mean")
             covariance[:, k] = returned.moment(belief, "covariance")
+    readings.end()
     first = Step(first_epoch, step_s)
-    failures = failures_of(stated, filter, before, first, mean, covariance, nis, log_likelihood)
-    return belief, FilterHistory(mean, covariance, nis, log_likelihood, extras, failures)
+    history = innovations.history(mean, covariance)
+    failures = failures_of(stated, filter, before, first, mean, covariance, history.nis, history.log_likelihood)
+    for failure in failures:
+        lost = failure.run, slice(failure.epoch - first_epoch, None)
+        history.dof[lost] = 0
+        for name, nis in history.nis_by.items():
+            nis[lost], history.dof_by[name][lost] = np.nan, 0
+    return belief, replace(history, failures=failures)
 
 
-def _update_present(
-    filter: Filter, belief: Any, z: Array, present: NDArray[np.bool_], step: Step, returned: Returned
+def _update_read(
+    filter: Filter, belief: Any, z: Array, read: NDArray[np.bool_], step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
-    if present.all():
+    """Return the update of the runs that are read, (runs,)."""
+    if read.all():
         return returned.update(filter.update(belief, z, step))
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
-    posterior, innovation = returned.update(filter.update(belief, np.where(present[:, None], z, expected), step))
-    return where_runs(present, posterior, belief), Innovation(
-        np.where(present, innovation.nis, np.nan),
-        np.where(present, innovation.log_likelihood, 0.0),
-        {name: np.where(present, value, np.nan) for name, value in innovation.extras.items()},
+    posterior, innovation = returned.update(filter.update(belief, np.where(read[:, None], z, expected), step))
+    return where_runs(read, posterior, belief), Innovation(
+        np.where(read, innovation.nis, np.nan),
+        np.where(read, innovation.log_likelihood, 0.0),
+        {name: np.where(read, value, np.nan) for name, value in innovation.extras.items()},
         innovation.failed,
     )
+
+
+def _without_absent(innovation: Innovation, lacking: Array, read: NDArray[np.bool_]) -> Innovation:
+    """Return the innovation with what its log-likelihood lacks (runs,) where a run is read."""
+    return replace(innovation, log_likelihood=innovation.log_likelihood + np.where(read, lacking, 0.0))
 
 
 def _keep_freed_memory() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 
 import numpy as np
@@ -12,29 +12,64 @@ from numpy.typing import ArrayLike, NDArray
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.given_arrays import covariances, finite, numbers
+from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import sensors_of
 
 Array = NDArray[np.float64]
 
 
-def checked_readings(z: ArrayLike, channels: int) -> Array:
-    """Return z (runs, T, m) as a read-only view or copy; masked entries are NaN, which means missing.
+def checked_readings(
+    z: ArrayLike | Mapping[str, ArrayLike], measurement: Measurement
+) -> tuple[Array, ...]:
+    """Return the readings of every sensor, (runs, T, m), as read-only views or copies; masked entries are NaN.
 
     Raises:
-        ValueError: Another shape, something that is no number, or an infinite reading.
+        ValueError: Other sensors than the filter's, another shape, something that is no number, or an infinite reading.
     """
-    readings = numbers(z, "z", masked_is_missing=True).view()
+    sensors = sensors_of(measurement)
+    names = [sensor.name for sensor in sensors if sensor.name]
+    if not isinstance(z, Mapping):
+        if names:
+            raise ValueError(f"z is one array, the filter has the sensors {_listed(names)}; give the readings by sensor")
+        return (_checked(z, "z", sensors[0].channels),)
+    if not names:
+        raise ValueError("z gives readings by sensor, the filter has one measurement without a name; give one array")
+    for name in z:
+        if name not in names:
+            raise ValueError(f"z has readings of {name!r}, the filter's sensors are {_listed(names)}")
+    for name in names:
+        if name not in z:
+            raise ValueError(f"z has no readings of {name!r}; where there are none give an array of NaN")
+    readings = tuple(_checked(z[sensor.name], f"z[{sensor.name!r}]", sensor.channels) for sensor in sensors)
+    for name, one in zip(names, readings, strict=True):
+        if one.shape[:2] != readings[0].shape[:2]:
+            (runs, epochs), (B, T) = one.shape[:2], readings[0].shape[:2]
+            raise ValueError(
+                f"z[{name!r}] has {runs} runs of {epochs} epochs, z[{names[0]!r}] {B} runs of {T}; all sensors must have "
+                "the same, with NaN where one does not read"
+            )
+    return readings
+
+
+def _checked(z: ArrayLike, name: str, place: slice) -> Array:
+    channels = place.stop - place.start
+    readings = numbers(z, name, masked_is_missing=True).view()
     if readings.ndim != 3:
-        hint = "; for one run use z[None]" if readings.ndim == 2 else ""
-        raise ValueError(f"z has shape {readings.shape}; it must be (runs, T, m){hint}")
+        hint = f"; for one run use {name}[None]" if readings.ndim == 2 else ""
+        raise ValueError(f"{name} has shape {readings.shape}; it must be (runs, T, m){hint}")
     if readings.shape[2] != channels:
-        raise ValueError(f"z has {readings.shape[2]} components, the measurement {channels}")
+        raise ValueError(f"{name} has {readings.shape[2]} components, the measurement {channels}")
     if np.isinf(readings).any():
         run, epoch, channel = np.argwhere(np.isinf(readings))[0].tolist()
         raise ValueError(
-            f"z is infinite at run {run}, epoch {epoch}, channel {channel}; a missing reading is NaN, not infinity"
+            f"{name} is infinite at run {run}, epoch {epoch}, channel {channel}; a missing reading is NaN, not infinity"
         )
     readings.flags.writeable = False
     return readings
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))
 
 
 def checked_prior(mean0: ArrayLike, cov0: ArrayLike, runs: int, n: int) -> Gaussian:
@@ -82,24 +117,25 @@ def checked_runs(runs: Sequence[int] | None, count: int) -> tuple[int, ...]:
     return chosen
 
 
-def check_models(filter: Filter, prior: Gaussian, z: Array, step_s: float) -> None:
+def check_models(filter: Filter, prior: Gaussian, z: Sequence[Array], step_s: float) -> None:
     """Ask dynamics and measurement once whether they fit the states and the readings.
 
     Raises:
         ValueError: They do not, or are not given for all runs and epochs.
     """
-    runs, epochs, m = z.shape
+    runs, epochs, _ = z[0].shape
+    m = filter.measurement.dimension
     if not isinstance(step_s, Real) or not 0 < step_s < np.inf:
         raise ValueError(f"step_s is {step_s!r}; it must be a positive number of seconds")
     for model in (filter.dynamics, filter.measurement):
         check_extent = getattr(model, "check_extent", None)
         if check_extent is not None:
             check_extent(runs, epochs)
-    if not z.size:
+    if not runs * epochs:
         return
     n = prior.mean.shape[1]
     _check_covariance("process_noise", filter.dynamics.process_noise(prior.mean, Step(0, step_s)), (runs, n, n), (n, n))
-    read = np.flatnonzero(~np.isnan(z).all(axis=(0, 2)))
+    read = np.flatnonzero(np.any([~np.isnan(one).all(axis=(0, 2)) for one in z], axis=0))
     if not len(read):
         return
     epoch = int(read[0])

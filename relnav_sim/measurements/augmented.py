@@ -64,11 +64,17 @@ class AugmentedMeasurement(MeasurementDefaults):
         self._n = states
         self._distortion = distortion
         self.dimension = base.dimension
+        self.whole = getattr(base, "whole", False)
         seen = getattr(base, "depends_on", None)
         self.depends_on = (
             *(range(states) if seen is None else seen),
             *(states + place for place in distortion.sees),
         )
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return what the base makes of the readings."""
+        take = getattr(self.base, "take", None)
+        return z if take is None else np.asarray(take(z, first_epoch))
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the distorted readings of states (runs, ..., n + e)."""

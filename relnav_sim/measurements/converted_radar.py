@@ -52,6 +52,7 @@ class ConvertedRadar(MeasurementDefaults):
 
     dimension = 3
     depends_on = (0, 1, 2)
+    whole = True
 
     def __init__(self, mounting: Array, noise: RadarNoise) -> None:
         radar_from_rtn = mounting @ NADIR_FROM_RTN

@@ -27,6 +27,12 @@ class Delayed(MeasurementDefaults):
         self.latency_s = latency_s
         self.dimension = base.dimension
         self.angles = getattr(base, "angles", ())
+        self.whole = getattr(base, "whole", False)
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return what the base makes of the readings."""
+        take = getattr(self.base, "take", None)
+        return z if take is None else np.asarray(take(z, first_epoch))
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the base's h at the states some time ago, (runs, ..., m)."""

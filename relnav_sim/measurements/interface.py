@@ -22,6 +22,19 @@ class Mixture:
     shared: bool
 
 
+def joint_components(mixture: Mixture) -> tuple[Array, Array]:
+    """Return weights (k,) and covariances (k, m, m) or (runs, k, m, m) of a mixture as one switch for all channels.
+
+    Channels that switch by themselves give every combination of their components.
+    """
+    if mixture.shared:
+        return mixture.weights, mixture.covariances
+    k, m = mixture.covariances.shape[-3], mixture.covariances.shape[-1]
+    choices = np.stack(np.meshgrid(*[np.arange(k)] * m, indexing="ij"), axis=-1).reshape(-1, m)
+    variances = np.einsum("...kii->...ki", mixture.covariances)[..., choices, np.arange(m)]
+    return mixture.weights[choices].prod(axis=-1), variances[..., None] * np.eye(m)
+
+
 class Measurement(Protocol):
     """What a sensor should read in a given state, z = h(x) + v, and how noisy the reading is."""
 
@@ -64,11 +77,22 @@ class MeasurementDefaults:
         angles: Components of z that are angles, rad.
         depends_on: States that z depends on; None: any. Sampling filters draw only those.
         states: Number n of states it is for; None: any.
+        whole: Whether a reading counts with all its channels only (a converted position, say); one with a channel missing
+            is then missing altogether.
     """
 
     angles: tuple[int, ...] = ()
     depends_on: tuple[int, ...] | None = None
     states: int | None = None
+    whole: bool = False
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return the readings (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
+
+        Called once for every chunk of epochs, before the chunk is filtered, so that a measurement can learn what arrives
+        during a run. By default the readings themselves.
+        """
+        return z
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""

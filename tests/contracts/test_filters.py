@@ -94,7 +94,7 @@ def test_shapes_types_and_positive_definite_covariances(kind, problem, histories
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_missing_measurement_is_a_prediction_only(kind, problem, histories):
     history = histories[kind]
-    missing = np.isnan(problem.z).any(axis=2)
+    missing = np.isnan(problem.z).all(axis=2)
     assert np.isnan(history.nis[missing]).all()
     assert not np.isnan(history.nis[~missing]).any()
     assert (history.log_likelihood[missing] == 0).all()

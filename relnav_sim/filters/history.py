@@ -1,0 +1,156 @@
+"""What a filter said at every epoch, and how it is put together over a chunk of epochs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.failed_runs import FailedRun
+from relnav_sim.filters.readings import Readings, SensorReadings
+from relnav_sim.filters.returned import check_name
+
+Array = NDArray[np.float64]
+_COUNTED = ("rejected",)
+"""Extras of which an epoch with several sensors has the sum; of others it has that of the last sensor read."""
+
+
+@dataclass(frozen=True)
+class FilterHistory:
+    """What a filter said at every epoch.
+
+    The numbers by sensor have the names with which the filter was made; a filter of one measurement without a name has
+    none of them.
+
+    Args:
+        mean: State estimate after the measurement, (runs, T, n).
+        covariance: Its covariance, (runs, T, n, n).
+        nis: Normalised innovation squared, (runs, T), the sum over the sensors read; NaN where there was no measurement.
+        log_likelihood: log p(z_k | earlier z), (runs, T), the sum over the sensors read; 0 where there was no measurement.
+        extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement. With several
+            sensors ``rejected`` is the number of rejected readings, and all else that of the last sensor read.
+        failures: The runs that failed, with epoch and reason; from there on their mean, covariance and log-likelihood
+            are NaN.
+        dof: Channels read, (runs, T): the mean of the NIS where the filter knows its own uncertainty; 0 where there was
+            no measurement.
+        nis_by: The NIS by sensor, each (runs, T); NaN where that sensor was not read. Those of one epoch are
+            independent where the filter is right: each is taken after the update with the sensors before.
+        dof_by: The channels read by sensor, each (runs, T).
+        extras_by: The further numbers by sensor, then by name.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
+        >>> filter = create_filter("kf", LinearDynamics(np.eye(1), np.eye(1)), LinearMeasurement(np.ones((2, 1)), np.eye(2)))
+        >>> history = run_filter(filter, [[[0.3, 0.1], [0.2, np.nan], [np.nan, np.nan]]], np.zeros(1), np.eye(1))
+        >>> history.dof.tolist()
+        [[2, 1, 0]]
+    """
+
+    mean: Array
+    covariance: Array
+    nis: Array
+    log_likelihood: Array
+    extras: Mapping[str, Array]
+    failures: tuple[FailedRun, ...] = ()
+    dof: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    nis_by: Mapping[str, Array] = field(default_factory=dict)
+    dof_by: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+
+    def after(self, prior: Gaussian) -> FilterHistory:
+        """Return the history with one more epoch at its start, at which the prior is all there is."""
+        B = len(self.mean)
+
+        def unread(series: Array) -> Array:
+            return np.concatenate([np.full((B, 1), np.nan), series], axis=1)
+
+        def uncounted(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+            return np.concatenate([np.zeros((B, 1), dtype=np.int64), counts], axis=1)
+
+        return FilterHistory(
+            np.concatenate([prior.mean[:, None], self.mean], axis=1),
+            np.concatenate([prior.covariance[:, None], self.covariance], axis=1),
+            unread(self.nis),
+            np.concatenate([np.zeros((B, 1)), self.log_likelihood], axis=1),
+            {name: unread(extra) for name, extra in self.extras.items()},
+            self.failures,
+            uncounted(self.dof),
+            {name: unread(nis) for name, nis in self.nis_by.items()},
+            {name: uncounted(dof) for name, dof in self.dof_by.items()},
+            {
+                sensor: {name: unread(extra) for name, extra in extras.items()}
+                for sensor, extras in self.extras_by.items()
+            },
+        )
+
+
+class Innovations:
+    """The innovations of a chunk of epochs, put together sensor by sensor.
+
+    Args:
+        readings: What arrives in the chunk.
+        runs: Number of runs.
+        epochs: Number K of epochs.
+    """
+
+    def __init__(self, readings: Readings, runs: int, epochs: int) -> None:
+        self._shape = runs, epochs
+        self._readings = readings
+        self._nis = [np.full(self._shape, np.nan) for _ in readings.sensors]
+        self._extras: list[dict[str, Array]] = [{} for _ in readings.sensors]
+        self.log_likelihood = np.zeros(self._shape)
+
+    def add(self, place: int, k: int, innovation: Innovation) -> None:
+        """Take down the innovation of the sensor in that place at column k."""
+        self._nis[place][:, k] = innovation.nis
+        self.log_likelihood[:, k] += innovation.log_likelihood
+        extras = self._extras[place]
+        for name, value in innovation.extras.items():
+            if name not in extras:
+                check_name(name)
+                extras[name] = np.full(self._shape, np.nan)
+            extras[name][:, k] = value
+
+    def history(self, mean: Array, covariance: Array) -> FilterHistory:
+        """Return the history of the chunk, without failures."""
+        sensors = self._readings.sensors
+        dof = [one.dof for one in sensors]
+        by_name = {one.sensor.name: place for place, one in enumerate(sensors) if one.sensor.name}
+        return FilterHistory(
+            mean,
+            covariance,
+            self._nis[0] if len(sensors) == 1 else _sum_where_read(self._nis, sensors),
+            self.log_likelihood,
+            self._extras[0] if len(sensors) == 1 else _merged(self._extras, sensors),
+            dof=sum(dof[1:], dof[0]),
+            nis_by={name: self._nis[place] for name, place in by_name.items()},
+            dof_by={name: dof[place] for name, place in by_name.items()},
+            extras_by={name: self._extras[place] for name, place in by_name.items()},
+        )
+
+
+def _sum_where_read(series: list[Array], sensors: tuple[SensorReadings, ...]) -> Array:
+    """Return the sum over the sensors that are read, NaN where none is."""
+    total = np.zeros(series[0].shape)
+    for values, one in zip(series, sensors, strict=True):
+        total += np.where(one.read, values, 0.0)
+    return np.where(np.any([one.read for one in sensors], axis=0), total, np.nan)
+
+
+def _merged(extras: list[dict[str, Array]], sensors: tuple[SensorReadings, ...]) -> dict[str, Array]:
+    """Return one series a name: of the last sensor read, or the sum where it is a count."""
+    merged: dict[str, Array] = {}
+    for name in dict.fromkeys(name for own in extras for name in own):
+        having = [(own[name], one) for own, one in zip(extras, sensors, strict=True) if name in own]
+        if name in _COUNTED:
+            merged[name] = _sum_where_read([values for values, _ in having], tuple(one for _, one in having))
+            continue
+        last = having[0][0]
+        for values, one in having[1:]:
+            last = np.where(one.read, values, last)
+        merged[name] = last
+    return merged

@@ -1,0 +1,123 @@
+"""What arrives in a chunk of epochs, sensor by sensor, and which channels the filter's measurement attends to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.linalg import LOG_TWO_PI
+from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import Sensor, sensors_of
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SensorReadings:
+    """The readings of one sensor over a chunk of K epochs.
+
+    Args:
+        sensor: The sensor.
+        z: Readings (runs, K, m), read-only; NaN where a channel is absent.
+        read: Where there is a reading, (runs, K).
+        present: Its channels (runs, K, m); None where every reading of the chunk has all of them.
+        partial: At which epochs a reading of any run has some of its channels only, (K,).
+    """
+
+    sensor: Sensor
+    z: Array
+    read: Mask
+    present: Mask | None
+    partial: Mask
+
+    @property
+    def dof(self) -> NDArray[np.int64]:
+        """How many channels are read, (runs, K)."""
+        if self.present is None:
+            return self.read * np.int64(self.z.shape[2])
+        return np.where(self.read, self.present.sum(axis=2), 0)
+
+    def mask(self, k: int) -> Mask:
+        """Return the channels (runs, m) to attend to at column k; all of them in a run without a reading.
+
+        Such a run is updated with its own prediction and the result is not used, whatever the other runs read.
+        """
+        if self.present is None or not self.partial[k]:
+            return np.ones(self.z[:, k].shape, dtype=bool)
+        return self.present[:, k] | ~self.read[:, k, None]
+
+
+class Readings:
+    """The readings of a filter's sensors over a chunk of epochs.
+
+    Where every reading of the only sensor has all its channels, nothing is done but looking.
+
+    Args:
+        measurement: The filter's.
+        z: Readings (runs, K, m), or by sensor; NaN where a channel is absent.
+        first_epoch: Number of the chunk's first epoch.
+    """
+
+    def __init__(self, measurement: Measurement, z: Array | Mapping[str, Array], first_epoch: int) -> None:
+        self._measurement = measurement
+        given = z if isinstance(z, Mapping) else {"": z}
+        self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors_of(measurement))
+        self._several = len(self.sensors) > 1
+        self._attends = False
+        self._attend(None)
+
+    def begin(self, k: int) -> None:
+        """Let the measurement attend to all that is read at column k, for the prediction to that epoch."""
+        if not self._several:
+            one = self.sensors[0]
+            self._attend(one.mask(k) if one.partial[k] else None)
+            return
+        masks = [one.mask(k) & one.read[:, k, None] for one in self.sensors]
+        mask = np.concatenate(masks, axis=1)
+        # A run that reads nothing is predicted as if all were to come.
+        self._attend(mask | ~mask.any(axis=1, keepdims=True))
+
+    def attend(self, one: SensorReadings, k: int) -> tuple[Array, Array | None]:
+        """Let the measurement attend to one sensor at column k.
+
+        Returns:
+            The reading (runs, m) in the channels of the filter's measurement, NaN in runs without one; and what its
+            log-likelihood lacks because absent channels count in its constant, (runs,), or None where none is absent.
+        """
+        z = one.z[:, k]
+        if not self._several and not one.partial[k]:
+            return z, None
+        mask = one.mask(k)
+        filled = np.where(mask, z, 0.0)
+        if self._several:
+            channels, (runs, m) = one.sensor.channels, (len(z), self._measurement.dimension)
+            own, mask = mask, np.zeros((runs, m), dtype=bool)
+            own_filled, filled = filled, np.zeros((runs, m))
+            mask[:, channels], filled[:, channels] = own, own_filled
+            self._attend(mask)
+        return filled, 0.5 * LOG_TWO_PI * (~mask).sum(axis=1)
+
+    def end(self) -> None:
+        """Let the measurement count every channel as present again."""
+        self._attend(None)
+
+    def _attend(self, present: Mask | None) -> None:
+        if present is None and not self._attends:
+            return
+        self._measurement.attend(present)  # type: ignore[attr-defined]  # only what has `sensors` has partial readings
+        self._attends = present is not None
+
+
+def _arrived(sensor: Sensor, z: Array, first_epoch: int) -> SensorReadings:
+    z = sensor.take(z, first_epoch).view()
+    z.flags.writeable = False  # it is the other filters' too
+    absent = np.isnan(z)
+    missing = absent.any(axis=2)
+    some = np.zeros_like(missing) if sensor.whole else missing & ~absent.all(axis=2)
+    if not some.any():
+        return SensorReadings(sensor, z, ~missing, None, some.any(axis=0))
+    return SensorReadings(sensor, z, ~missing | some, ~absent, some.any(axis=0))

@@ -1,0 +1,172 @@
+"""Readings of which some channels are missing: what a filter is then told of the measurement.
+
+With a selection S of the present channels, H -> S H, R -> S R S^T, z -> S z. Runs with other channels present share one
+batch, so every array keeps its m channels: an absent channel has residual 0, a row of zeros in H, and in R a row and
+column of zeros with 1 on the diagonal, in every component of a mixture. H P H^T + R is then block diagonal with ones for
+the absent channels, so mean, covariance, normalised innovation and log det S are those of the present ones. Only the
+constant m log 2 pi of a log-likelihood counts too many channels; the loop over epochs takes that back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One of the sensors that a filter measures by.
+
+    Args:
+        name: Its name; empty where the filter was made with a measurement without one.
+        channels: Its channels among those of the filter's measurement.
+        whole: Whether a reading counts with all its channels only.
+        take: ``take(z, first_epoch)`` -> z, told of its readings (runs, K, m) before a chunk of epochs is filtered.
+    """
+
+    name: str
+    channels: slice
+    whole: bool
+    take: Callable[[Array, int], Array]
+
+
+def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
+    """Return the sensors of a filter's measurement, in the order in which they are processed.
+
+    `create_filter` gives a filter a measurement that says so by an attribute ``sensors``. One without can't be told which
+    channels are present: its readings count as a whole.
+    """
+    sensors: tuple[Sensor, ...] | None = getattr(measurement, "sensors", None)
+    return (_sensor("", measurement, whole=True),) if sensors is None else sensors
+
+
+def present_channels(measurement: Measurement) -> Mask | None:
+    """Return which channels (runs, m) of a filter's measurement are present; None: all of them."""
+    present: Mask | None = getattr(measurement, "present", None)
+    return present
+
+
+def channel_count(measurement: Measurement) -> int | NDArray[np.int64]:
+    """Return how many channels of a filter's measurement are present, by run (runs,) where some are absent."""
+    present = present_channels(measurement)
+    return measurement.dimension if present is None else present.sum(axis=1)
+
+
+def all_channels(measurement: Measurement) -> Measurement:
+    """Return a filter's measurement as it is with every channel present, whatever is read."""
+    complete: Measurement = getattr(measurement, "complete", measurement)
+    return complete
+
+
+def has_own_density(measurement: Measurement) -> bool:
+    """Whether a measurement brings a log_likelihood of its own instead of the one that follows from its noise."""
+    own = measurement.log_likelihood
+    return getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood
+
+
+class PartialMeasurement(MeasurementDefaults):
+    """A measurement whose channels may be absent, run by run.
+
+    Everything that is not said here is as in the measurement behind it.
+
+    Args:
+        base: The measurement with all its channels.
+        name: The sensor's name, if it has one.
+
+    Attributes:
+        complete: The base.
+        present: The channels (runs, m) that are present; None: all, and then every function is the base's.
+        sensors: The one sensor.
+    """
+
+    def __init__(self, base: Measurement, name: str = "") -> None:
+        self.complete = base
+        self.dimension = base.dimension
+        self.angles = getattr(base, "angles", ())
+        self.depends_on = getattr(base, "depends_on", None)
+        self.states = getattr(base, "states", None)
+        self.whole = getattr(base, "whole", False)
+        self.present: Mask | None = None
+        self.sensors = (_sensor(name, base, self.whole),)
+        if has_own_density(base):
+            self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "complete":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self.complete, name)
+
+    def attend(self, present: Mask | None) -> None:
+        """Count the channels (runs, m) as present and the others as absent; None: all are present."""
+        self.present = present
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states), zero in absent channels."""
+        predicted = self.complete.predict(states, epoch)
+        return predicted if self.present is None else zero_absent(predicted, self.present)
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx, rows of zeros for absent channels."""
+        H = self.complete.jacobian(states, epoch)
+        return H if self.present is None else zero_absent_rows(H, self.present, states.shape[:-1])
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R, with a variance of 1 and no correlation for absent channels."""
+        R = self.complete.noise(mean, epoch)
+        return R if self.present is None else unit_where_absent(R, self.present)
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the components of the noise, each with a variance of 1 for absent channels."""
+        mixture = self.complete.mixture(mean, epoch)
+        if mixture is None or self.present is None:
+            return mixture
+        return Mixture(mixture.weights, unit_where_absent(mixture.covariances, self.present[:, None]), mixture.shared)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return the base's residual, zero in absent channels."""
+        residual = self.complete.residual(z, predicted)
+        return residual if self.present is None else zero_absent(residual, self.present)
+
+    def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
+        if self.present is not None and (self.present.any(axis=1) & ~self.present.all(axis=1)).any():
+            raise ValueError(
+                f"a reading at epoch {epoch} has channels missing, for which the measurement's own log_likelihood has no "
+                "density; give the measurement `whole = True`, and such a reading counts as missing altogether"
+            )
+        return self.complete.log_likelihood(z, states, epoch)
+
+
+def zero_absent(values: Array, present: Mask) -> Array:
+    """Return values (runs, ..., m) with zeros in absent channels, laid out in memory as they were."""
+    kept = values.copy(order="K")
+    np.copyto(kept, 0.0, where=~present.reshape(len(present), *[1] * (values.ndim - 2), -1))
+    return kept
+
+
+def zero_absent_rows(H: Array, present: Mask, leading: tuple[int, ...]) -> Array:
+    """Return H (m, n) or (runs, ..., m, n) as (*leading, m, n) with rows of zeros for absent channels."""
+    kept = np.array(np.broadcast_to(H, (*leading, *H.shape[-2:])))
+    np.copyto(kept, 0.0, where=~present.reshape(len(present), *[1] * (len(leading) - 1), -1, 1))
+    return kept
+
+
+def unit_where_absent(R: Array, present: Mask) -> Array:
+    """Return covariances (..., m, m) with the rows and columns of absent channels, (runs, ..., m), those of I."""
+    return np.where(present[..., :, None] & present[..., None, :], R, np.eye(R.shape[-1]))
+
+
+def _sensor(name: str, measurement: Measurement, whole: bool) -> Sensor:
+    return Sensor(name, slice(0, measurement.dimension), whole, getattr(measurement, "take", _as_they_are))
+
+
+def _as_they_are(z: Array, first_epoch: int) -> Array:
+    return z
