@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import polar, polar_gradients, rows, sight_vector, times
 from relnav_sim.linalg import transpose
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
 
 Array = NDArray[np.float64]
@@ -136,7 +136,15 @@ class PolarRadar(MeasurementDefaults):
         return R
 
 
-def first_fix(radar: PolarRadar, z: Array, epoch: int = 0) -> tuple[Array, Array]:
+class Locating(Measurement, Protocol):
+    """A measurement whose reading gives a position."""
+
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at."""
+        ...
+
+
+def first_fix(radar: Locating, z: Array, epoch: int = 0) -> tuple[Array, Array]:
     """Return the relative position that one reading gives, and its covariance to first order.
 
     Args:

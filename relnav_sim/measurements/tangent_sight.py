@@ -119,6 +119,10 @@ class TangentSight(MeasurementDefaults):
                 G[..., i, j] = entry
         return G
 
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
+        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
+
     def _turned(self, mean: Array, epoch: int) -> Array:
         """Return G P G^T, (runs, 2, 2)."""
         assert self._attitude is not None

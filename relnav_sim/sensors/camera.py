@@ -10,14 +10,16 @@ from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.astro.constants import RADIUS_M
 from relnav_sim.astro.line_of_sight import half_open, polar, sight_vector
-from relnav_sim.astro.tangent_plane import deflected
+from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, AnglesDistortion, radar_errors
+from relnav_sim.measurements.selected import Selected
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import RadarNoise
+from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Channel, Flags, Form, MeasurementContext, Sensed
-from relnav_sim.sensors.line_of_sight import SightSensorOptions
+from relnav_sim.sensors.interface import Channel, ErrorShares, Flags, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -40,10 +42,11 @@ class CameraOptions(SightSensorOptions):
 
     kind: Literal["camera"] = Field(default="camera", description="Azimuth and elevation of the other craft")
     angle_sigma_deg: float = Field(gt=0, lt=90, description="Noise of each of the two angles, 1 sigma, deg")
-    form: Literal["spherical", "tangent"] = Field(
+    form: AngleForm = Field(
         default="tangent",
-        description="Whose noise it is: tangent (two small turns across the line of sight, alike in every direction; "
-        "default) or spherical (azimuth and elevation themselves, which have a pole on the z axis)",
+        description="What the noise of the two angles is, in truth and for the filters: tangent (two small turns "
+        "across the line of sight, alike in every direction; default) or spherical (of azimuth and elevation "
+        "themselves, which have a pole on the z axis)",
     )
     sunlit: bool = Field(
         default=False, description="Whether it sees the other craft in sunlight only; needs sun_direction"
@@ -102,21 +105,18 @@ class CameraOptions(SightSensorOptions):
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return azimuth and elevation (rad, in (-pi, pi]), (runs, K, 2); NaN where nothing is seen."""
         _, azimuth, elevation = self.true_sight(truth)
-        z = streams.noise(truth.times_s) * self.sigmas
+        z = streams.noise(truth.times_s)
+        z *= self.sigmas
         if self.form == "tangent":
-            off = deflected(sight_vector(np.ones(()), azimuth, elevation), z[..., 0], z[..., 1])
-            _, z[..., 0], z[..., 1] = polar(off)
+            z[..., 0], z[..., 1] = read_across(azimuth, elevation, z)
         else:
-            z += np.stack([azimuth, elevation], axis=-1)
-        z = half_open(z)
+            z = half_open(z + np.stack([azimuth, elevation], axis=-1))
         z[~np.broadcast_to(self.in_reach(truth), z.shape[:-1])] = np.nan
         return z
 
     def off_pole(self, truth: Sensed) -> Array | None:
         """Return the angle between the line of sight and the azimuth axis, (runs or 1, K), rad; None if tangent."""
-        if self.form == "tangent":
-            return None
-        return np.asarray(np.pi / 2 - np.abs(self.true_sight(truth)[2]))
+        return None if self.form == "tangent" else self.off_azimuth_axis(truth)
 
     def needs_direction(self) -> tuple[bool, ...]:
         """Return that both angles need the host's attitude and orbit."""
@@ -136,14 +136,26 @@ class CameraOptions(SightSensorOptions):
     def measurement(self, context: MeasurementContext) -> Measurement:
         """Return the camera as a filter is told of it."""
         law = white_law(noise_parts(self.noise), len(self.channels))
-        noise = RadarNoise(
-            weights=law.weights,
-            deviations=law.scales * self.sigmas,
-            nominal=law.nominal * self.sigmas,
-            attitude=self.mounting @ context.attitude @ self.mounting.T,
-            assumed=context.assumed_noise,
-        )
+        deviations, nominal = law.scales * self.sigmas, law.nominal * self.sigmas
+        if self.form == "spherical":
+            # A range of which nothing is read: its sigma does not matter.
+            deviations, nominal = np.insert(deviations, 0, 1.0, axis=1), np.insert(nominal, 0, 1.0)
+        attitude = self.mounting @ context.attitude @ self.mounting.T
+        noise = RadarNoise(law.weights, deviations, nominal, attitude, context.assumed_noise)
+        if self.form == "spherical":
+            return Selected(PolarRadar(self.mounting, noise, self.host, context.orbit), (1, 2))
         return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
+
+    def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
+        """Return what biases of the angles, and a turn of the body, do to a reading.
+
+        In tangent form the biases are two constant turns across the line of sight, those of the channels' noise.
+        """
+        turns = self.mounting @ shares.turn
+        errors = radar_errors(shares.channels, turns)
+        if self.form == "spherical":
+            return AnglesDistortion(errors)
+        return AdditiveBias(errors[AZIMUTH : ELEVATION + 1], turns)
 
 
 def _along(vectors: Array, direction: Array) -> Array:
