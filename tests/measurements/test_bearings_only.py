@@ -49,6 +49,7 @@ def test_the_one_null_direction_is_the_state_itself(name):
 @pytest.mark.parametrize("name", ORBITS)
 def test_a_known_manoeuvre_leaves_none(name):
     across_the_motion = [0.1, 0.0, 0.05]
-    assert np.linalg.eigvalsh(gramian(ORBITS[name], across_the_motion))[0] > 1e-9 * np.linalg.eigvalsh(
-        gramian(ORBITS[name])
-    )[-1]
+    assert (
+        np.linalg.eigvalsh(gramian(ORBITS[name], across_the_motion))[0]
+        > 1e-9 * np.linalg.eigvalsh(gramian(ORBITS[name]))[-1]
+    )
