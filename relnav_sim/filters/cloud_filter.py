@@ -30,6 +30,7 @@ from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
@@ -84,6 +85,7 @@ class CloudFilter:
         if self._bandwidth > 1:
             raise ValueError(f"roughening must not exceed {options.roughening / self._bandwidth:.3g} with these sizes")
         self._rooted: tuple[Array, Array] | None = None
+        self._several = len(sensors_of(measurement)) > 1
 
     def start(self, prior: Gaussian, source: RandomSource) -> Cloud:
         """Return particles drawn from the prior."""
@@ -101,7 +103,7 @@ class CloudFilter:
         if self._bandwidth > 0:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
             # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
-            share, width = smoothing(belief.parents, self._bandwidth, self.measurement.dimension)
+            share, width = smoothing(belief.parents, self._bandwidth, channel_count(self.measurement))
         F = self.dynamics.transition(belief.mean, step)
         carried = F @ belief.covariance @ transpose(F)
         if self.dynamics.linear:
@@ -170,7 +172,26 @@ class CloudFilter:
     def _settle(self, cloud: Cloud, rows: Rows, ess: Array) -> Cloud:
         """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
-        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
+        # Copies of copies, where several sensors are read: 1 / p adds up.
+        before = cloud.parents[rows]
+        parents = np.where(np.isinf(before), ess, 1 / (1 / before + 1 / ess))
+        return replace(
+            cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, parents)
+        )
+
+    def _for_next_sensor(self, cloud: Cloud, predicted: Cloud) -> Cloud:
+        """Return an updated cloud as the prediction of the epoch's next sensor, if there are several.
+
+        Its particles have no process noise left to draw: they are their own centres, and the root is zero. Runs that
+        did not read this sensor keep what they were predicted from.
+        """
+        if not self._several:
+            return cloud
+        assert predicted.noise is not None and predicted.root is not None
+        root = predicted.root
+        shape = (len(cloud.mean), *root.shape[-2:]) if root.ndim < 4 else root.shape
+        noise = np.broadcast_to(0.0, predicted.noise.shape)
+        return replace(cloud, centres=cloud.components, noise=noise, root=np.broadcast_to(0.0, shape))
 
 
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:

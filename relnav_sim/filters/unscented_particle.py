@@ -126,7 +126,8 @@ class UnscentedParticleFilter(CloudFilter):
                 current = pick(score, rows, ancestors)
                 cloud, accepted[rows] = self._move(cloud, belief, proposal.of(rows, ancestors), current, rows, z, step)
             cloud = self._settle(cloud, rows, ess[rows])
-        return cloud, replace(innovation, extras={**innovation.extras, "accepted": accepted})
+        innovation = replace(innovation, extras={**innovation.extras, "accepted": accepted})
+        return self._for_next_sensor(cloud, belief), innovation
 
     def _propose(self, predicted: Cloud, z: Array, step: Step) -> Proposal:
         """Return every particle's unscented update of its own transition density.

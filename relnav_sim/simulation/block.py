@@ -273,15 +273,7 @@ class FilterTrack:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history
         self._belief, history = self._on(z[:, 1:], 1)
-        B = len(z)
-        return FilterHistory(
-            np.concatenate([self._prior.mean[:, None], history.mean], axis=1),
-            np.concatenate([self._prior.covariance[:, None], history.covariance], axis=1),
-            np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
-            np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
-            {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
-            history.failures,
-        )
+        return history.after(self._prior)
 
     def _on(self, z: Array, first_epoch: int) -> tuple[Any, FilterHistory]:
         return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
