@@ -172,12 +172,7 @@ class CloudFilter:
     def _settle(self, cloud: Cloud, rows: Rows, ess: Array) -> Cloud:
         """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
-        # Copies of copies, where several sensors are read: 1 / p adds up.
-        before = cloud.parents[rows]
-        parents = np.where(np.isinf(before), ess, 1 / (1 / before + 1 / ess))
-        return replace(
-            cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, parents)
-        )
+        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
 
     def _for_next_sensor(self, cloud: Cloud, predicted: Cloud) -> Cloud:
         """Return an updated cloud as the prediction of the epoch's next sensor, if there are several.
@@ -190,8 +185,33 @@ class CloudFilter:
         assert predicted.noise is not None and predicted.root is not None
         root = predicted.root
         shape = (len(cloud.mean), *root.shape[-2:]) if root.ndim < 4 else root.shape
-        noise = np.broadcast_to(0.0, predicted.noise.shape)
-        return replace(cloud, centres=cloud.components, noise=noise, root=np.broadcast_to(0.0, shape))
+        return replace(cloud, centres=cloud.components, noise=np.zeros(predicted.noise.shape), root=np.zeros(shape))
+
+    def _parted(self, belief: Cloud) -> Cloud:
+        """Return the prediction of an epoch's further sensor with the copies parted that the last one has left.
+
+        As in `predict` the kernel takes the place of the process noise; after a prediction there are no copies.
+        """
+        rows = np.flatnonzero(np.isfinite(belief.parents))
+        if not len(rows) or self._bandwidth == 0:
+            return belief
+        assert belief.centres is not None and belief.noise is not None and belief.root is not None
+        observed = np.broadcast_to(channel_count(self.measurement), len(belief.mean))[rows]
+        share, width = smoothing(belief.parents[rows], self._bandwidth, observed)
+        kernel = symmetric(width * belief.covariance[rows])
+        root = square_root(kernel)
+        noise = standard_normals(chosen(belief.streams.noise, rows), root.shape[-1], self._particles)
+        centres = contracted(belief.components[rows], belief.mean[rows], share)
+        own_root = root if belief.root.ndim == 3 else np.repeat(root[:, None], self._particles, axis=1)
+        return replace(
+            belief,
+            components=put(belief.components, rows, centres + spread(root, noise)),
+            covariance=put(belief.covariance, rows, share**2 * belief.covariance[rows] + kernel),
+            parents=put(belief.parents, rows, np.full(len(rows), np.inf)),
+            centres=put(belief.centres, rows, centres),
+            noise=put(belief.noise, rows, noise),
+            root=put(belief.root, rows, own_root),
+        )
 
 
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:

@@ -80,6 +80,7 @@ class ParticleFilter(CloudFilter):
 
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the reweighted and, in runs with few effective particles, resampled cloud; and its innovation."""
+        belief = self._parted(belief)
         score = self._log_likelihood(belief, belief.components, z, step)
         cloud, evidence, ess = weigh(belief, score)
         stages = np.zeros(len(z))

@@ -110,6 +110,7 @@ class UnscentedParticleFilter(CloudFilter):
 
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the cloud drawn from the proposals, reweighted and, where few particles count, resampled and moved."""
+        belief = self._parted(belief)
         assert belief.noise is not None
         proposal = self._propose(belief, z, step)
         components, log_ratio = proposal.draw(belief.noise)
