@@ -157,8 +157,7 @@ def create_filter(
 
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is for another
-            number of states, the sensors' names are no names, or the dynamics have considered states and the filter can't
-            do that.
+            number of states, a sensor has no name, or the dynamics have considered states and the filter can't do that.
 
     Examples:
         >>> import numpy as np

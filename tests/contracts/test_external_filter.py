@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "filter"
+CONTRACTS = ("tests/contracts/test_filters.py", "tests/contracts/test_readings.py")
 PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))
 [(NAME, MODULE)] = PROJECT["project"]["entry-points"]["relnav.filters"].items()
 
@@ -49,11 +50,11 @@ def test_it_is_unknown_until_it_is_installed():
 
 
 def test_it_passes_the_contract_tests(installed):
-    done = python(installed, "-m", "pytest", "tests/contracts/test_filters.py", "-k", NAME, "-p", "no:cacheprovider")
+    done = python(installed, "-m", "pytest", *CONTRACTS, "-k", NAME, "-p", "no:cacheprovider")
     assert done.returncode == 0, done.stdout[-3000:]
     assert "[100%]" in done.stdout
     dots = sum(line.count(".") for line in re.findall(r"^\.+ +\[", done.stdout, re.MULTILINE))
-    contracts = (ROOT / "tests" / "contracts" / "test_filters.py").read_text(encoding="utf-8").count("def test_")
+    contracts = sum((ROOT / path).read_text(encoding="utf-8").count("def test_") for path in CONTRACTS)
     assert dots >= contracts, "every contract is tried"
 
 
