@@ -28,10 +28,10 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "dynamics_error.png"
 KINDS = ("cw", "cw_second_order", "yamanaka_ankersen", "schweighart_sedwick", "nonlinear", "nonlinear_j2")

@@ -13,7 +13,7 @@ from relnav_sim.containment import Containment
 from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
 from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.truth import nominal_chief
 

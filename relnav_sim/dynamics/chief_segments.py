@@ -19,7 +19,7 @@ from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning
 from relnav_sim.linalg import runs_last
 
 if TYPE_CHECKING:
-    from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+    from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
 
 Array = NDArray[np.float64]
 TOGETHER = 1024

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from relnav_sim.dynamics.cw import CwOptions
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions
+from relnav_sim.dynamics.averaged_j2 import SchweighartSedwickOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 from relnav_sim.dynamics.gp.dynamics import GpOptions
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
-from relnav_sim.dynamics.schweighart_sedwick import SchweighartSedwickOptions
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
+from relnav_sim.dynamics.two_body import NonlinearOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 from relnav_sim.options import Options
 
 _KINDS: dict[str, type[Options]] = {

@@ -20,7 +20,7 @@ from relnav_sim.dynamics.chief_segments import ChiefFollower, NominalChief
 from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.known_thrust import KnownThrust
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance

@@ -8,7 +8,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.chief_segments import ChiefFollower
 from relnav_sim.dynamics.interface import Dynamics
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics, NonlinearJ2Options
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics, NonlinearJ2Options
 from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.simulation.thrust_inputs import known_thrust
 from relnav_sim.truth import nominal_chief

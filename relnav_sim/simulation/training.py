@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.dynamics.cw import CwOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions
 from relnav_sim.dynamics.gp.dynamics import GpOptions, TrainingTrack
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions

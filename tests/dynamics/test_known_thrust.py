@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.known_thrust import KnownThrust, kicks_of
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions

@@ -15,7 +15,7 @@ import yaml
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.dynamics import registry as dynamics_registry
-from relnav_sim.dynamics.cw import CwOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions
 from relnav_sim.filters import registry
 from relnav_sim.filters.alpha_kf import AlphaKalmanFilter
 from relnav_sim.filters.ekf import ExtendedKalmanFilter

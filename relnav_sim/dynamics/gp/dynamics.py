@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.cw import CwOptions, cw_system
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions
+from relnav_sim.dynamics.averaged_j2 import SchweighartSedwickOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 from relnav_sim.dynamics.gp.process import GaussianProcess
 from relnav_sim.dynamics.interface import Dynamics, LinearDynamics, Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.dynamics.schweighart_sedwick import SchweighartSedwickOptions
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
+from relnav_sim.dynamics.two_body import NonlinearOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 from relnav_sim.options import Options
 
 Array = NDArray[np.float64]

@@ -18,13 +18,13 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from relnav_sim import LinearDynamics
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 from relnav_sim.dynamics.gp.dynamics import GpOptions, PhaseClock, TrainingTrack, phase_clock
 from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
 from relnav_sim.dynamics.gp.process import GaussianProcess, Kernel, condition, most_informative
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 STEP = Step(1, STEP_S)
 SECOND = slice(STEPS_PER_REVOLUTION, 2 * STEPS_PER_REVOLUTION)

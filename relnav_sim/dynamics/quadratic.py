@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.collocation import gauss_rule
-from relnav_sim.dynamics.cw import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.linalg import product, runs_first, runs_last

@@ -11,7 +11,7 @@ from pydantic import Field
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief, shared_nominal_chief
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
+from relnav_sim.dynamics.two_body import NonlinearOptions
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.7])
@@ -39,7 +39,7 @@ def test_truncation_of_a_step(scene, e, step_s):
 
 def test_linear_at_the_chief(scene):
     """At the chief itself the transition is Yamanaka and Ankersen's."""
-    from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
+    from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 
     s = scene(0.5)
     exact, linear = (o().build(s.orbit, s.noise, 60.0) for o in (NonlinearOptions, YamanakaAnkersenOptions))

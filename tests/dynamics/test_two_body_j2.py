@@ -5,10 +5,10 @@ from relnav_sim.astro.constants import J2, J3, J4
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.dynamics.chief_segments import ChiefSegments, NominalChief
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.dynamics.relative_flow import divide
+from relnav_sim.dynamics.two_body import NonlinearOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 
 def predicted(dynamics, x, steps):

@@ -11,7 +11,7 @@ from pydantic import Field
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.options import Options
 

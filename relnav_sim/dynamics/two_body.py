@@ -12,7 +12,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import PerChunk
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
 from relnav_sim.dynamics.relative_flow import Segment, divide, flow, linear_flow, turning_frame

@@ -4,10 +4,10 @@ from scipy.integrate import solve_ivp
 
 from relnav_sim.astro.constants import MU_M3_S2
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.cw import CwOptions, cw_system
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions, quadratic_acceleration
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions, quadratic_acceleration
+from relnav_sim.dynamics.two_body import NonlinearOptions
 
 RADIUS = 7e6
 RATE = np.sqrt(MU_M3_S2 / RADIUS**3)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions, elliptic_transition
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions, elliptic_transition
 
 
 def numerical_transition(orbit, start_s, end_s):

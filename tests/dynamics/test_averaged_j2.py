@@ -3,9 +3,9 @@ import pytest
 
 from relnav_sim.astro.constants import J2, MU_M3_S2, RADIUS_M
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.averaged_j2 import AveragedJ2, SchweighartSedwickOptions
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.schweighart_sedwick import AveragedJ2, SchweighartSedwickOptions
 
 
 def test_without_j2_it_is_clohessy_and_wiltshire(scene):
