@@ -25,6 +25,7 @@ _HOME = {
     "rtn_from_eci": "astro.frames",
     "eci_from_rtn": "astro.frames",
     "create_filter": "filters.registry",
+    "register_dynamics": "dynamics.registry",
     "register_filter": "filters.registry",
     "run_filter": "filters.run",
     "FilterHistory": "filters.run",

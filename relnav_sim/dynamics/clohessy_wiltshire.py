@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import LinearDynamics
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.options import Options
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.registry import register_dynamics
 
 Array = NDArray[np.float64]
 
 
-class CwOptions(Options):
+@register_dynamics("cw")
+class CwOptions(DynamicsOptions):
     """Clohessy-Wiltshire dynamics (J. Aerospace Sciences 27(9), 1960): linear, circular chief, point mass.
 
     At 12 km separation it leaves out 3.6e-5 m/s^2 of curvature and about as much of differential J2.
@@ -32,12 +34,12 @@ class CwOptions(Options):
         default=None, gt=0, description="Mean motion n, rad/s; default: that of the chief's nominal orbit"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> LinearDynamics:
-        """Return the dynamics for steps of `step_s` seconds about the nominal chief orbit."""
-        n = self.mean_motion_rad_s or orbit.mean_motion_rad_s
+    def build(self, context: DynamicsContext) -> LinearDynamics:
+        """Return the dynamics about the nominal chief orbit."""
+        n, step_s = self.mean_motion_rad_s or context.orbit.mean_motion_rad_s, context.step_s
         A = cw_system(n)
         F = cw_transition(n, step_s) if self.discretisation == "exact" else np.eye(6) + A * step_s
-        return LinearDynamics(F, process_noise_matrix(noise, A, step_s))
+        return LinearDynamics(F, process_noise_matrix(context.process_noise, A, step_s))
 
 
 def cw_system(n: float) -> Array:

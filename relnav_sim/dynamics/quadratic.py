@@ -11,17 +11,20 @@ from pydantic import Field
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.collocation import gauss_rule
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.linalg import product, runs_first, runs_last
-from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
 _NODES = 8
 """Gauss nodes over a step: rounding error for steps up to a tenth of a revolution."""
 
 
-class CwSecondOrderOptions(Options):
+@register_dynamics("cw_second_order")
+class CwSecondOrderOptions(DynamicsOptions):
     """Clohessy-Wiltshire with the quadratic terms of gravity (London, AIAA J. 1(7), 1963): circular chief, point mass.
 
     At 12 km separation the quadratic terms are 3.6e-5 m/s^2 and what is left out of curvature is 6e-8 m/s^2.
@@ -31,10 +34,10 @@ class CwSecondOrderOptions(Options):
         default="cw_second_order", description="Clohessy-Wiltshire dynamics with quadratic terms"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> CwSecondOrderDynamics:
-        """Return the dynamics for steps of `step_s` seconds about a circle with the nominal semi-major axis."""
-        Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
-        return CwSecondOrderDynamics(orbit, Q, step_s)
+    def build(self, context: DynamicsContext) -> CwSecondOrderDynamics:
+        """Return the dynamics about a circle with the nominal semi-major axis."""
+        Q = process_noise_matrix(context.process_noise, cw_system(context.orbit.mean_motion_rad_s), context.step_s)
+        return CwSecondOrderDynamics(context.orbit, Q, context.step_s)
 
 
 def quadratic_acceleration(n: float, radius_m: float) -> Array:
@@ -64,6 +67,7 @@ class CwSecondOrderDynamics:
 
     dimension = 6
     linear = False
+    leaves_arguments_alone = True
 
     def __init__(self, orbit: ChiefOrbit, process_noise: Array, step_s: float) -> None:
         n = orbit.mean_motion_rad_s

@@ -10,31 +10,32 @@ from pydantic import Field
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief, shared_nominal_chief
+from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, Need
 from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.relative_flow import divide, flow, linear_flow
-from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
 
 
-class NonlinearJ2Options(Options):
+@register_dynamics("nonlinear_j2")
+class NonlinearJ2Options(DynamicsOptions):
     """Exact relative motion under a point mass and J2 (or J2 to J4), about the chief's orbit from its own GNSS fixes.
 
     Without GNSS fixes of the chief, the nominal orbit takes their place, propagated by the same gravity.
     """
 
+    needs: ClassVar[frozenset[Need]] = frozenset({"chief_fixes", "known_thrust"})
     step_cost_us: ClassVar[float] = 3.0
-    """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
     step_overhead_us: ClassVar[float] = 200.0
-    """Rough CPU time of a step however few the runs, us; it keeps many such filters of small blocks apart."""
+    # The orbit filter, and the chief's segments.
     shared_overhead_us: ClassVar[float] = 250.0
-    """The same of the chief's orbit, which filters of a block with the same options share."""
     shared_epoch_bytes: ClassVar[float] = 830.0
-    """Memory that the chief's segments take for one run and epoch of a chunk, bytes; held once for these filters."""
 
     kind: Literal["nonlinear_j2"] = Field(
         default="nonlinear_j2", description="Exact relative motion with J2 about the chief's estimated orbit"
@@ -48,16 +49,19 @@ class NonlinearJ2Options(Options):
         default=OrbitFilterOptions(), description="How the chief's orbit is estimated from its GNSS fixes"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> NonlinearJ2Dynamics:
-        """Return the dynamics about the nominal orbit; `NonlinearJ2Dynamics.with_chief` puts the estimated one in."""
-        Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
-        return NonlinearJ2Dynamics(orbit.up_to(self.zonals), Q, step_s)
+    def build(self, context: DynamicsContext) -> NonlinearJ2Dynamics:
+        """Return the dynamics about the nominal orbit until they are fed with fixes of the chief."""
+        orbit, step_s, fixes = context.orbit.up_to(self.zonals), context.step_s, context.chief_fixes
+        Q = process_noise_matrix(context.process_noise, cw_system(orbit.mean_motion_rad_s), step_s)
+        if fixes is None:
+            nominal = context.share("nominal chief", lambda: NominalChief(orbit, step_s))
+            return NonlinearJ2Dynamics(orbit, Q, step_s, nominal)
+        follower = context.share("chief", lambda: self._follower(orbit, fixes, step_s))
+        return NonlinearJ2Dynamics(orbit, Q, step_s, follower=follower)
 
-    def follower(self, orbit: ChiefOrbit, fix_sigmas: Array, step_s: float, runs: int) -> ChiefFollower:
-        """Return what supplies such dynamics with the chief's orbit from its fixes; arguments as of `OrbitFilter`."""
-        body = orbit.up_to(self.zonals)
-        filter = OrbitFilter(self.chief_orbit, body, fix_sigmas, step_s, runs)
-        return ChiefFollower(filter, divide(body, step_s), Gravity.of(body))
+    def _follower(self, orbit: ChiefOrbit, fixes: ChiefFixes, step_s: float) -> ChiefFollower:
+        filter = OrbitFilter(self.chief_orbit, orbit, fixes.sigmas, step_s, fixes.runs)
+        return ChiefFollower(filter, divide(orbit, step_s), Gravity.of(orbit))
 
 
 class NonlinearJ2Dynamics:
@@ -73,22 +77,29 @@ class NonlinearJ2Dynamics:
         orbit: The chief's nominal orbit; its body has the harmonics.
         process_noise: Q (6, 6).
         step_s: Time between epochs, s.
-
-    Attributes:
-        nominal: The chief on that orbit; dynamics of the same orbit share him.
+        nominal: The chief on that orbit, which dynamics of the same orbit may share; default: one of its own.
+        follower: What estimates the chief's orbit from the fixes that are fed; default: they are not looked at.
     """
 
     dimension = 6
     linear = False
+    leaves_arguments_alone = True
 
-    def __init__(self, orbit: ChiefOrbit, process_noise: Array, step_s: float) -> None:
+    def __init__(
+        self,
+        orbit: ChiefOrbit,
+        process_noise: Array,
+        step_s: float,
+        nominal: NominalChief | None = None,
+        follower: ChiefFollower | None = None,
+    ) -> None:
         self._orbit = orbit
         self._Q = process_noise
         self._step_s = step_s
         self._division = divide(orbit, step_s)
         self._gravity = Gravity.of(orbit)
-        self.nominal = shared_nominal_chief(orbit, step_s)
-        self._chief: ChiefSegments | NominalChief = self.nominal
+        self._chief: ChiefSegments | NominalChief = nominal or NominalChief(orbit, step_s)
+        self._follower = follower
         self._latest: tuple[int, bytes, Array] | None = None
 
     def with_chief(self, chief: Array, first_epoch: int) -> NonlinearJ2Dynamics:
@@ -99,12 +110,15 @@ class NonlinearJ2Dynamics:
             first_epoch: Epoch of the first of them.
         """
         bound = NonlinearJ2Dynamics(self._orbit, self._Q, self._step_s)
-        bound.follow_chief(ChiefSegments(chief, first_epoch, self._division, self._gravity))
+        bound._chief = ChiefSegments(chief, first_epoch, self._division, self._gravity)
         return bound
 
-    def follow_chief(self, segments: ChiefSegments) -> None:
-        """Take what the chief does from here on; for a filter fed a chunk of epochs at a time."""
-        self._chief, self._latest = segments, None
+    def feed(self, arrival: Arrival) -> None:
+        """Take the chief's fixes at the next epochs, and the forces on it."""
+        if self._follower is not None and arrival.chief_fixes is not None:
+            chief_forces = None if arrival.forces is None else arrival.forces[:, :, 0]
+            self._chief = self._follower.take(arrival.chief_fixes, arrival.first_epoch, chief_forces)
+            self._latest = None
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., 6) after the step that ends at its epoch."""

@@ -65,7 +65,6 @@ def test_whoever_shares_the_chief_is_charged_all_of_it(case, monkeypatch, gnss):
         sensors = case.config.sensors.model_copy(update={"gnss": None})
         case = replace(case, config=case.config.model_copy(update={"sensors": sensors}))
     for names in (["wide"], ["narrow", "wide", "ukf"]):
-        chief_segments.shared_nominal_chief.cache_clear()
         before = clock[0]
         found = simulate_block(with_filters(case, names), 1, [3, 4]).result.filters
         seconds = clock[0] - before
