@@ -15,7 +15,7 @@ from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.options import DynamicsOptions
-from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 
 Array = NDArray[np.float64]
@@ -43,6 +43,33 @@ class SchweighartSedwickOptions(DynamicsOptions):
 
         Q = process_noise_matrix(context.process_noise, cw_system(orbit.mean_motion_rad_s), step_s)
         return LinearByEpoch(transitions, Q)
+
+
+def schweighart_sedwick(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> LinearByEpoch:
+    """Return Schweighart and Sedwick's dynamics (J. Guidance 25(6), 2002): linear, averaged J2 for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). Epoch k is k steps
+    after the nominal orbit's own epoch, at which it has its true anomaly.
+
+    Args:
+        orbit: The chief's nominal orbit, taken as a circle.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.schweighart_sedwick(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return SchweighartSedwickOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 class AveragedJ2:

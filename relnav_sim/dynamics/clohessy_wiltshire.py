@@ -11,10 +11,11 @@ from pydantic import Field
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import LinearDynamics
 from relnav_sim.dynamics.options import DynamicsOptions
-from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 
 Array = NDArray[np.float64]
+Discretisation = Literal["exact", "euler"]
 
 
 @register_dynamics("cw")
@@ -25,7 +26,7 @@ class CwOptions(DynamicsOptions):
     """
 
     kind: Literal["cw"] = Field(default="cw", description="Clohessy-Wiltshire dynamics")
-    discretisation: Literal["exact", "euler"] = Field(
+    discretisation: Discretisation = Field(
         default="exact",
         description="exact: the closed-form transition matrix; euler: I + A dt, as Shi et al. (2025) write it, "
         "good to a dt^2 / 2 only",
@@ -36,10 +37,48 @@ class CwOptions(DynamicsOptions):
 
     def build(self, context: DynamicsContext) -> LinearDynamics:
         """Return the dynamics about the nominal chief orbit."""
-        n, step_s = self.mean_motion_rad_s or context.orbit.mean_motion_rad_s, context.step_s
-        A = cw_system(n)
-        F = cw_transition(n, step_s) if self.discretisation == "exact" else np.eye(6) + A * step_s
-        return LinearDynamics(F, process_noise_matrix(context.process_noise, A, step_s))
+        n = self.mean_motion_rad_s or context.orbit.mean_motion_rad_s
+        return _dynamics(n, context.process_noise, context.step_s, self.discretisation)
+
+
+def cw(
+    *,
+    mean_motion_rad_s: float,
+    step_s: float,
+    acceleration_psd_m2_s3: float,
+    discretisation: Discretisation = "exact",
+) -> LinearDynamics:
+    """Return Clohessy-Wiltshire dynamics (J. Aerospace Sciences 27(9), 1960) for `create_filter`.
+
+    The state is the deputy's position and velocity relative to a chief in a circular orbit, (6,), m and m/s, in the
+    chief's RTN frame: x radial out, y along-track, z orbit normal; velocity is the derivative of these components.
+
+    Args:
+        mean_motion_rad_s: The chief's mean motion n = sqrt(mu / a^3), rad/s.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3.
+        discretisation: ``exact`` (closed form) or ``euler`` (I + A dt).
+
+    Raises:
+        ValueError: Mean motion or step is not positive, or the density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> motion = dynamics.cw(mean_motion_rad_s=1.1e-3, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.transition(np.zeros((1, 6)), Step(0)).shape
+        (6, 6)
+    """
+    noise = white_acceleration(acceleration_psd_m2_s3)
+    if not (mean_motion_rad_s > 0 and step_s > 0):
+        raise ValueError(f"mean_motion_rad_s {mean_motion_rad_s:g} and step_s {step_s:g} must be positive")
+    return _dynamics(mean_motion_rad_s, noise, step_s, discretisation)
+
+
+def _dynamics(n: float, noise: ProcessNoiseOptions, step_s: float, discretisation: Discretisation) -> LinearDynamics:
+    A = cw_system(n)
+    F = cw_transition(n, step_s) if discretisation == "exact" else np.eye(6) + A * step_s
+    return LinearDynamics(F, process_noise_matrix(noise, A, step_s))
 
 
 def cw_system(n: float) -> Array:

@@ -14,7 +14,7 @@ from relnav_sim.dynamics.collocation import gauss_rule
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.options import DynamicsOptions
-from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.linalg import product, runs_first, runs_last
 
@@ -38,6 +38,32 @@ class CwSecondOrderOptions(DynamicsOptions):
         """Return the dynamics about a circle with the nominal semi-major axis."""
         Q = process_noise_matrix(context.process_noise, cw_system(context.orbit.mean_motion_rad_s), context.step_s)
         return CwSecondOrderDynamics(context.orbit, Q, context.step_s)
+
+
+def cw_second_order(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> CwSecondOrderDynamics:
+    """Return Clohessy-Wiltshire with gravity's quadratic terms (London, AIAA J. 1(7), 1963) for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). The chief's orbit is taken as a circle.
+
+    Args:
+        orbit: The chief's nominal orbit; its semi-major axis counts.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.cw_second_order(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return CwSecondOrderOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 def quadratic_acceleration(n: float, radius_m: float) -> Array:

@@ -53,18 +53,11 @@ def register_dynamics(name: str, options_model: O | None = None) -> O | Callable
         TypeError: It is no `DynamicsOptions`.
 
     Example:
-        >>> from typing import Literal
-        >>> from relnav_sim import LinearDynamics, register_dynamics
-        >>> from relnav_sim.dynamics.clohessy_wiltshire import cw_system
-        >>> from relnav_sim.dynamics.options import DynamicsOptions
-        >>> from relnav_sim.dynamics.process_noise import van_loan
-        >>> @register_dynamics("doctest_euler")
-        ... class EulerOptions(DynamicsOptions):
-        ...     kind: Literal["doctest_euler"] = "doctest_euler"
-        ...     def build(self, context):
-        ...         A = cw_system(context.orbit.mean_motion_rad_s)
-        ...         Q = process_noise_matrix(context.process_noise, A, context.step_s)
-        ...         return LinearDynamics(np.eye(6) + A * context.step_s, Q)
+        >>> from relnav_sim import register_dynamics
+        >>> from relnav_sim.dynamics.registry import dynamics_kinds
+        >>> options_model = dynamics_kinds()["cw"]
+        >>> register_dynamics("cw", options_model) is options_model
+        True
     """
 
     def register(model: O) -> O:

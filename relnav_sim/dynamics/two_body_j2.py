@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
@@ -16,9 +16,10 @@ from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, Ne
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
-from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.relative_flow import divide, flow, linear_flow
+from relnav_sim.given_arrays import finite, numbers
 
 Array = NDArray[np.float64]
 
@@ -62,6 +63,49 @@ class NonlinearJ2Options(DynamicsOptions):
     def _follower(self, orbit: ChiefOrbit, fixes: ChiefFixes, step_s: float) -> ChiefFollower:
         filter = OrbitFilter(self.chief_orbit, orbit, fixes.sigmas, step_s, fixes.runs)
         return ChiefFollower(filter, divide(orbit, step_s), Gravity.of(orbit))
+
+
+def nonlinear_j2(
+    *,
+    orbit: ChiefOrbit,
+    step_s: float,
+    acceleration_psd_m2_s3: float,
+    chief: ArrayLike | None = None,
+    zonals: Literal[2, 3, 4] = 2,
+) -> NonlinearJ2Dynamics:
+    """Return the exact relative motion of two craft under J2, or J2 to J4, for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`); the frame's rate includes the tilt of the orbit plane by the harmonics.
+
+    Args:
+        orbit: The chief's nominal orbit and the body's constants, whose `j3` and `j4` count with `zonals` 3 and 4.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+        chief: The chief's states at the start of each step, so one step before each reading, ECI (J2000 axes), (T, 6)
+            or (runs, T, 6), m and m/s; default: the nominal orbit under the same gravity.
+        zonals: Highest zonal harmonic.
+
+    Raises:
+        ValueError: The density is negative, or the chief's states have another shape or are not finite.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.nonlinear_j2(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-10)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    context = DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s)
+    dynamics = NonlinearJ2Options(zonals=zonals).build(context)
+    if chief is None:
+        return dynamics
+    states = finite(numbers(chief, "chief"), "chief", ("run", "epoch", "component")[-np.ndim(chief) :])
+    if states.ndim not in (2, 3) or states.shape[-1] != 6:
+        raise ValueError(f"chief has shape {states.shape}; it must be (T, 6) or (runs, T, 6)")
+    return dynamics.with_chief(states.reshape(-1, *states.shape[-2:]), first_epoch=-1)
 
 
 class NonlinearJ2Dynamics:
