@@ -177,7 +177,9 @@ class FilterTrack:
         self._shared = shared.by_dynamics.by(entry)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: Breakdown | None = None
-        self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
+        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics))
+        packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
+        self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
         self._input = entry.measurement
         self._step_s = config.clock.step_s
@@ -232,7 +234,7 @@ class FilterTrack:
         if contained.error is not None:
             if lacks_memory(contained.error):
                 raise contained.error
-            self.broken = breakdown(contained.error, self._epoch, self._package)
+            self.broken = breakdown(contained.error, self._epoch, self._packages)
 
     def _reached(self, epoch: int) -> None:
         self._epoch = epoch

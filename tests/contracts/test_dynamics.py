@@ -26,7 +26,9 @@ def dynamics(request):
 
 @pytest.fixture
 def states():
-    return np.random.default_rng(7).normal(size=(20, 13, 6)) * SIZES
+    states = np.random.default_rng(7).normal(size=(20, 13, 6)) * SIZES
+    states.setflags(write=False)  # what dynamics are given is not theirs to change
+    return states
 
 
 def test_shapes(dynamics, states):
