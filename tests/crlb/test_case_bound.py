@@ -6,7 +6,7 @@ import numpy as np
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.crlb.case_bound import case_bound, failed_bound
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.process_noise import process_noise_matrix
 from relnav_sim.filters import registry
 from relnav_sim.filters.ekf import ExtendedKalmanFilter

@@ -18,7 +18,7 @@ from relnav_sim.dynamics.augmentation.kinds import (
     extension,
     held_acceleration,
 )
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.converted_radar import ConvertedRadar
