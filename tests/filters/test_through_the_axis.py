@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.astro.line_of_sight import polar
 from relnav_sim.astro.tangent_plane import deflected, unit
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 from relnav_sim.measurements.tangent_sight import TangentSight

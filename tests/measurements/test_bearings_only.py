@@ -8,7 +8,7 @@ manoeuvre, which does not grow with the state, tells it.
 import numpy as np
 import pytest
 
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.tangent_sight import camera
 
 N, STEP_S = 0.0011, 20.0

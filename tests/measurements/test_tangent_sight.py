@@ -9,7 +9,7 @@ from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import cross_matrix, mounting_matrix, polar, sight_vector
 from relnav_sim.astro.tangent_plane import across, deflected, unit
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.converted_tangent_radar import ConvertedTangentRadar, tangent_shrinkage
 from relnav_sim.measurements.delayed import Delayed
