@@ -83,7 +83,7 @@ class Odd(RelativeSensorOptions):
     "A sensor that does not keep to its protocol."
     channels: ClassVar = (Channel("a", "m", "a"), Channel("b", "m", "b"))
     kind: Literal["odd"] = "odd"
-    sigmas = np.ones(2)
+    sigmas: ClassVar = np.ones(2)
     def sample(self, truth, streams):
         return SAMPLE
     def measurement(self, context):
