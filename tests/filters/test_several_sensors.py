@@ -2,6 +2,8 @@
 
 import doctest
 import inspect
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -378,3 +380,11 @@ def test_the_examples_of_the_public_functions_run(documented):
         runner.run(test)
         assert runner.failures == 0
     assert inspect.getdoc(documented)
+
+
+def test_the_example_of_the_page_runs():
+    page = (Path(__file__).parents[2] / "docs" / "filters.md").read_text(encoding="utf-8")
+    [example] = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    names = {}
+    exec(example, names)
+    assert names["history"].dof.tolist() == [[2, 1, 2]]
