@@ -133,7 +133,7 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: Dyna
     extension = extension_of(entry, config)
     if extension is None:
         return CampaignFilter(factory(motion, radar, entry), coasting, thrust, None)
-    dynamics = extension.dynamics(motion, orbit, step_s)
+    dynamics = extension.dynamics(motion, orbit, step_s, thrust)
     measurement = extension.measurement(radar, mounting_of(config))
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 
