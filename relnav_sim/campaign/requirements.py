@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.options import Options
 
 Quantity = Literal["r", "v", "x", "y", "z", "vx", "vy", "vz"]
@@ -29,7 +30,7 @@ class Requirement(Options):
         default=None, min_length=1, description="Names of the filters that must meet it; default: every filter"
     )
     confidence: float = Field(
-        default=0.95,
+        default=CONFIDENCE,
         ge=0.5,
         lt=1,
         description="Pass or fail is said once the interval of this confidence over runs lies on one side of the "

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
@@ -21,7 +22,6 @@ from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import radar_model, reading_probability
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.simulation.augmented_states import extension_of
-from relnav_sim.simulation.chunks import CHUNK_EPOCHS
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory

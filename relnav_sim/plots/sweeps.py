@@ -35,7 +35,7 @@ from relnav_sim.plots.style import (
     shown_name,
 )
 from relnav_sim.plots.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -48,7 +48,6 @@ _NORM = {"position": "r", "velocity": "v"}
 _LOG_FROM_RATIO = 8.0
 _MOST_NUMBERS = 13
 _MOST_TICKS = 16
-_NOTHING = Interval(np.nan, np.nan, np.nan, 0.95, 0)
 
 
 def accuracy_by_case(
@@ -295,7 +294,7 @@ _UNITS = {
 
 def _over_runs(point: Point, statistic: Statistic, quantity: str) -> Interval:
     if point.filter not in point.case.names:
-        return _NOTHING
+        return NO_INTERVAL
     item = point.case.filter(point.filter)
     return mean_interval(item.errors(statistic, point.case.span, _NORM[quantity])[item.ok])
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.extra_table import extra_table
@@ -310,7 +311,7 @@ def _largest(span: int, quantity: int, over: Callable[[Array], float]) -> Figure
         values = item.figure("max", span, quantity)
         if over is np.mean or not len(values):
             return mean_interval(values)
-        return Interval(float(over(values)), math.nan, math.nan, 0.95, len(values))
+        return Interval(float(over(values)), math.nan, math.nan, CONFIDENCE, len(values))
 
     return of
 

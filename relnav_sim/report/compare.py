@@ -22,7 +22,7 @@ from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
 from relnav_sim.results.seal import NO_SEAL
-from relnav_sim.statistics.intervals import Comparison, Interval, mean_interval, paired_differences
+from relnav_sim.statistics.intervals import NO_INTERVAL, Comparison, mean_interval, paired_differences
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -185,7 +185,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
 
 def _cells(comparison: Comparison, reference: float) -> Sequence[Cell]:
     difference = comparison.difference
-    percent = in_percent(difference, reference) if reference else Interval(np.nan, np.nan, np.nan, 0.95, 0)
+    percent = in_percent(difference, reference) if reference else NO_INTERVAL
     return (
         *numbers([difference]),
         *numbers([percent]),

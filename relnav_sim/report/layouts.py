@@ -8,18 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import COMPONENTS, describe_axes
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words, decimals_for
 from relnav_sim.report.wording import counted, figure
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 
 INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
 _NO_RUN = "No run was completed: there are no figures."
 WORST_RUNS = 2
 NOT_JUDGED = "cannot be judged"
-_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
 
@@ -123,7 +123,7 @@ def numbers(figures: Sequence[Interval], span: int = 1, notes: Sequence[str] = (
 def ratio_cells(case: CaseFacts, ratios: Sequence[Interval]) -> tuple[Cell, ...]:
     """Return each filter's ratio to a bound, with how many of its runs diverged; no number where most of them did."""
     shown = numbers(
-        [_NOTHING if item.mostly_diverged else ratio for item, ratio in zip(case.filters, ratios, strict=True)]
+        [NO_INTERVAL if item.mostly_diverged else ratio for item, ratio in zip(case.filters, ratios, strict=True)]
     )
     return tuple(
         cell
@@ -146,7 +146,7 @@ def mean_cost(item: FilterFacts) -> Interval:
     Without an interval: runs of one block are timed together, so they are no sample.
     """
     known = item.cpu_us[item.ok & np.isfinite(item.cpu_us)]
-    return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, 0.95, known.size)
+    return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, CONFIDENCE, known.size)
 
 
 def failed_cell(item: FilterFacts, span: int = 1) -> Words:

@@ -10,7 +10,7 @@ from relnav_sim.report.layouts import convergence_cells, failed_cell, mean_cost,
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.report.wording import short_labels
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, mean_interval
 
 _LIMIT = "position RMS / bound"
 _FIGURES = (
@@ -23,7 +23,6 @@ _FIGURES = (
     "mean NIS",
     "CPU per step [µs]",
 )
-_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 
 
 def overview_table(rankings: Sequence[Ranking]) -> Table:
@@ -75,8 +74,8 @@ def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
     case = ranking.case
     standings = [ranking.of(item.name) for item in case.filters]
     columns = (
-        numbers([_NOTHING if standing is None else standing.position for standing in standings]),
-        numbers([_NOTHING if standing is None else standing.velocity for standing in standings]),
+        numbers([NO_INTERVAL if standing is None else standing.position for standing in standings]),
+        numbers([NO_INTERVAL if standing is None else standing.velocity for standing in standings]),
         [_above_best(ranking, item.name) for item in case.filters],
         *([ratio_cells(case, [item.times_bound[case.span] for item in case.filters])] if bounded else []),
         convergence_cells(case),

@@ -20,15 +20,13 @@ import numpy as np
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.statistics.intervals import (
+    NO_INTERVAL,
     Comparison,
     Interval,
     fewest_runs_to_decide,
     mean_interval,
     paired_differences,
 )
-
-LEVEL = 0.95
-_NOTHING = Interval(math.nan, math.nan, math.nan, LEVEL, 0)
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class Ranking:
     @property
     def fewest_runs(self) -> int:
         """The number of runs below which no pair can be decided, however large its difference."""
-        return fewest_runs_to_decide(len(self.position), LEVEL)
+        return fewest_runs_to_decide(len(self.position))
 
     @property
     def has_too_few_runs(self) -> bool:
@@ -136,7 +134,7 @@ def rank(case: CaseFacts) -> Ranking:
     for name in order:
         facts, pair = case.filter(name), against.get(name)
         velocity = mean_interval(_completed(facts, case, "v"))
-        comparison, percent = (pair.comparison, pair.percent) if pair else (None, _NOTHING)
+        comparison, percent = (pair.comparison, pair.percent) if pair else (None, NO_INTERVAL)
         standings.append(Standing(facts, position[name], velocity, comparison, percent))
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
 
@@ -161,7 +159,7 @@ def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair,
             differences[first, second], references[first, second] = a - b, float(b.mean())
     return tuple(
         Pair(first, second, comparison, in_percent(comparison.difference, references[first, second]))
-        for (first, second), comparison in paired_differences(differences, LEVEL).items()
+        for (first, second), comparison in paired_differences(differences).items()
     )
 
 

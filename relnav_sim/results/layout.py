@@ -238,8 +238,6 @@ FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
 OWN = (DIAGNOSTICS, EXTRA_UNIT, *EXTRA)
 """What some hold besides."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
-"""Names inside a case's group that no filter may take."""
 
 _LABELS = {
     "span": ("", "settled_"),

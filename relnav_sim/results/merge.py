@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout, seal, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
@@ -55,7 +56,7 @@ def merge_pieces(
         OSError: The file can't be written.
     """
     for case in header.cases:
-        if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
+        if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
     by_case = _by_case(pieces, header)
     limits = bounds_of(header, bounds)

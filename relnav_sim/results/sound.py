@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from relnav_sim.results import layout
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results.block import Array, CaseHeader, ResultHeader
 from relnav_sim.results.layout import Dataset, Dimension
 
@@ -107,7 +107,7 @@ def _odd_case(case: CaseHeader) -> str:
         return "has an id, a label or filters that are no text"
     if not 1 <= len(case.filters) <= MOST_FILTERS or set(case.filters) - set(case.filter_ids):
         return f"has {len(case.filters)} filters"
-    if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
+    if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
         return f"has a filter named {bad[0]!r:.80}"
     if not isinstance(case.variables, dict) or too_deep(case.variables):
         return "has damaged variables"
