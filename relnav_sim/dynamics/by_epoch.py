@@ -23,7 +23,7 @@ class PerChunk(Generic[T]):
     The two latest chunks are kept: callers that take turns of a chunk ask for the end of the one before.
 
     Args:
-        compute: Maps the epochs of a chunk (CHUNK_EPOCHS,), the first of them a multiple of that, to what is wanted of them.
+        compute: Maps the epochs of a chunk (CHUNK_EPOCHS,), the first a multiple of that, to what is wanted of them.
     """
 
     def __init__(self, compute: Callable[[Array], T]) -> None:

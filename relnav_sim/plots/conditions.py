@@ -34,6 +34,7 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.settings import case_setting
 
@@ -105,6 +106,14 @@ def error_against_range(results: Results, case: Case = 0, filters: Sequence[str]
     return figure
 
 
+def range_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_against_range`."""
+    return FigureWords(
+        f"Size of the errors against the true range, {case.when}. Solid: RMS over epochs and runs; dashed: 95 %.",
+        "Two panels, position and velocity error of every filter against the true range.",
+    )
+
+
 def error_around_events(
     results: Results, case: Case = 0, filters: Sequence[str] | None = None, around_s: float | None = None
 ) -> Figure:
@@ -159,6 +168,15 @@ def error_around_events(
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
         legend_above(figure, [*handles, key(CLAIMED, ":", 0.9)], labels)
     return figure
+
+
+def events_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_around_events`."""
+    return FigureWords(
+        "RMS position error over runs and events against the time since the event. Dotted: formal sigma. Outages "
+        "and acquisitions are those that show at the stored epochs.",
+        "Position RMS of every filter before and after outages, acquisitions and manoeuvres, a panel for each kind.",
+    )
 
 
 def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:

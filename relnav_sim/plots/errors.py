@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names, describe_axes
 from relnav_sim.plots.data import (
     Case,
     bound_of,
@@ -22,7 +22,7 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import FilterFacts
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, say, time_axis
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
@@ -37,6 +37,8 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords, left_out, thinned
+from relnav_sim.wording import significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -109,6 +111,29 @@ def errors_with_envelope(
         if handles:
             legend_above(figure, handles, labels)
     return figure
+
+
+def errors_words(case: CaseFacts, filter: str) -> FigureWords:
+    """Return the words of `errors_with_envelope`."""
+    item = case.filter(filter)
+    if not item.completed:
+        caption = f"{filter}: every run failed; there is no error to draw."
+        return FigureWords(caption, f"Empty panels: every run of {filter} failed.")
+    run = f"run {item.median_run(case.span)}"
+    parts = [f"{filter}: error (estimate minus truth) per axis."]
+    if item.completed > 2:
+        parts.append(f"Grey band: mean ± 3 standard deviations over {item.completed} runs.")
+        parts.append(f"Thin line: {run}, the run with the median position RMS.")
+    else:
+        parts.append(f"Line: {run}.")
+    parts.append("Dashed: ± 3 formal sigma (root mean over runs); dotted, where stored: of the bound.")
+    if case.times_s[0] < case.settle_s <= case.times_s[-1]:
+        parts.append(f"Scaled to t ≥ {case.settle_s:g} s; the start may leave the panel.")
+    return FigureWords(
+        " ".join([*parts, *thinned(case), *left_out([item])]),
+        f"Six panels, error of {filter} against time in position and velocity ({describe_axes(case.axes)}) between the "
+        f"filter's 3-sigma lines; position RMS {significant(item.mean_rms(case.span))} m for {case.when}.",
+    )
 
 
 def axis_errors(

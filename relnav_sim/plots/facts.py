@@ -22,7 +22,7 @@ from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
-from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -120,9 +120,13 @@ class FilterFacts:
         """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
         return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
 
-    def figure(self, name: str, *place: int) -> Array:
-        """Return one figure per completed run of a stored dataset, for example ``figure("coverage", 1, 0, 2)``."""
+    def per_run(self, name: str, *place: int) -> Array:
+        """Return one figure per completed run of a stored dataset, for example ``per_run("coverage", 1, 0, 2)``."""
         return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
+
+    def mean_rms(self, span: Span, component: str = "r") -> float:
+        """Return the RMS of one component, mean over the completed runs that have one; NaN where none has."""
+        return mean_interval(self.errors("rms", span, component)[self.ok]).estimate
 
     def worst_rows(self, span: Span, count: int) -> NDArray[np.intp]:
         """Return which of all rows are the completed runs with the largest position RMS, the largest first."""
@@ -201,6 +205,19 @@ class CaseFacts:
     def shows_convergence(self) -> bool:
         """Whether a run is long enough to converge at all."""
         return not self.convergence_until_s <= 0
+
+    @property
+    def not_judged(self) -> str:
+        """Why convergence cannot be judged, where a run is too short for it."""
+        return f"Convergence cannot be judged: it is to last {self.hold_s:g} s, and no run is longer than that."
+
+    @property
+    def by_accuracy(self) -> tuple[FilterFacts, ...]:
+        """The filters with a completed run, the smallest position RMS first."""
+        span = self.span
+        held = [(item.mean_rms(span), item) for item in self.filters if item.completed]
+        # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
+        return tuple(item for size, item in sorted(held, key=lambda pair: (not np.isfinite(pair[0]), pair[0])))
 
     @property
     def when(self) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array, Axes, axis_names, turned_states
+from relnav_sim.plots.axes import Array, Axes, axis_names, describe_axes, turned_states
 from relnav_sim.plots.data import (
     Case,
     FigureError,
@@ -35,6 +35,7 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -102,6 +103,16 @@ def trajectory(
         figure.text(0.62, 0.2, f"x {x}\ny {y}\nz {z}\n\n○ start   □ end", va="center", fontsize=7, linespacing=1.5)
         legend_above(figure, [key(colour, dashes, width) for _, colour, dashes, width in lines], labels)
     return figure
+
+
+def trajectory_words(case: CaseFacts, filters: Sequence[str]) -> FigureWords:
+    """Return the words of `trajectory` for one filter."""
+    (name,) = filters
+    run = case.filter(name).median_run(case.span)
+    return FigureWords(
+        f"True relative trajectory of run {run} and its estimate by {name}. {describe_axes(case.axes)}.",
+        f"Relative trajectory in space and in three planes, the truth and the estimate of {name}.",
+    )
 
 
 def plane(

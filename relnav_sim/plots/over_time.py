@@ -20,7 +20,7 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import FilterFacts
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say, time_axis
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
@@ -38,7 +38,9 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import NO_ERROR, FigureWords, left_out, thinned
 from relnav_sim.statistics.intervals import chi_square_band
+from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -50,6 +52,7 @@ Which = Literal["nees", "nis"]
 _STATE, _MEASUREMENT = 6, 3  # dimensions of the error and of a radar reading
 _ZERO_RATIO = 1e-5
 _NEAR_TOP = 5.0
+_NO_NIS_BAND = " The band of the NIS does not hold for filters that assume a mixture as noise; its mean does."
 
 
 def rms_over_time(
@@ -125,6 +128,35 @@ def rms_over_time(
         handles.append(key(CLAIMED, ":", 0.9))
         legend_above(figure, [*handles, key(BOUND, "-.", 1.0)] if bound is not None else handles, labels)
     return figure
+
+
+def rms_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `rms_over_time`."""
+    count = max((item.completed for item in case.filters), default=0)
+    sizes = ", ".join(f"{item.name} {significant(item.mean_rms(case.span))} m" for item in case.by_accuracy)
+    alt = "Two panels, position and velocity RMS against time on logarithmic axes. "
+    alt += f"Position RMS for {case.when}: {sizes}."
+    if not count:
+        return FigureWords(NO_ERROR, alt)
+    what = f"RMS over {count} runs" if count > 1 else "Size in the one run"
+    what += " of the position and velocity error against time."
+    formal = (
+        "Dotted: formal sigma, the root mean trace of each filter's covariance; dash-dotted, where stored: the bound."
+    )
+    return FigureWords(" ".join([what, formal, *thinned(case), *left_out(case.filters)]), alt)
+
+
+def start_words(case: CaseFacts, until_s: float) -> FigureWords:
+    """Return the words of `rms_over_time` for the start."""
+    level = (
+        f" Dotted line across, where errors are of its size: {case.convergence_m:g} m, which counts as converged."
+        if case.convergence_m > 0
+        else ""
+    )
+    return FigureWords(
+        f"The first {until_s:g} s of the RMS over runs, at the stored epochs.{level}",
+        f"Two panels, position and velocity RMS of all filters against time over the first {until_s:g} s.",
+    )
 
 
 def covariance_against_error(
@@ -255,6 +287,22 @@ def consistency_over_time(
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
         legend_above(figure, [*handles, Patch(color=BAND)], labels)
     return figure
+
+
+def consistency_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `consistency_over_time`."""
+    runs = min((item.completed for item in case.filters if item.completed), default=0)
+    mixture = "" if all(item.nis_is_chi_square for item in case.filters) else _NO_NIS_BAND
+    parts = [
+        f"{item.name} {significant(float(item.consistency('anees', case.span)[item.ok].mean()))}"
+        for item in case.filters
+        if item.completed
+    ]
+    return FigureWords(
+        "NEES and NIS divided by their dimension, mean over runs, against time. Grey: where a consistent filter lies "
+        f"in 95 % of the epochs ({counted(runs, 'run')}). Above: overconfident; below: conservative.{mixture}",
+        f"Two panels, NEES and NIS against time with their 95 % bands. ANEES for {case.when}: {', '.join(parts)}.",
+    )
 
 
 def _mean_over_runs(results: Results, case: int, item: FilterFacts, which: Which, rows: Any) -> tuple[Array, Array]:

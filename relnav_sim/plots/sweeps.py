@@ -35,6 +35,7 @@ from relnav_sim.plots.style import (
     shown_name,
 )
 from relnav_sim.plots.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
+from relnav_sim.plots.words import BOUND_NOTE, FigureWords
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 
 if TYPE_CHECKING:
@@ -101,6 +102,16 @@ def accuracy_by_case(
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
+
+
+def accuracy_words(cases: Sequence[CaseFacts]) -> FigureWords:
+    """Return the words of `accuracy_by_case`."""
+    best = [f"case {case.number} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
+    return FigureWords(
+        f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. The table "
+        f"says which case a number is. {BOUND_NOTE}",
+        f"Position RMS per case and filter with intervals. Smallest: {', '.join(best)}.",
+    )
 
 
 def sweep_trend(
@@ -172,6 +183,15 @@ def sweep_trend(
         if handles:
             legend_above(figure, handles, labels)
     return figure
+
+
+def sweep_words(case: CaseFacts, along: str) -> FigureWords:
+    """Return the words of `sweep_trend`."""
+    return FigureWords(
+        f"Position and velocity RMS ({case.when}) against {along}, mean over runs with 95 % intervals. Other varied "
+        f"values are those of case {case.number}. {BOUND_NOTE}",
+        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the figures.",
+    )
 
 
 def sweep_boxes(
@@ -275,6 +295,14 @@ def heat_map(
         left = 0.42 + 0.055 * max(len(_tick(value)) for value in rows)
         margins(figure, left, 0.12, 0.2, 0.36, hspace=0.1, wspace=0.1)
     return figure
+
+
+def heat_map_words(case: CaseFacts, along: Sequence[str]) -> FigureWords:
+    """Return the words of `heat_map`."""
+    return FigureWords(
+        f"Position RMS ({case.when}) of the best filter of each cell over {along[0]} and {along[1]}.",
+        f"Heat map of the smallest position RMS over {along[0]} and {along[1]}; the overview table has the figures.",
+    )
 
 
 def axis_label(path: str) -> str:

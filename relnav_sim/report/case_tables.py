@@ -12,10 +12,9 @@ from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.extra_table import extra_table
-from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, not_judged, numbers, ratio_cells, worst_runs_table
+from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, numbers, ratio_cells, worst_runs_table
 from relnav_sim.report.ranking import Pair, Ranking
-from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words
-from relnav_sim.report.wording import counted, figure, listed
+from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
@@ -30,6 +29,7 @@ from relnav_sim.statistics.intervals import (
     median_interval,
     wilson_interval,
 )
+from relnav_sim.wording import MISSING, counted, listed, significant
 
 MEASURED = 3
 """Components of a radar measurement, polar or converted: the mean of the NIS of a consistent filter."""
@@ -91,13 +91,13 @@ def consistency_table(case: CaseFacts) -> Table:
     span = span_index(case.span)
     rows = [
         *_bound_rows(case),
-        _row(case, "ANEES, whole state", lambda item: _mean(item.figure("anees", span, 0)), opens=True),
+        _row(case, "ANEES, whole state", lambda item: _mean(item.per_run("anees", span, 0)), opens=True),
         _bands(case, "95 % band if consistent", lambda item: _anees_band(case, item)),
-        _row(case, "ANEES, position", lambda item: _mean(item.figure("anees", span, 1))),
-        _row(case, "ANEES, velocity", lambda item: _mean(item.figure("anees", span, 2))),
-        _row(case, "mean NIS", lambda item: _mean(item.figure("nis_mean", span)), opens=True),
+        _row(case, "ANEES, position", lambda item: _mean(item.per_run("anees", span, 1))),
+        _row(case, "ANEES, velocity", lambda item: _mean(item.per_run("anees", span, 2))),
+        _row(case, "mean NIS", lambda item: _mean(item.per_run("nis_mean", span)), opens=True),
         _bands(case, "95 % band if consistent", lambda item: _nis_band(item, span)),
-        _row(case, "NIS, autocorrelation at lag 1", lambda item: _mean(item.figure("nis_lag1", span))),
+        _row(case, "NIS, autocorrelation at lag 1", lambda item: _mean(item.per_run("nis_lag1", span))),
         _bands(case, "95 % band if white", lambda item: _lag_band(item, span)),
     ]
     for block, name in enumerate(("whole state", "position", "velocity")):
@@ -144,7 +144,7 @@ def convergence_table(case: CaseFacts) -> Table:
             rows.append(Row(label, (Words(NOT_JUDGED),) * len(case.filters)))
             continue
         rows.append(_row(case, label, _median_time(name), "s"))
-        reached = [int(np.isfinite(item.figure(name)).sum()) for item in case.filters]
+        reached = [int(np.isfinite(item.per_run(name)).sum()) for item in case.filters]
         cells = tuple(_rate(count, item.completed) for count, item in zip(reached, case.filters, strict=True))
         rows.append(Row("… reached by", cells, "% of runs"))
     for place, threshold in enumerate(layout.THRESHOLDS_M if case.shows_convergence else ()):
@@ -156,7 +156,7 @@ def convergence_table(case: CaseFacts) -> Table:
         "Convergence of the position error",
         "First time from which the position error stays below a size: median over the completed runs, ∞ where fewer "
         "than half of them get there, with its exact 95 % interval. Shares of runs with their Wilson interval."
-        f"{'' if case.shows_convergence else ' ' + not_judged(case)}",
+        f"{'' if case.shows_convergence else ' ' + case.not_judged}",
         rows,
     )
 
@@ -237,7 +237,7 @@ def _bands(case: CaseFacts, label: str, of: Callable[[FilterFacts], Band | None]
 
 
 def _band_cell(band: Band | None) -> Cell:
-    return Words(MISSING) if band is None else Words(f"[{figure(band.low, 4)}, {figure(band.high, 4)}]")
+    return Words(MISSING) if band is None else Words(f"[{significant(band.low, 4)}, {significant(band.high, 4)}]")
 
 
 def _pair_cells(pair: Pair | None, unit: str, first: str = "") -> tuple[Cell, ...]:
@@ -299,16 +299,16 @@ def _mean(values: Array) -> Interval:
 
 
 def _percent_of(span: int, block: int, level: int) -> Figure:
-    return lambda item: mean_interval(100 * item.figure("coverage", span, block, level), most=100)
+    return lambda item: mean_interval(100 * item.per_run("coverage", span, block, level), most=100)
 
 
 def _quantile(span: int, norm: int, place: int) -> Figure:
-    return lambda item: mean_interval(item.figure("quantile", span, norm, place))
+    return lambda item: mean_interval(item.per_run("quantile", span, norm, place))
 
 
 def _largest(span: int, quantity: int, over: Callable[[Array], float]) -> Figure:
     def of(item: FilterFacts) -> Interval:
-        values = item.figure("max", span, quantity)
+        values = item.per_run("max", span, quantity)
         if over is np.mean or not len(values):
             return mean_interval(values)
         return Interval(float(over(values)), math.nan, math.nan, CONFIDENCE, len(values))
@@ -322,7 +322,7 @@ def _diagnostic(name: str) -> Figure:
 
 def _median_time(name: str, *place: int) -> Figure:
     def of(item: FilterFacts) -> Interval:
-        times = item.figure(name, *place)
+        times = item.per_run(name, *place)
         return median_interval(np.where(np.isnan(times), np.inf, times))
 
     return of
@@ -356,7 +356,7 @@ def _lag_band(item: FilterFacts, span: int) -> Band | None:
 
 
 def _updates(item: FilterFacts, span: int) -> int:
-    return int(item.figure("updates", span).sum())
+    return int(item.per_run("updates", span).sum())
 
 
 def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]:

@@ -18,11 +18,11 @@ from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number,
 from relnav_sim.report.layouts import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
 from relnav_sim.results.seal import NO_SEAL
 from relnav_sim.statistics.intervals import NO_INTERVAL, Comparison, mean_interval, paired_differences
+from relnav_sim.wording import short_labels
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results

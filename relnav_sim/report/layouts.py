@@ -12,8 +12,8 @@ from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import COMPONENTS, describe_axes
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words, decimals_for
-from relnav_sim.report.wording import counted, figure
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
+from relnav_sim.wording import counted, significant
 
 INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
@@ -96,7 +96,7 @@ def worst_runs_table(case: CaseFacts) -> Table:
         sizes, times = item.errors("rms", case.span, "r"), item.times_median(case.span)
         for row in item.worst_rows(case.span, WORST_RUNS) if item.completed > WORST_RUNS else ():
             lost = " (diverged)" if item.diverged[row] else ""
-            words = f"{item.name} {figure(sizes[row])} m, {figure(times[row], 2)} times its median{lost}"
+            words = f"{item.name} {significant(sizes[row])} m, {significant(times[row], 2)} times its median{lost}"
             found.setdefault(int(item.runs[row]), []).append(words)
     rows = [
         Row(f"run {run}", (Words("; ".join(words)), Words(case.trace_command(run)))) for run, words in found.items()
@@ -163,11 +163,6 @@ def convergence_cells(case: CaseFacts, span: int = 1) -> tuple[Cell, ...]:
     return numbers(times, span, [_converged_note(item) for item in case.filters])
 
 
-def not_judged(case: CaseFacts) -> str:
-    """Return why convergence cannot be judged."""
-    return f"Convergence cannot be judged: it is to last {case.hold_s:g} s, and no run is longer than that."
-
-
 def _converged_note(item: FilterFacts) -> str:
     """Return in how many runs a filter converged, where not in all."""
     return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
@@ -181,7 +176,7 @@ def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     notes.append(INTERVALS if most > 1 else _ONE_RUN if most else _NO_RUN)
     if failed := sum(item.failed for item in filters):
         notes.append(f"{failed} failed run{'s are' if failed > 1 else ' is'} counted, and left out of every mean.")
-    notes += list(dict.fromkeys(not_judged(case) for case in cases if not case.shows_convergence))
+    notes += list(dict.fromkeys(case.not_judged for case in cases if not case.shows_convergence))
     levels = {(case.convergence_m, case.hold_s) for case in cases if case.shows_convergence}
     if len(levels) == 1 and np.isfinite(next(iter(levels))).all():
         size, hold = levels.pop()

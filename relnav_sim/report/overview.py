@@ -9,8 +9,8 @@ from dataclasses import replace
 from relnav_sim.report.layouts import convergence_cells, failed_cell, mean_cost, numbers, ratio_cells, reading_notes
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import short_labels
 from relnav_sim.statistics.intervals import NO_INTERVAL, mean_interval
+from relnav_sim.wording import short_labels
 
 _LIMIT = "position RMS / bound"
 _FIGURES = (

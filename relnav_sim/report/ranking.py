@@ -124,18 +124,15 @@ class Ranking:
 
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
-    held = [item for item in case.filters if item.completed]
-    position = {item.name: mean_interval(_completed(item, case, "r")) for item in held}
-    # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
-    order = sorted(position, key=lambda name: (not np.isfinite(position[name].estimate), position[name].estimate))
+    order = [item.name for item in case.by_accuracy]
     pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
     against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
     for name in order:
         facts, pair = case.filter(name), against.get(name)
-        velocity = mean_interval(_completed(facts, case, "v"))
+        position, velocity = (mean_interval(_completed(facts, case, component)) for component in ("r", "v"))
         comparison, percent = (pair.comparison, pair.percent) if pair else (None, NO_INTERVAL)
-        standings.append(Standing(facts, position[name], velocity, comparison, percent))
+        standings.append(Standing(facts, position, velocity, comparison, percent))
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
 
 

@@ -20,9 +20,9 @@ from relnav_sim.campaign.requirements import (
 from relnav_sim.report.layouts import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import figure, listed, short_labels
 from relnav_sim.results.block import ResultsError
 from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, Verdict, judge, overall
+from relnav_sim.wording import listed, short_labels, significant
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -168,7 +168,7 @@ def _unit(quantity: str) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{figure(100 * share, 6).rstrip('0').rstrip('.')} %"
+    return f"{significant(100 * share, 6).rstrip('0').rstrip('.')} %"
 
 
 def _nees_limits(requirement: NeesRequirement) -> tuple[float, float]:

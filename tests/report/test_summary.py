@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
-from relnav_sim.report.wording import counted, figure, listed
 from relnav_sim.results import open_results
+from relnav_sim.wording import counted, listed, significant
 
 ResultMaker = Callable[..., Path]
 
@@ -88,7 +88,12 @@ def test_nothing_completed_is_no_crash(make_result: ResultMaker) -> None:
 def test_words() -> None:
     assert [listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
     assert [counted(1, "run"), counted(2, "run")] == ["1 run", "2 runs"]
-    assert [figure(0.012345), figure(123.4), figure(0.0), figure(3e-9)] == ["0.0123", "123", "0", "3.00e-09"]
+    assert [significant(0.012345), significant(123.4), significant(0.0), significant(3e-9)] == [
+        "0.0123",
+        "123",
+        "0",
+        "3.00e-09",
+    ]
 
 
 def test_the_runs_to_look_at_are_named(make_result: ResultMaker) -> None:
