@@ -1,8 +1,8 @@
 """The figures of a report: one function each, all callable on an opened result, and all kinds by name.
 
 Every function returns a ``matplotlib.figure.Figure`` in the house style; captions stand beside them, and
-``FigureKind.words`` gives them. A case is given by its number, label or id, or by its facts where they have been read already. Failed runs are left
-out of every figure.
+``FigureKind.words`` gives them. A case is given by its number, label or id, or by its facts where they have been read
+already. Failed runs are left out of every figure.
 """
 
 from relnav_sim.plots.choice import cost_against_accuracy, worst_runs

@@ -28,7 +28,7 @@ from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
     BOUND,
-    CLAIMED,
+    FORMAL,
     house_style,
     legend_above,
     legend_height,
@@ -62,7 +62,7 @@ def errors_with_envelope(
     """Draw the error of one filter against time, per axis, with the filter's own 3-sigma envelope and the bound.
 
     The grey band is mean +- 3 standard deviations of the error over the runs: what the filter does. The
-    dashed lines are 3 times the root mean over runs of its covariance diagonal: what it claims. A consistent
+    dashed lines are 3 times the root mean over runs of its covariance diagonal: its formal sigma. A consistent
     filter's band fills its envelope. The thin line is one run, for the look of one flight; with fewer than three
     runs there is no band. Dotted, where it is stored: 3 times the posterior Cramer-Rao bound.
 
@@ -92,13 +92,13 @@ def errors_with_envelope(
             panel, velocity = panels[index % 3, index // 3], index >= 3
             factor, unit_of = 1.0, "m"
             if item.completed:
-                error, claimed = errors[..., index], np.sqrt(np.mean(sigmas[..., index] ** 2, axis=0))
-                reach = _reach(error, claimed, view.settled)
+                error, formal = errors[..., index], np.sqrt(np.mean(sigmas[..., index] ** 2, axis=0))
+                reach = _reach(error, formal, view.settled)
                 if velocity:
                     factor, unit_of = speed_unit(reach)
                 limit = None if bound is None else factor * bound[:, index]
                 handles = _envelope(
-                    panel, view.times, factor * error, factor * claimed, limit, row, factor * reach, colour
+                    panel, view.times, factor * error, factor * formal, limit, row, factor * reach, colour
                 )
             else:
                 say(panel, "every run failed")
@@ -219,14 +219,14 @@ def _envelope_labels(item: FilterFacts, row: int, bound: bool) -> list[str]:
 
 
 def _envelope(
-    panel: Panel, times: Array, error: Array, claimed: Array, bound: Array | None, row: int, reach: float, colour: str
+    panel: Panel, times: Array, error: Array, formal: Array, bound: Array | None, row: int, reach: float, colour: str
 ) -> list[Any]:
     handles: list[Any] = []
     if len(error) > 2:
         mean, spread = error.mean(axis=0), 3 * error.std(axis=0, ddof=1)
         handles.append(panel.fill_between(times, mean - spread, mean + spread, color=BAND, linewidth=0))
-    (dashed,) = panel.plot(times, 3 * claimed, color=CLAIMED, linewidth=0.9, linestyle=(0, (4, 1.5)))
-    panel.plot(times, -3 * claimed, color=CLAIMED, linewidth=0.9, linestyle=(0, (4, 1.5)))
+    (dashed,) = panel.plot(times, 3 * formal, color=FORMAL, linewidth=0.9, linestyle=(0, (4, 1.5)))
+    panel.plot(times, -3 * formal, color=FORMAL, linewidth=0.9, linestyle=(0, (4, 1.5)))
     (line,) = panel.plot(times, error[row], color=colour, linewidth=0.6)
     handles += [dashed, line]
     if bound is not None:
@@ -239,9 +239,9 @@ def _envelope(
     return handles
 
 
-def _reach(error: Array, claimed: Array, settled: NDArray[np.bool_]) -> float:
+def _reach(error: Array, formal: Array, settled: NDArray[np.bool_]) -> float:
     """Return the half height of a panel: everything after settling, with a little air."""
     done = np.abs(error).max(axis=0)
     if len(error) > 2:
         done = np.abs(error.mean(axis=0)) + 3 * error.std(axis=0, ddof=1)
-    return 1.08 * largest(np.maximum(done, 3 * claimed)[settled])
+    return 1.08 * largest(np.maximum(done, 3 * formal)[settled])

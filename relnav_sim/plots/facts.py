@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
@@ -65,7 +65,7 @@ class FilterFacts:
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
             the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
         times_own_bound: The same of the bound of the filter's own model.
-        extra: What it found out about its extra states; None where it has none.
+        augmented: What it found out about its augmented states; None where it has none.
         nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
             Gaussians as noise, under which only the mean of the NIS is known.
     """
@@ -84,7 +84,7 @@ class FilterFacts:
     nees_time_s: float
     times_bound: Mapping[Span, Interval]
     times_own_bound: Mapping[Span, Interval]
-    extra: ExtraStates | None = None
+    augmented: AugmentedStates | None = None
     nis_is_chi_square: bool = True
 
     @property
@@ -319,7 +319,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
         times_bound=_ratios_to_bound(r, bounds[0], spans),
         times_own_bound=_ratios_to_bound(r, bounds[1], spans),
-        extra=results.extra(index, name),
+        augmented=results.augmented(index, name),
         nis_is_chi_square=not _assumes_mixture(results, index, name),
     )
 

@@ -26,7 +26,7 @@ from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
     BOUND,
-    CLAIMED,
+    FORMAL,
     INK,
     house_style,
     key,
@@ -66,7 +66,7 @@ def rms_over_time(
 ) -> Figure:
     """Draw the RMS over runs of position and velocity error against time, a line per filter, log axis, with the bound.
 
-    Dotted lines of a filter's colour are what it claims: the root mean over runs of its covariance's trace. The black
+    Dotted lines of a filter's colour are its formal sigma: the root mean over runs of its covariance's trace. The black
     dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model.
 
     Args:
@@ -87,7 +87,7 @@ def rms_over_time(
     styles = line_styles(facts.all_filters)
     bound = bound_of(results, facts, view.rows)
     with house_style():
-        labels = [shown_name(item.name) for item in items] + ["claimed"] + (["bound"] if bound is not None else [])
+        labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
         figure = new_figure(2.8 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
         handles: list[Any] = []
@@ -122,10 +122,10 @@ def rms_over_time(
         bottom, top = panels[0].get_ylim()
         if at_start and bottom < facts.convergence_m < _NEAR_TOP * top:
             panels[0].set_ylim(bottom, max(top, 1.25 * facts.convergence_m))
-            panels[0].axhline(facts.convergence_m, color=CLAIMED, linewidth=0.8, linestyle=(0, (1, 2)))
+            panels[0].axhline(facts.convergence_m, color=FORMAL, linewidth=0.8, linestyle=(0, (1, 2)))
         time_axis(panels[-1], view.times, view.unit)
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
-        handles.append(key(CLAIMED, ":", 0.9))
+        handles.append(key(FORMAL, ":", 0.9))
         legend_above(figure, [*handles, key(BOUND, "-.", 1.0)] if bound is not None else handles, labels)
     return figure
 
@@ -167,7 +167,7 @@ def covariance_against_error(
     from_s: float | None = None,
     until_s: float | None = None,
 ) -> Figure:
-    """Draw per axis what each filter claims against what it does: sigma and RMS error over runs, log axis.
+    """Draw per axis the formal sigma of each filter against its error: sigma and RMS error over runs, log axis.
 
     Solid: RMS of the error over runs. Dotted, in the same colour: the sigma that the filter states (root mean of
     its covariance's diagonal over runs). Where the two coincide the filter knows how good it is.
@@ -185,7 +185,7 @@ def covariance_against_error(
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     styles = line_styles(facts.all_filters)
     bound = bound_of(results, facts, view.rows)
-    labels = [shown_name(item.name) for item in items] + ["claimed"] + (["bound"] if bound is not None else [])
+    labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
     with house_style():
         figure = new_figure(3.45 + legend_height(labels))
         panels = figure.subplots(3, 2, sharex=True)
@@ -225,7 +225,7 @@ def covariance_against_error(
             time_axis(panel, view.times, view.unit)
         margins(figure, 0.5, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.58)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        handles += [key(CLAIMED, ":", 1.1), *([key(BOUND, "-.", 1.0)] if bound is not None else [])]
+        handles += [key(FORMAL, ":", 1.1), *([key(BOUND, "-.", 1.0)] if bound is not None else [])]
         legend_above(figure, handles, labels)
     return figure
 

@@ -22,7 +22,7 @@ from relnav_sim.plots.facts import CaseFacts, Statistic, case_facts
 from relnav_sim.plots.panels import log_axis, say, upright_boxes
 from relnav_sim.plots.style import (
     BOUND,
-    CLAIMED,
+    FORMAL,
     house_style,
     key,
     legend_above,
@@ -176,7 +176,7 @@ def sweep_trend(
         _value_axis(panels, lines)
         panels[-1].set_xlabel(axis_label(path))
         if many:
-            handles += [key(CLAIMED, "-" if not place else (0, (4, 1.5)), 1.0) for place in range(len(statistics))]
+            handles += [key(FORMAL, "-" if not place else (0, (4, 1.5)), 1.0) for place in range(len(statistics))]
         if bounded[0] is not None and not many:
             handles.append(key(BOUND, "-.", 1.0))
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)

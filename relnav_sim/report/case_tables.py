@@ -11,8 +11,9 @@ import numpy as np
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
-from relnav_sim.report.extra_table import extra_table
-from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, numbers, ratio_cells, worst_runs_table
+from relnav_sim.report.augmented_table import augmented_table
+from relnav_sim.report.layouts import INTERVALS, worst_runs_table
+from relnav_sim.report.metrics import NIS, NOT_JUDGED, POSITION_RMS, TIMES_BOUND, VELOCITY_RMS, numbers, ratio_cells
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.results import layout
@@ -62,7 +63,7 @@ def comparison_table(ranking: Ranking) -> Table:
     ]
     columns = [
         Column(label, group, numeric, opens_group=label == "difference")
-        for group in ("position RMS [m]", "velocity RMS [m/s]")
+        for group in (POSITION_RMS.heading, VELOCITY_RMS.heading)
         for label, numeric in (
             ("difference", True),
             ("%", True),
@@ -91,13 +92,13 @@ def consistency_table(case: CaseFacts) -> Table:
     span = span_index(case.span)
     rows = [
         *_bound_rows(case),
-        _row(case, "ANEES, whole state", lambda item: _mean(item.per_run("anees", span, 0)), opens=True),
+        _row(case, "ANEES, whole state", lambda item: mean_interval(item.per_run("anees", span, 0)), opens=True),
         _bands(case, "95 % band if consistent", lambda item: _anees_band(case, item)),
-        _row(case, "ANEES, position", lambda item: _mean(item.per_run("anees", span, 1))),
-        _row(case, "ANEES, velocity", lambda item: _mean(item.per_run("anees", span, 2))),
-        _row(case, "mean NIS", lambda item: _mean(item.per_run("nis_mean", span)), opens=True),
+        _row(case, "ANEES, position", lambda item: mean_interval(item.per_run("anees", span, 1))),
+        _row(case, "ANEES, velocity", lambda item: mean_interval(item.per_run("anees", span, 2))),
+        Row(NIS.label, NIS.row(case, case.span), NIS.unit, opens_block=True),
         _bands(case, "95 % band if consistent", lambda item: _nis_band(item, span)),
-        _row(case, "NIS, autocorrelation at lag 1", lambda item: _mean(item.per_run("nis_lag1", span))),
+        _row(case, "NIS, autocorrelation at lag 1", lambda item: mean_interval(item.per_run("nis_lag1", span))),
         _bands(case, "95 % band if white", lambda item: _lag_band(item, span)),
     ]
     for block, name in enumerate(("whole state", "position", "velocity")):
@@ -226,7 +227,7 @@ def _bound_rows(case: CaseFacts) -> list[Row]:
         "own model": [item.times_own_bound[case.span] for item in case.filters],
     }
     return [
-        Row(f"position RMS / bound, {model}", ratio_cells(case, ratios))
+        Row(f"{TIMES_BOUND.label}, {model}", ratio_cells(case, ratios))
         for model, ratios in named.items()
         if any(math.isfinite(ratio.estimate) for ratio in ratios)
     ]
@@ -292,10 +293,6 @@ def decided_at(comparison: Comparison) -> str:
 def _equal_in_all(comparison: Comparison) -> bool:
     difference = comparison.difference
     return difference.low == difference.estimate == difference.high == 0
-
-
-def _mean(values: Array) -> Interval:
-    return mean_interval(values)
 
 
 def _percent_of(span: int, block: int, level: int) -> Figure:
@@ -369,6 +366,6 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         "consistency": partial(consistency_table, case),
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),
-        "extra states": partial(extra_table, case),
+        "augmented states": partial(augmented_table, case),
         "reliability": partial(reliability_table, case),
     }

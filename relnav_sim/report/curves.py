@@ -110,14 +110,14 @@ def _filter_curves(
     curves: dict[str, Any] = {"runs": item.completed, "median": item.median_run(case.span)}
     for name, part in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
         curves[name] = packed(rms_over_runs(errors[..., part]), True)
-        curves[f"{name}_claimed"] = packed(rms_over_runs(sigmas[..., part]), True)
+        curves[f"{name}_formal"] = packed(rms_over_runs(sigmas[..., part]), True)
     for name, read, dimension in (("nees", results.nees, _STATE), ("nis", results.nis, _MEASUREMENT)):
         curves[name] = packed(_mean(read(case.index, item.name)[:, rows][item.ok]) / dimension)
     if with_axes:
         row = item.median_row(case.span)
         for place, name in enumerate(AXIS_COMPONENTS):
             curves[name] = packed(errors[row, :, place])
-            curves[f"{name}_claimed"] = packed(sigmas[row, :, place])
+            curves[f"{name}_formal"] = packed(sigmas[row, :, place])
     return curves
 
 

@@ -17,7 +17,7 @@ from relnav_sim.campaign.requirements import (
     RmsRequirement,
     stored_requirements,
 )
-from relnav_sim.report.layouts import numbers
+from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.block import ResultsError

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.plots.facts import FilterFacts, Span
-from relnav_sim.report.layouts import WORST_RUNS, diverged_note
+from relnav_sim.report.layouts import WORST_RUNS
+from relnav_sim.report.metrics import ANEES, CPU, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import between, counted, listed, short_labels, significant
 
 _MOST_CASES_IN_WORDS = 6
@@ -170,7 +171,7 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
     """Return whether the errors match the covariances: sqrt(ANEES) is how many times too small a sigma is."""
     said: dict[tuple[str, str], list[str]] = {}
     for name, parts in _per_filter(rankings):
-        intervals = [mean_interval(item.consistency("anees", span)[item.ok]) for item, span in parts]
+        intervals = [ANEES.value(item, span) for item, span in parts]
         known = [found for found in intervals if math.isfinite(found.estimate) and found.estimate > 0]
         if not known:
             continue
@@ -178,18 +179,24 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
         if all(map(_is_consistent, known)) and not all(map(_is_known_well, known)):
             sizes = [math.sqrt(max(end, 0.0)) for found in known for end in (found.low, found.high)]
             size = f"{significant(min(sizes), 2)} to {significant(max(sizes), 2)} times as large as"
-            words = (f"may be consistent (its errors are {size} claimed)", f"may be consistent (errors {size} claimed)")
+            words = (
+                f"may be consistent (its errors are {size} its formal sigma)",
+                f"may be consistent (errors {size} the formal sigma)",
+            )
         elif all(map(_is_consistent, known)):
             words = ("is consistent (ANEES near 1)", "are consistent (ANEES near 1)")
         elif max(factors) < 1:
             size = _factor([1 / factor for factor in factors])
             words = (
-                f"claims {size} times larger errors than it makes",
-                f"claim {size} times larger errors than they make",
+                f"is conservative (formal sigma {size} times its errors)",
+                f"are conservative (formal sigma {size} times their errors)",
             )
         else:
             size = _factor(factors)
-            words = (f"errs {size} times as much as it claims", f"err {size} times as much as they claim")
+            words = (
+                f"is overconfident (errors {size} times its formal sigma)",
+                f"are overconfident (errors {size} times their formal sigma)",
+            )
         said.setdefault(words, []).append(name)
     parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
     return [f"Consistency: {'; '.join(parts_said)}."] if parts_said else []
@@ -200,7 +207,7 @@ def _is_consistent(anees: Interval) -> bool:
 
 
 def _is_known_well(anees: Interval) -> bool:
-    """Return whether the interval of the ratio of true to claimed sigma is narrow enough to speak of consistency."""
+    """Return whether the interval of the ratio of true to formal sigma is narrow enough to speak of consistency."""
     return anees.low >= (1 - _SIGMA_KNOWN) ** 2 and anees.high <= (1 + _SIGMA_KNOWN) ** 2
 
 
@@ -232,7 +239,7 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
 
 def _cost(rankings: Sequence[Ranking]) -> list[str]:
     costs = {
-        name: float(np.mean(np.concatenate([item.cpu_us[item.ok] for item, _ in sizes])))
+        name: float(np.mean(np.concatenate([CPU.per_run(item, span)[item.ok] for item, span in sizes])))
         for name, sizes in _per_filter(rankings)
     }
     known = sorted((cost, name) for name, cost in costs.items() if math.isfinite(cost) and cost > 0)
@@ -240,7 +247,7 @@ def _cost(rankings: Sequence[Ranking]) -> list[str]:
         return []
     least, cheapest = known[0]
     others = [f"{name} takes {significant(cost / least)} times that" for cost, name in known[1:]]
-    text = f"Cost: {cheapest} {significant(least)} µs of CPU per filter step"
+    text = f"Cost: {cheapest} {significant(least)} {CPU.unit} of CPU per filter step"
     return [f"{text}; {listed(others)}." if others else f"{text}."]
 
 

@@ -49,7 +49,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class ExtraStates:
+class AugmentedStates:
     """What a filter found out about e states that it carries behind position and velocity.
 
     Attributes:
@@ -71,12 +71,12 @@ class ExtraStates:
     rms: Array
 
     @staticmethod
-    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> ExtraStates | None:
-        """Return the extra states of arrays by their names in the layout; None without any."""
-        if not columns.extra:
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> AugmentedStates | None:
+        """Return the augmented states of arrays by their names in the layout; None without any."""
+        if not columns.augmented:
             return None
-        parts = {spec.name.removeprefix("extra_"): arrays[spec.name] for spec in layout.EXTRA}
-        return ExtraStates(columns.extra, columns.extra_units, **parts)
+        parts = {spec.name.removeprefix("extra_"): arrays[spec.name] for spec in layout.AUGMENTED}
+        return AugmentedStates(columns.augmented, columns.augmented_units, **parts)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class FilterResult:
         nis: Normalised innovation squared, (runs, times); NaN without a measurement.
         nees: Normalised estimation error squared, (runs, times).
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
-        extra: Its extra states; None where it has none.
+        augmented: Its augmented states; None where it has none.
     """
 
     summary: Mapping[str, Array]
@@ -99,12 +99,12 @@ class FilterResult:
     nis: Array
     nees: Array
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
-    extra: ExtraStates | None = None
+    augmented: AugmentedStates | None = None
 
     @property
     def columns(self) -> layout.Columns:
         """What it holds beyond what all filters do."""
-        extra = () if self.extra is None else (self.extra.names, self.extra.units)
+        extra = () if self.augmented is None else (self.augmented.names, self.augmented.units)
         return layout.Columns(tuple(sorted(self.diagnostics)), *extra)
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, Array]:
@@ -124,9 +124,9 @@ class FilterResult:
             absent = np.full(lengths["run"], np.nan)
             found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
             given[layout.DIAGNOSTICS.name] = np.stack(found, axis=1)
-        if columns.extra:
-            for spec in layout.EXTRA:
-                part = None if self.extra is None else getattr(self.extra, spec.name.removeprefix("extra_"))
+        if columns.augmented:
+            for spec in layout.AUGMENTED:
+                part = None if self.augmented is None else getattr(self.augmented, spec.name.removeprefix("extra_"))
                 given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if part is None else part
         arrays = {}
         for spec in columns.datasets:
@@ -148,7 +148,9 @@ class FilterResult:
         series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
         diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
         summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
-        return FilterResult(summary, **series, diagnostics=diagnostics, extra=ExtraStates.of_arrays(columns, arrays))
+        return FilterResult(
+            summary, **series, diagnostics=diagnostics, augmented=AugmentedStates.of_arrays(columns, arrays)
+        )
 
     @staticmethod
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:

@@ -66,7 +66,7 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         if not spec.timing:
             yield spec.name, results.statistic(case, filter, spec.name)
     yield from results.diagnostics(case, filter).items()
-    extra = results.extra(case, filter)
+    extra = results.augmented(case, filter)
     for part in ("estimate", "error", "sigma", "mean", "rms") if extra is not None else ():
         yield part, getattr(extra, part)
     for series in (results.error, results.sigma, results.nis, results.nees):

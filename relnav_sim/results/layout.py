@@ -194,24 +194,26 @@ DIAGNOSTICS = Dataset(
 )  # fmt: skip
 """Beside the other statistics, and only where the filter reports any: which ones is the filter's affair."""
 
-EXTRA_UNIT = Dataset("extra_unit", ("extra",), "str", "", "unit of the extra state, and of all figures about it")
-EXTRA = (
+AUGMENTED_UNIT = Dataset(
+    "extra_unit", ("extra",), "str", "", "unit of the augmented state, and of all figures about it"
+)
+AUGMENTED = (
     Dataset(
         "extra_mean", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
-        "mean over epochs of the error of the extra state, estimate minus truth; NaN where the truth is not known",
+        "mean over epochs of the error of the augmented state, estimate minus truth; NaN where the truth is not known",
     ),
     Dataset(
         "extra_rms", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
-        "root mean square over epochs of the error of the extra state; NaN where the truth is not known",
+        "root mean square over epochs of the error of the augmented state; NaN where the truth is not known",
     ),
-    Dataset("extra_estimate", ("run", "time", "extra"), _F4, "see extra_unit", "estimate of the extra state"),
+    Dataset("extra_estimate", ("run", "time", "extra"), _F4, "see extra_unit", "estimate of the augmented state"),
     Dataset(
         "extra_error", ("run", "time", "extra"), _F4, "see extra_unit",
-        "error of the extra state, estimate minus truth; NaN where the truth is not known",
+        "error of the augmented state, estimate minus truth; NaN where the truth is not known",
     ),
     Dataset(
         "extra_sigma", ("run", "time", "extra"), _F4, "see extra_unit",
-        "standard deviation that the filter states for the extra state",
+        "formal standard deviation of the augmented state",
     ),
 )  # fmt: skip
 """Only where the filter carries states behind position and velocity."""
@@ -236,7 +238,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, EXTRA_UNIT, *EXTRA)
+OWN = (DIAGNOSTICS, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 _LABELS = {
@@ -261,23 +263,23 @@ class Columns:
 
     Attributes:
         diagnostics: Names of what the filter reports of its own working.
-        extra: Names of its extra states.
-        extra_units: Their units.
+        augmented: Names of its augmented states.
+        augmented_units: Their units.
     """
 
     diagnostics: tuple[str, ...] = ()
-    extra: tuple[str, ...] = ()
-    extra_units: tuple[str, ...] = ()
+    augmented: tuple[str, ...] = ()
+    augmented_units: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        return (*FILTER, *((DIAGNOSTICS,) if self.diagnostics else ()), *(EXTRA if self.extra else ()))
+        return (*FILTER, *((DIAGNOSTICS,) if self.diagnostics else ()), *(AUGMENTED if self.augmented else ()))
 
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.extra}
+        return {"diagnostic": self.diagnostics, "extra": self.augmented}
 
     @property
     def lengths(self) -> dict[str, int]:

@@ -89,7 +89,7 @@ def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -
 def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     """Return what one filter holds beyond what all do, from the parts of its runs."""
     diagnostics = sorted({name for part in parts for name in part.diagnostics})
-    extra = next((part for part in parts if part.extra), layout.Columns())
+    extra = next((part for part in parts if part.augmented), layout.Columns())
     return replace(extra, diagnostics=tuple(diagnostics))
 
 
@@ -177,13 +177,13 @@ class _CaseWriter:
             group = self.group.create_group(name)
             group.attrs.update({"case": self.case.label, "filter": name})
             columns = self.columns[name]
-            extra = [layout.EXTRA_UNIT] if columns.extra else []
+            extra = [layout.AUGMENTED_UNIT] if columns.augmented else []
             store.write_dimensions(group, [*columns.datasets, *extra], run=runs, time=time_s, **columns.labels)
             lengths = layout.sizes(len(runs), len(time_s)) | columns.lengths
             for spec in columns.datasets:
                 store.create(group, spec, layout.shape(spec, lengths))
             for spec in extra:
-                store.write(group, spec, columns.extra_units)
+                store.write(group, spec, columns.augmented_units)
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:
         where = f"case {self.case.label}"

@@ -110,9 +110,9 @@ def columns_of(group: h5py.Group) -> layout.Columns:
         return tuple(map(str, store.read(group, spec))) if spec.name in store.names(group) else ()
 
     dimensions = layout.DIMENSIONS
-    extra, units = labels(dimensions["extra"]), labels(layout.EXTRA_UNIT)
+    extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
-        raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its extra states")
+        raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
     return layout.Columns(labels(dimensions["diagnostic"]), extra, units)
 
 

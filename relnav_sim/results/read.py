@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import ExtraStates, Failure, RefusedError, ResultsError
+from relnav_sim.results.block import AugmentedStates, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound
 from relnav_sim.results.header import read_header
 from relnav_sim.results.pieces import columns_of, read_failures
@@ -223,13 +223,13 @@ class Results:
         stored = self._filter_data(index, filter, layout.DIAGNOSTICS)
         return {name: stored[:, i] for i, name in enumerate(names)}
 
-    def extra(self, case: int | str, filter: str) -> ExtraStates | None:
-        """Return what a filter found out about its extra states; None where it carries none."""
+    def augmented(self, case: int | str, filter: str) -> AugmentedStates | None:
+        """Return what a filter found out about its augmented states; None where it carries none."""
         index = self._check(case, filter)
         columns = columns_of(self._filter_group(index, filter))
-        specs = layout.EXTRA if columns.extra else ()
+        specs = layout.AUGMENTED if columns.augmented else ()
         parts = {spec.name: self._filter_data(index, filter, spec).astype(np.float64) for spec in specs}
-        return ExtraStates.of_arrays(columns, parts)
+        return AugmentedStates.of_arrays(columns, parts)
 
     def time_s(self, case: int | str) -> Array:
         """Return the stored epochs of a case, (K,), s."""

@@ -11,13 +11,13 @@ from relnav_sim.dynamics.augmentation.kinds import AccelerometerBiasOptions, Ext
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates
 from relnav_sim.sensors.accelerometer import Craft, constant_bias
 from relnav_sim.sensors.noise import BiasNoise, GaussMarkovNoise, NoisePart, noise_parts
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.start import radar_model
+from relnav_sim.statistics.augmented import AugmentedAccumulator
 from relnav_sim.statistics.errors import ScoringRules
-from relnav_sim.statistics.extra import ExtraAccumulator
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth
 from relnav_sim.truth.trajectory import force_model
@@ -66,7 +66,7 @@ class ExtraTrack:
 
     def __init__(self, extra: Extension, config: CaseConfig, rules: ScoringRules, source: RandomSource) -> None:
         self._extra, self._config, self._source = extra, config, source
-        self._accumulator = ExtraAccumulator(len(source.runs), rules, extra.names, extra.units)
+        self._accumulator = AugmentedAccumulator(len(source.runs), rules, extra.names, extra.units)
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: NDArray[np.int64]) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
@@ -74,7 +74,7 @@ class ExtraTrack:
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
-    def result(self) -> ExtraStates:
+    def result(self) -> AugmentedStates:
         """Return the results over everything counted."""
         return self._accumulator.result()
 

@@ -108,10 +108,10 @@ class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries extra states b.
+        filter: The filter, over [x; b] where it carries augmented states b.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
-        extension: The extra states; None without any.
+        extension: The augmented states; None without any.
     """
 
     filter: Filter
@@ -121,7 +121,7 @@ class CampaignFilter:
 
 
 def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
-    """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
+    """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states."""
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
     radar = measurement_model(entry.measurement, entry.assumed_noise, config.sensors, orbit, entry.assumed_latency)
     if isinstance(entry.dynamics, GpOptions):
@@ -229,7 +229,7 @@ class FilterTrack:
             error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
             if self._extra is not None:
-                # A run whose extra states are lost has failed, though without a reading position may not show it yet.
+                # A run whose augmented states are lost has failed, though position may not show it until a reading.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
                 chunk.truth.times_s,
@@ -289,7 +289,7 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series."""
         result = self._errors.result(1e6 * (self._cpu_s + self._chief_s()) / self._steps)
-        return result if self._extra is None else replace(result, extra=self._extra.result())
+        return result if self._extra is None else replace(result, augmented=self._extra.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -201,7 +201,7 @@ class ErrorAccumulator:
             "cpu_per_step": np.full(self._runs, cpu_us_per_step),
         }
         diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
-        return FilterResult(summary, **self._series, diagnostics=diagnostics, extra=None)
+        return FilterResult(summary, **self._series, diagnostics=diagnostics, augmented=None)
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
         runs, K = self._runs, len(times_s)

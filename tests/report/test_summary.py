@@ -67,8 +67,8 @@ def test_cases_are_counted(make_result: ResultMaker) -> None:
 def test_consistency_is_told_in_words(make_result: ResultMaker) -> None:
     text = " ".join(summarise(rankings_of(make_result(filters={"good": 1.0, "bold": 3.0, "shy": 0.5}, runs=40))))
     assert "good is consistent (ANEES near 1)" in text
-    assert "bold errs 3 times as much as it claims" in text or "bold errs 2.9" in text or "bold errs 3.0" in text
-    assert "shy claims 2" in text and "times larger errors than it makes" in text
+    assert re.search(r"bold is overconfident \(errors (3|2\.9\d*|3\.0\d*) times its formal sigma\)", text)
+    assert re.search(r"shy is conservative \(formal sigma 2\S* times its errors\)", text)
 
 
 def test_failures_missing_runs_and_lost_convergence_are_told(make_result: ResultMaker) -> None:

@@ -24,7 +24,7 @@ TIMES = 7
 HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
-BIASES = layout.Columns(extra=("range_bias", "azimuth_bias"), extra_units=("m", "rad"))
+BIASES = layout.Columns(augmented=("range_bias", "azimuth_bias"), augmented_units=("m", "rad"))
 
 
 def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
@@ -32,7 +32,7 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.EXTRA):
+        for spec in (*layout.FILTER, *layout.AUGMENTED):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
