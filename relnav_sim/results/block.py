@@ -80,6 +80,46 @@ class AugmentedStates:
 
 
 @dataclass(frozen=True)
+class BySensor:
+    """What came of the readings of each of s sensors; sums are over the whole run and settled.
+
+    Attributes:
+        names: The sensors, in the order in which the filter takes their readings.
+        nis_sum: Sum of the NIS over the sensor's updates, (runs, 2, s).
+        dof_sum: Sum of its degrees of freedom, the channels that were present, (runs, 2, s).
+        updates: Epochs with a reading, (runs, 2, s).
+        nis_lag1: Autocorrelation of the NIS between successive updates, (runs, 2, s).
+        nis: NIS at the stored epochs, (runs, times, s); NaN without a reading.
+        dof: Its degrees of freedom, (runs, times, s); 0 without a reading.
+        readings: Epochs with a reading since the stored epoch before, (runs, times, s).
+    """
+
+    names: tuple[str, ...]
+    nis_sum: Array
+    dof_sum: Array
+    updates: Array
+    nis_lag1: Array
+    nis: Array
+    dof: Array
+    readings: Array
+
+    def of(self, spec: layout.Dataset, sensor: str, runs: int) -> Array:
+        """Return one of these for one sensor, (runs, ...); NaN where the filter has no such sensor."""
+        if sensor not in self.names:
+            return np.full((runs, len(layout.SPANS)), np.nan)
+        return np.asarray(getattr(self, spec.name.removeprefix("sensor_"))[..., self.names.index(sensor)])
+
+    @staticmethod
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> BySensor | None:
+        """Return what arrays by their names in the layout say; None where they do not tell sensors apart."""
+        if not columns.sensors:
+            return None
+        return BySensor(
+            columns.sensors, **{spec.name.removeprefix("sensor_"): arrays[spec.name] for spec in layout.BY_SENSOR}
+        )
+
+
+@dataclass(frozen=True)
 class FilterResult:
     """The results of one filter over a block of runs; every array has the runs as its leading axis.
 
@@ -91,6 +131,7 @@ class FilterResult:
         nees: Normalised estimation error squared, (runs, times).
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
         augmented: Its augmented states; None where it has none.
+        by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
     """
 
     summary: Mapping[str, Array]
@@ -100,18 +141,20 @@ class FilterResult:
     nees: Array
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
     augmented: AugmentedStates | None = None
+    by_sensor: BySensor | None = None
 
     @property
     def columns(self) -> layout.Columns:
         """What it holds beyond what all filters do."""
-        extra = () if self.augmented is None else (self.augmented.names, self.augmented.units)
-        return layout.Columns(tuple(sorted(self.diagnostics)), *extra)
+        names, units = ((), ()) if self.augmented is None else (self.augmented.names, self.augmented.units)
+        sensors = () if self.by_sensor is None else self.by_sensor.names
+        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors)
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, Array]:
         """Return every array by its name in the layout, in the layout's order and type.
 
         Args:
-            columns: What is wanted beyond what all filters hold; NaN where this one does not.
+            columns: What is wanted beyond what all filters hold; NaN, or 0 for counts, where this one does not.
 
         Raises:
             ValueError: A dataset is missing, unknown or of the wrong shape.
@@ -124,10 +167,13 @@ class FilterResult:
             absent = np.full(lengths["run"], np.nan)
             found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
             given[layout.DIAGNOSTICS.name] = np.stack(found, axis=1)
-        if columns.augmented:
-            for spec in layout.AUGMENTED:
-                part = None if self.augmented is None else getattr(self.augmented, spec.name.removeprefix("extra_"))
-                given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if part is None else part
+        for specs, held, prefix in (
+            (layout.AUGMENTED if columns.augmented else (), self.augmented, "extra_"),
+            (layout.BY_SENSOR if columns.sensors else (), self.by_sensor, "sensor_"),
+        ):
+            for spec in specs:
+                nothing = np.full(layout.shape(spec, lengths), np.nan if spec.dtype.startswith("<f") else 0)
+                given[spec.name] = nothing if held is None else getattr(held, spec.name.removeprefix(prefix))
         arrays = {}
         for spec in columns.datasets:
             array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
@@ -148,9 +194,8 @@ class FilterResult:
         series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
         diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
         summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
-        return FilterResult(
-            summary, **series, diagnostics=diagnostics, augmented=AugmentedStates.of_arrays(columns, arrays)
-        )
+        augmented, by_sensor = AugmentedStates.of_arrays(columns, arrays), BySensor.of_arrays(columns, arrays)
+        return FilterResult(summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor)
 
     @staticmethod
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:
@@ -195,6 +240,23 @@ class BlockResult:
 
 
 @dataclass(frozen=True)
+class Channel:
+    """One number of a sensor's reading, as the results file names it.
+
+    Attributes:
+        name: A word, ``range``.
+        unit: Its SI unit, ``m``.
+        label: What it is, in words.
+        angle: Whether differences of it are wrapped.
+    """
+
+    name: str
+    unit: str
+    label: str
+    angle: bool = False
+
+
+@dataclass(frozen=True)
 class CaseHeader:
     """A case as the results file knows it.
 
@@ -204,6 +266,7 @@ class CaseHeader:
         variables: The swept values by their paths.
         filters: Names of its filters, in order.
         filter_ids: A hash of each filter's settings, by its name.
+        channels: What a reading of each sensor consists of, by the sensor's name; empty in files of relnav 0.1.
     """
 
     id: str
@@ -211,6 +274,7 @@ class CaseHeader:
     variables: Mapping[str, Any]
     filters: tuple[str, ...]
     filter_ids: Mapping[str, str]
+    channels: Mapping[str, tuple[Channel, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

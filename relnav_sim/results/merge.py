@@ -89,8 +89,9 @@ def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -
 def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     """Return what one filter holds beyond what all do, from the parts of its runs."""
     diagnostics = sorted({name for part in parts for name in part.diagnostics})
-    extra = next((part for part in parts if part.augmented), layout.Columns())
-    return replace(extra, diagnostics=tuple(diagnostics))
+    augmented = next((part for part in parts if part.augmented), layout.NO_COLUMNS)
+    sensors = next((part.sensors for part in parts if part.sensors), ())
+    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors)
 
 
 def run_ranges(runs: Iterable[int]) -> str:
@@ -177,12 +178,12 @@ class _CaseWriter:
             group = self.group.create_group(name)
             group.attrs.update({"case": self.case.label, "filter": name})
             columns = self.columns[name]
-            extra = [layout.AUGMENTED_UNIT] if columns.augmented else []
-            store.write_dimensions(group, [*columns.datasets, *extra], run=runs, time=time_s, **columns.labels)
+            units = [layout.AUGMENTED_UNIT] if columns.augmented else []
+            store.write_dimensions(group, [*columns.datasets, *units], run=runs, time=time_s, **columns.labels)
             lengths = layout.sizes(len(runs), len(time_s)) | columns.lengths
             for spec in columns.datasets:
                 store.create(group, spec, layout.shape(spec, lengths))
-            for spec in extra:
+            for spec in units:
                 store.write(group, spec, columns.augmented_units)
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:

@@ -27,7 +27,9 @@ _NUMBERS = (
     *(f"clock.{name}" for name in ("duration_s", "step_s", "store_every_s")),
     *(f"statistics.{name}" for name in ("settle_s", "convergence_m", "convergence_hold_s")),
 )
-_LEAST = {"failed": 0, "failed_epoch": -1, "epochs": 0, "updates": 0, "epoch": -1, "run": 0}
+_LEAST = {"failed": 0, "failed_epoch": -1, "epochs": 0, "updates": 0, "epoch": -1, "run": 0} | dict.fromkeys(
+    ("sensor_dof_sum", "sensor_updates", "sensor_dof", "sensor_readings"), 0
+)
 
 
 def odd_coordinate(spec: Dimension, values: Array) -> str:
