@@ -96,6 +96,23 @@ class NeesRequirement(Requirement):
     span: Span = Field(default="settled", description=_SPAN)
 
 
+class NisRequirement(Requirement):
+    """The filter's innovations are consistent: their sigmas are right within a margin, by the mean NIS."""
+
+    kind: Literal["nis"] = Field(description="nis: consistency of the innovations")
+    sensor: str | None = Field(
+        default=None, min_length=1, description="Name of the sensor whose readings count; default: all of the filter's"
+    )
+    sigma_margin: float = Field(
+        default=0.1,
+        gt=0,
+        lt=1,
+        description="How far the ratio of true to formal sigma of the innovations, the square root of the NIS per "
+        "degree of freedom, may be from 1; default 0.1",
+    )
+    span: Span = Field(default="settled", description=_SPAN)
+
+
 class ConvergedRequirement(Requirement):
     """A share of the runs converges in time; a run that fails or never converges does not."""
 
@@ -126,6 +143,7 @@ AnyRequirement = Annotated[
     ErrorsRequirement
     | RmsRequirement
     | NeesRequirement
+    | NisRequirement
     | ConvergedRequirement
     | FailedRequirement
     | DivergedRequirement,

@@ -5,6 +5,7 @@ Every function returns a ``matplotlib.figure.Figure`` in the house style; captio
 already. Failed runs are left out of every figure.
 """
 
+from relnav_sim.plots.availability import availability_over_time
 from relnav_sim.plots.choice import cost_against_accuracy, worst_runs
 from relnav_sim.plots.conditions import error_against_range, error_around_events
 from relnav_sim.plots.data import FigureError
@@ -20,6 +21,7 @@ __all__ = [
     "FigureError",
     "FigureKind",
     "accuracy_by_case",
+    "availability_over_time",
     "axis_errors",
     "box_plots",
     "consistency_over_time",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import choice, conditions, errors, geometry, over_time, spread, sweeps
+from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, spread, sweeps
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.words import FigureWords
@@ -101,6 +101,8 @@ _KINDS = (
                words=conditions.range_words),
     FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events,
                words=conditions.events_words),
+    FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
+               availability.availability_over_time, words=availability.availability_words),
     FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy,
                words=choice.cost_words),
     FigureKind("worst", "the runs with the largest error, before all others", choice.worst_runs,

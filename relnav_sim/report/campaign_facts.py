@@ -68,6 +68,7 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "campaign": results.campaign_name,
         "seed": str(results.seed),
         "content hash": results.campaign_hash,
+        "sensors": _sensors(results),
         "varied": ", ".join(varied) or "nothing",
         "runs": f"{results.planned_runs} of each case",
         "stopping rule": stopping_in_words(results.stopping) if results.stopping else "",
@@ -79,6 +80,15 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
     }
     return tuple((name, value) for name, value in facts.items() if value)
+
+
+def _sensors(results: Results) -> str:
+    """Return what a reading of each sensor consists of, in words; nothing where the result does not say."""
+    found = {sensor: channels for header in results.headers for sensor, channels in header.channels.items()}
+    return "; ".join(
+        f"{sensor}: {', '.join(f'{channel.label} [{channel.unit}]' for channel in channels)}"
+        for sensor, channels in found.items()
+    )
 
 
 def filters_table(results: Results) -> Table:

@@ -13,7 +13,16 @@ from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.augmented_table import augmented_table
 from relnav_sim.report.layouts import INTERVALS, worst_runs_table
-from relnav_sim.report.metrics import NIS, NOT_JUDGED, POSITION_RMS, TIMES_BOUND, VELOCITY_RMS, numbers, ratio_cells
+from relnav_sim.report.metrics import (
+    NIS_PER_DOF,
+    NOT_JUDGED,
+    POSITION_RMS,
+    TIMES_BOUND,
+    VELOCITY_RMS,
+    nis_metric,
+    numbers,
+    ratio_cells,
+)
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.results import layout
@@ -28,13 +37,14 @@ from relnav_sim.statistics.intervals import (
     lag1_band,
     mean_interval,
     median_interval,
+    sum_band,
     wilson_interval,
 )
+from relnav_sim.statistics.verdicts import ratio_of_means
 from relnav_sim.wording import MISSING, counted, listed, significant
 
-MEASURED = 3
-"""Components of a radar measurement, polar or converted: the mean of the NIS of a consistent filter."""
 _MANY_RUNS = 100_000
+_AVAILABILITY_NOTE = " Epochs with a reading: share of the epochs of the headline span."
 _KNOWN = {
     "rejected": "measurements that the gate refused (share)",
     "ess": "effective sample size",
@@ -96,10 +106,8 @@ def consistency_table(case: CaseFacts) -> Table:
         _bands(case, "95 % band if consistent", lambda item: _anees_band(case, item)),
         _row(case, "ANEES, position", lambda item: mean_interval(item.per_run("anees", span, 1))),
         _row(case, "ANEES, velocity", lambda item: mean_interval(item.per_run("anees", span, 2))),
-        Row(NIS.label, NIS.row(case, case.span), NIS.unit, opens_block=True),
-        _bands(case, "95 % band if consistent", lambda item: _nis_band(item, span)),
-        _row(case, "NIS, autocorrelation at lag 1", lambda item: mean_interval(item.per_run("nis_lag1", span))),
-        _bands(case, "95 % band if white", lambda item: _lag_band(item, span)),
+        *_nis_rows(case),
+        *_sensor_rows(case),
     ]
     for block, name in enumerate(("whole state", "position", "velocity")):
         for level, probability in enumerate(layout.LEVELS[:4]):
@@ -112,12 +120,73 @@ def consistency_table(case: CaseFacts) -> Table:
         f"Consistency ({case.when})",
         f"{INTERVALS} RMS / bound: of the error and of the Cramér-Rao bound over all runs and stored epochs; at the "
         "bound of its own model a filter is as good as it expects to be. ANEES: 1 for a consistent filter; its band "
-        "counts the epochs as as many independent ones as the correlation of the NEES leaves. NIS: the dimension of "
-        "the measurement, 3, and no correlation between updates. Ellipsoids: as many percent of the epochs as they are "
-        "named for."
+        "counts the epochs as as many independent ones as the correlation of the NEES leaves. NIS: "
+        f"{_expected_nis(case)}, and no correlation between updates. "
+        "Ellipsoids: as many percent of the epochs as they are named for."
         f"{no_band_note(case)}",
         rows,
     )
+
+
+def _nis_rows(case: CaseFacts) -> list[Row]:
+    """Return the NIS over all sensors: its mean, or where updates had different dimensions its mean per degree."""
+    span, metric = span_index(case.span), nis_metric([case])
+
+    def band(item: FilterFacts) -> Band | None:
+        dof, updates = (int(values[item.ok, span].sum()) for values in (item.dof, item.stored["updates"]))
+        if not dof or not item.nis_is_chi_square:
+            return None
+        return sum_band(dof, dof if metric is NIS_PER_DOF else updates)
+
+    def white(item: FilterFacts) -> Band | None:
+        updates = int(item.per_run("updates", span).sum())
+        return lag1_band(updates) if updates else None
+
+    return [
+        Row(metric.label, metric.row(case, case.span), metric.unit, opens_block=True),
+        _bands(case, "95 % band if consistent", band),
+        _row(case, "NIS, autocorrelation at lag 1", lambda item: mean_interval(item.per_run("nis_lag1", span))),
+        _bands(case, "95 % band if white", white),
+    ]
+
+
+def _sensor_rows(case: CaseFacts) -> list[Row]:
+    """Return the NIS of each sensor by itself, with its own degrees of freedom; none of the only sensor."""
+    rows: list[Row] = []
+    for sensor in case.sensors if len(case.sensors) > 1 else ():
+        rows += [
+            _row(case, f"{NIS_PER_DOF.label}, {sensor}", partial(_sensor_nis, case, sensor), opens=True),
+            _bands(case, f"95 % band if consistent, {sensor}", partial(_sensor_band, case, sensor)),
+            _row(case, f"NIS, autocorrelation at lag 1, {sensor}", partial(_sensor_lag1, case, sensor)),
+            _bands(case, f"95 % band if white, {sensor}", partial(_sensor_white, case, sensor)),
+        ]
+    return rows
+
+
+def _sensor_nis(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
+    total, dof = (item.of_sensor(sensor, name, case.span) for name in ("nis_sum", "dof_sum"))
+    return ratio_of_means(total, dof)
+
+
+def _sensor_band(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
+    dof = float(np.nansum(item.of_sensor(sensor, "dof_sum", case.span)))
+    return sum_band(dof, dof) if dof and sensor not in item.mixture_sensors else None
+
+
+def _sensor_lag1(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
+    return mean_interval(item.of_sensor(sensor, "nis_lag1", case.span))
+
+
+def _sensor_white(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
+    updates = int(np.nansum(item.of_sensor(sensor, "updates", case.span)))
+    return lag1_band(updates) if updates else None
+
+
+def _expected_nis(case: CaseFacts) -> str:
+    if case.mixes_dimensions:
+        return "1 per degree of freedom, which are the channels that were present"
+    known = "" if case.dimension is None else f", {case.dimension}"
+    return f"the dimension of the measurement{known}"
 
 
 def no_band_note(case: CaseFacts) -> str:
@@ -191,6 +260,7 @@ def reliability_table(case: CaseFacts) -> Table:
             "% of runs",
         ),
     ]
+    rows += _availability_rows(case)
     names = sorted({name for item in case.filters for name in item.diagnostics})
     for place, name in enumerate(names):
         rows.append(_row(case, _KNOWN.get(name, name), _diagnostic(name), opens=place == 0))
@@ -200,9 +270,33 @@ def reliability_table(case: CaseFacts) -> Table:
         "Reliability and diagnostics",
         "Rates with their Wilson interval. Diverged: failed, or beyond the 0.9999 ellipsoid of its own covariance for "
         "more than 5 % of the last half of the run, or, where the result holds a bound, more than ten times the bound "
-        "off for 50 s at the stored epochs. Below: what the filters report of their own working, mean over updates.",
+        "off for 50 s at the stored epochs. Below: what the filters report of their own working, mean over updates."
+        f"{_AVAILABILITY_NOTE if _availability_rows(case) else ''}",
         rows,
     )
+
+
+def _availability_rows(case: CaseFacts) -> list[Row]:
+    """Return in how many of the epochs each sensor gave a reading; nothing where an only sensor did in all of them."""
+    shares = {sensor: [_readings(case, sensor, item) for item in case.filters] for sensor in case.sensors}
+    if len(shares) == 1 and not any(share < 100 for share in next(iter(shares.values()))):
+        return []
+    return [
+        Row(
+            f"epochs with a reading, {sensor}",
+            tuple(Number(share, decimals=1) for share in found),
+            "%",
+            opens_block=not n,
+        )
+        for n, (sensor, found) in enumerate(shares.items())
+    ]
+
+
+def _readings(case: CaseFacts, sensor: str, item: FilterFacts) -> float:
+    """Return in how many per cent of the epochs of all completed runs the sensor gave a reading; NaN without it."""
+    span = span_index(case.span)
+    updates, epochs = item.of_sensor(sensor, "updates", case.span).sum(), item.per_run("epochs", span).sum()
+    return float(100 * updates / epochs) if epochs else math.nan
 
 
 def _table(case: CaseFacts, what: str, title: str, caption: str, rows: Sequence[Row]) -> Table:
@@ -338,22 +432,6 @@ def _anees_band(case: CaseFacts, item: FilterFacts) -> Band | None:
     start = case.settle_s if case.span == "settled" else case.times_s[0]
     samples = effective_samples(float(case.times_s[-1]) - start, item.nees_time_s)
     return chi_square_band(item.completed, layout.BLOCK_SIZES[0], samples)
-
-
-def _nis_band(item: FilterFacts, span: int) -> Band | None:
-    if not item.nis_is_chi_square:
-        return None
-    updates = _updates(item, span)
-    return chi_square_band(updates, MEASURED, normalised=False) if updates else None
-
-
-def _lag_band(item: FilterFacts, span: int) -> Band | None:
-    updates = _updates(item, span)
-    return lag1_band(updates) if updates else None
-
-
-def _updates(item: FilterFacts, span: int) -> int:
-    return int(item.per_run("updates", span).sum())
 
 
 def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim.plots.axes import COMPONENTS, describe_axes
 from relnav_sim.plots.facts import CaseFacts, Span
-from relnav_sim.report.metrics import ANEES, CONVERGENCE, CPU, FAILED, NIS, numbers
+from relnav_sim.report.metrics import ANEES, CONVERGENCE, CPU, FAILED, nis_metric, numbers
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.statistics.intervals import mean_interval
 from relnav_sim.wording import significant
@@ -41,7 +41,7 @@ def case_table(case: CaseFacts, span: Span) -> Table:
         rows.append(Row(_HEADINGS.get(component, component), cells, unit, opens_block=component == "vx"))
     rows += [
         Row(metric.label, metric.row(case, span, width=2), metric.unit, opens_block=metric is CONVERGENCE)
-        for metric in (CONVERGENCE, ANEES, NIS, CPU, FAILED)
+        for metric in (CONVERGENCE, ANEES, nis_metric([case]), CPU, FAILED)
     ]
     where = f"t ≥ {case.settle_s:g} s" if span == "settled" else "the whole span"
     return Table(

@@ -13,9 +13,10 @@ import numpy as np
 
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import Array
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
+from relnav_sim.statistics.verdicts import ratio_of_means
 from relnav_sim.wording import counted
 
 NOT_JUDGED = "cannot be judged"
@@ -111,6 +112,12 @@ def _converged_note(item: FilterFacts) -> str:
     return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
 
 
+def _nis_per_dof(item: FilterFacts, span: Span) -> Interval:
+    place = span_index(span)
+    known = item.ok & (item.dof[:, place] > 0)
+    return ratio_of_means(item.nis_sum[known, place], item.dof[known, place])
+
+
 def _mean_cost(item: FilterFacts, span: Span) -> Interval:
     # Without an interval: runs of one block are timed together, so they are no sample.
     known = item.cpu_us[item.ok & np.isfinite(item.cpu_us)]
@@ -134,5 +141,12 @@ TIMES_BOUND = Metric("position RMS / bound", "", lambda item, span: item.times_b
 CONVERGENCE = _over_runs("convergence time", "s", lambda item, span: item.convergence_s, _convergence_cells)
 ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
 NIS = _over_runs("mean NIS", "", lambda item, span: item.consistency("nis", span))
+NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))
 CPU = Metric("CPU per step", "µs", _mean_cost, _numbers, lambda item, span: item.cpu_us)
 FAILED = Metric("failed runs", "", _failed_share, _failed_cells, numeric=False)
+
+
+def nis_metric(cases: Sequence[CaseFacts]) -> Metric:
+    """Return how the NIS of these cases is told: as it is, or per degree of freedom where their updates differ."""
+    known = {case.dimension for case in cases} - {None}
+    return NIS_PER_DOF if len(known) > 1 or any(case.mixes_dimensions for case in cases) else NIS

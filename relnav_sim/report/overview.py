@@ -12,11 +12,11 @@ from relnav_sim.report.metrics import (
     CONVERGENCE,
     CPU,
     FAILED,
-    NIS,
     POSITION_RMS,
     TIMES_BOUND,
     VELOCITY_RMS,
     Metric,
+    nis_metric,
     numbers,
 )
 from relnav_sim.report.ranking import Ranking
@@ -25,14 +25,14 @@ from relnav_sim.wording import short_labels
 
 _ABOVE_BEST = Column("RMS above the best [%]")
 _ERRORS = (POSITION_RMS, VELOCITY_RMS)
-_OTHERS = (TIMES_BOUND, CONVERGENCE, ANEES, NIS, CPU, FAILED)
 
 
 def overview_table(rankings: Sequence[Ranking]) -> Table:
     """Return one row per case and filter with the headline figures; without a column of cases if there is one."""
     cases = [ranking.case for ranking in rankings]
     bounded = any(math.isfinite(item.times_bound[case.span].estimate) for case in cases for item in case.filters)
-    others = [metric for metric in _OTHERS if bounded or metric is not TIMES_BOUND]
+    others = [TIMES_BOUND, CONVERGENCE, ANEES, nis_metric(cases), CPU, FAILED]
+    others = [metric for metric in others if bounded or metric is not TIMES_BOUND]
     columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [

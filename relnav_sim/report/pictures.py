@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from relnav_sim import plots
+from relnav_sim.plots.availability import has_outage
 from relnav_sim.plots.conditions import events_of
 from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import CaseFacts
@@ -97,6 +98,7 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
     if closely:
         pieces["start"] = partial(_start, results, case)
     pieces |= {"consistency": consistency, "boxes": boxes, "cost": cost}
+    pieces |= {"availability": partial(_availability, results, case)}
     pieces |= {"range": partial(_range, results, case), "events": partial(_events, results, case)}
     if ranking.standings and closely:
         pieces |= {"worst": partial(_worst, results, case), "trajectory": partial(_trajectory, results, case)}
@@ -133,6 +135,13 @@ def _range(results: Results, case: CaseFacts) -> Drawing | None:
     if not (ranges.min() > 0 and ranges.max() > _WORTH_A_RANGE * ranges.min()):
         return None
     return _described("range", plots.error_against_range(results, case), case)
+
+
+def _availability(results: Results, case: CaseFacts) -> Drawing | None:
+    """Return when sensors gave readings, where there are several, or the only one has an outage."""
+    if len(case.sensors) < 2 and not has_outage(case):
+        return None
+    return _described("availability", plots.availability_over_time(results, case), case)
 
 
 def _events(results: Results, case: CaseFacts) -> Drawing | None:

@@ -14,6 +14,7 @@ from relnav_sim.campaign.requirements import (
     ErrorsRequirement,
     FailedRequirement,
     NeesRequirement,
+    NisRequirement,
     RmsRequirement,
     stored_requirements,
 )
@@ -63,8 +64,12 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return f"RMS of {_errors_of(requirement.quantity)} below {size}, {requirement.span} span"
         case NeesRequirement():
             part = "" if requirement.block == "full" else f", {requirement.block}"
-            low, high = _nees_limits(requirement)
+            low, high = _sigma_limits(requirement)
             return f"ANEES{part} between {low:.3g} and {high:.3g}, {requirement.span} span"
+        case NisRequirement():
+            of = "" if requirement.sensor is None else f" of {requirement.sensor}"
+            low, high = _sigma_limits(requirement)
+            return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {requirement.span} span"
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
@@ -132,7 +137,7 @@ def _cells(item: Judgement) -> tuple[Cell, ...]:
     found = item.finding
     if found is None:
         return (Words(item.basis), verdict, Words(""), Words(""), Words(item.basis))
-    if isinstance(item.requirement, RmsRequirement | NeesRequirement):
+    if isinstance(item.requirement, RmsRequirement | NeesRequirement | NisRequirement):
         shown = numbers([found.figure])[0]
     else:
         shown = replace(numbers([in_percent(found.figure, 1.0)])[0], note="%")
@@ -171,5 +176,5 @@ def _percent(share: float) -> str:
     return f"{significant(100 * share, 6).rstrip('0').rstrip('.')} %"
 
 
-def _nees_limits(requirement: NeesRequirement) -> tuple[float, float]:
+def _sigma_limits(requirement: NeesRequirement | NisRequirement) -> tuple[float, float]:
     return (1 - requirement.sigma_margin) ** 2, (1 + requirement.sigma_margin) ** 2

@@ -259,6 +259,26 @@ def chi_square_band(
     return Band(low, high, level)
 
 
+def sum_band(dof: float, divisor: float, level: float = CONFIDENCE) -> Band:
+    """Return where a sum of independent chi-square figures divided by something lies when the filter is consistent.
+
+    The sum is chi-square with the sum of their degrees of freedom, which may differ from one to the next: partial
+    readings have fewer.
+
+    Args:
+        dof: Degrees of freedom of the sum.
+        divisor: What the sum is divided by: the degrees themselves for a figure near 1, or the number of updates.
+        level: Probability of the band.
+
+    Raises:
+        ValueError: The degrees or the divisor are not positive.
+    """
+    if dof <= 0 or divisor <= 0:
+        raise ValueError("a band needs at least one degree of freedom, and something to divide by")
+    low, high = (chi_square_quantile(p, dof) / divisor for p in ((1 - level) / 2, (1 + level) / 2))
+    return Band(low, high, level)
+
+
 def effective_samples(span_s: float, correlation_time_s: float) -> float:
     """Return how many independent samples a span of a process with an exponential correlation holds, at least 1."""
     return max(1.0, span_s / (2 * correlation_time_s))

@@ -15,7 +15,7 @@
     position: { label: "position RMS", unit: "m", log: true, formal: "formal" },
     velocity: { label: "velocity RMS", unit: "m/s", log: true, formal: "formal" },
     nees: { label: "NEES / 6", unit: "", log: false },
-    nis: { label: "NIS / 3", unit: "", log: false },
+    nis: { label: "NIS per degree of freedom", unit: "", log: false },
   };
   ["x", "y", "z", "vx", "vy", "vz"].forEach((name, place) => {
     const axis = data.cases[0].axes[place % 3];
