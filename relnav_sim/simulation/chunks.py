@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.sensors import SensorSuite, filter_inputs, own_sensor
 from relnav_sim.sensors.interface import Form
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
 Array = NDArray[np.float64]
-
-CHUNK_EPOCHS = 512
-"""Epochs simulated at a time. Fixed, so that sums over a run round alike whatever the block."""
 
 
 @dataclass(frozen=True)

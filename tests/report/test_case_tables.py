@@ -24,10 +24,11 @@ from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_tabl
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
-from relnav_sim.report.tables import MISSING, Number, Table, comma_separated
+from relnav_sim.report.tables import Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
 from relnav_sim.statistics.intervals import paired_differences
+from relnav_sim.wording import MISSING
 
 ResultMaker = Callable[..., Path]
 RUNS = 20

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from relnav_sim.report import write_report
-from relnav_sim.report.tables import shown_number
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ResultsError
+from relnav_sim.wording import shown_number
 
 ResultMaker = Callable[..., Path]
 
