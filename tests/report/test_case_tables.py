@@ -172,6 +172,7 @@ def test_a_case_is_named_once_in_the_overview_and_always_in_csv(make_result: Res
     assert headings == ["1: a=1"] * 3 + ["2: a=2"] * 3
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_stopping_rule_is_in_the_report(make_result: ResultMaker) -> None:
     rule = {
         "metric": "settled_r_rms_m", "filter": None, "half_width": 0.05, "at": [6, 12], "level": 0.95,
