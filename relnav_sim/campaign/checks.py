@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorsOptions
@@ -65,9 +66,10 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.sensors is not None:
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
+            learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
                 ("filters", name, "dynamics"),
-                f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",
+                f"the {entry.kind} filter needs learned dynamics: {' or '.join(learned)} (or leave this key out)",
             )
         if entry.kind in LINEAR_ONLY and entry.measurement != "cartesian":
             yield Problem(
