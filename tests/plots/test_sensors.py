@@ -10,6 +10,7 @@ from sensors_result import OUT
 
 from relnav_sim.plots import FIGURE_KINDS, FigureError, figure
 from relnav_sim.plots.availability import availability, has_outage
+from relnav_sim.plots.conditions import events_of
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.results import open_results
 from relnav_sim.results.read import Results
@@ -71,6 +72,20 @@ def test_availability_is_the_share_of_runs_with_readings(results: Results) -> No
     assert not drawn.axes[1].patches
     words = FIGURE_KINDS["availability"].in_words(facts)
     assert "camera 6" in words.alt and "lidar 100 %" in words.alt
+
+
+def test_events_are_told_by_sensor(results: Results) -> None:
+    facts = case_facts(results, 0)
+    found = {kind: rows.tolist() for kind, rows in events_of(results, facts, facts.filters[0]).items()}
+    first = int(np.searchsorted(results.time_s(0), OUT[0], side="right"))
+    back = int(np.searchsorted(results.time_s(0), OUT[1], side="left"))
+    assert found["outage of camera"] == [[run, first] for run in range(RUNS)]
+    assert found["acquisition of camera"] == [[run, back] for run in range(RUNS)]
+    assert found["outage of lidar"] == found["acquisition of lidar"] == found["manoeuvre"] == []
+    drawn = figure(results, "events")
+    assert [panel.get_title(loc="left") for panel in drawn.axes] == [
+        f"{kind} of camera ({RUNS} in all runs)" for kind in ("outage", "acquisition")
+    ]
 
 
 def test_a_sensor_read_less_often_than_is_stored_has_no_outages(results: Results, monkeypatch) -> None:
