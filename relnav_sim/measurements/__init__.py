@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
+    from relnav_sim.measurements.tangent_sight import camera as camera
 
 # No module here may have one of these names: once imported, it would take the function's place.
 _HOME = {
+    "camera": "relnav_sim.measurements.tangent_sight",
     "first_fix": "relnav_sim.measurements.spherical_radar",
     "radar": "relnav_sim.measurements.spherical_radar",
 }
