@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from relnav_sim.options import Options
 from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, relative_sensors
 from relnav_sim.sensors.due import due
-from relnav_sim.sensors.interface import Craft, Sensed, SensorOptions
+from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.noise import OutageNoise, noise_parts
 from relnav_sim.sensors.suite import TrueStates
 
@@ -42,15 +42,15 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
     probability = np.where(options.in_reach(sensed(truth, options.host, step_s)), 1.0, 0.0)
     probability *= due(epochs, options.period_s, options.offset_s, step_s)
     probability *= working_probability(options, truth.times_s)
-    direction = probability * _direction_known(sensors, options.host, truth.times_s)
+    direction = probability * _direction_known(sensors, options, truth.times_s)
     return np.stack([direction if needed else probability for needed in options.needs_direction()], axis=-1)
 
 
-def _direction_known(sensors: Sensors, host: Craft, times_s: Array) -> Array:
-    """Return the probability (K,) that a craft knows its attitude and orbit."""
+def _direction_known(sensors: Sensors, options: RelativeSensorOptions, times_s: Array) -> Array:
+    """Return the probability (K,) that a sensor's host knows its orbit, and its attitude where that matters."""
     probability = np.ones(len(times_s))
-    for role in ("orbit", "attitude"):
-        found = own_sensor(sensors, role, host)
+    for role in options.direction_from:
+        found = own_sensor(sensors, role, options.host)
         if found is not None:
             probability = probability * working_probability(found[1], times_s)
     return probability

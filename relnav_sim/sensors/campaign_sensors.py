@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Role, SensorOptions
 
 Array = NDArray[np.float64]
@@ -58,10 +59,21 @@ def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) 
     in it: no covariance of a white noise describes them.
     """
     P = np.zeros((3, 3))
-    attitude, orbit = own_sensor(sensors, "attitude", host), own_sensor(sensors, "orbit", host)
+    attitude = own_sensor(sensors, "attitude", host)
     if attitude is not None:
         P += attitude[1].body_covariance()
-    if orbit is not None:
-        radius = chief_orbit.semi_major_axis_m
-        P += orbit[1].frame_covariance(radius, chief_orbit.mean_motion_rad_s * radius)
-    return P
+    frame = orbit_frame_covariance(sensors, chief_orbit, host)[:3, :3]
+    return P + NADIR_FROM_RTN @ frame @ NADIR_FROM_RTN.T
+
+
+def orbit_frame_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) -> Array:
+    """Return the covariance (6, 6) of the white error of the orbit frame that a craft computes from its own fix, RTN.
+
+    Turn, rad, and rate error, rad/s, as `astro.frame_error` has them; zero without a receiver.
+    """
+    orbit = own_sensor(sensors, "orbit", host)
+    if orbit is None:
+        return np.zeros((6, 6))
+    radius = chief_orbit.semi_major_axis_m
+    covariance: Array = orbit[1].frame_covariance(radius, chief_orbit.mean_motion_rad_s * radius)
+    return covariance

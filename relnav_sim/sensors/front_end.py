@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.measurements.delayed import Delayed
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.sensors.campaign_sensors import Sensors, attitude_covariance, own_sensor, relative_sensors
+from relnav_sim.sensors.campaign_sensors import (
+    Sensors,
+    attitude_covariance,
+    orbit_frame_covariance,
+    own_sensor,
+    relative_sensors,
+)
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import (
     AssumedNoise,
@@ -26,7 +33,10 @@ Array = NDArray[np.float64]
 
 
 def filter_inputs(
-    sensors: Sensors, readings: Mapping[str, Array], truth: TrueStates | None = None
+    sensors: Sensors,
+    readings: Mapping[str, Array],
+    truth: TrueStates | None = None,
+    gravity: Gravity | None = None,
 ) -> dict[str, dict[Form, Array]]:
     """Return what the filters take, made from the sensors' own measured values, by sensor and form, (runs, K, m).
 
@@ -35,6 +45,7 @@ def filter_inputs(
         readings: What `SensorSuite.measure` returned.
         truth: True states of the same epochs; needed with one of GNSS and star tracker alone, whose other link of the
             chain is then perfect.
+        gravity: What the craft know of gravity; None: a point mass.
 
     Raises:
         ValueError: The truth is needed and missing.
@@ -43,17 +54,20 @@ def filter_inputs(
     inputs = {}
     for name, options in relative_sensors(sensors).items():
         if options.host not in frames:
-            frames[options.host] = _frame(sensors, readings, truth, options.host)
+            frames[options.host] = _frame(sensors, readings, truth, options.host, gravity)
         inputs[name] = options.inputs(readings[name], frames[options.host])
     return inputs
 
 
-def _frame(sensors: Sensors, readings: Mapping[str, Array], truth: TrueStates | None, host: Craft) -> HostFrame:
+def _frame(
+    sensors: Sensors, readings: Mapping[str, Array], truth: TrueStates | None, host: Craft, gravity: Gravity | None
+) -> HostFrame:
     orbit, attitude = own_sensor(sensors, "orbit", host), own_sensor(sensors, "attitude", host)
     return HostFrame(
         None if truth is None else truth.chief if host == "chief" else truth.deputy,
         None if orbit is None else readings[orbit[0]],
         None if attitude is None else readings[attitude[0]],
+        gravity,
     )
 
 
@@ -80,7 +94,7 @@ def sensor_measurement(
         sensors: All sensors of the campaign.
         orbit: The chief's nominal orbit.
         step_s: Time between epochs, s.
-        form: The form of the readings.
+        form: The form of the readings; the sensor's usual one where it has no such form.
         assumed_noise: ``nominal``: the noise without its outliers; ``total``: its covariance, the default of campaigns;
             ``mixture``: the components too. A drawn fraction counts as 1/2. Biases, correlated parts and outages are
             never told.
@@ -91,6 +105,8 @@ def sensor_measurement(
     """
     options = relative_sensors(sensors)[name]
     attitude = attitude_covariance(sensors, orbit, options.host)
-    model = options.measurement(MeasurementContext(orbit, attitude, assumed_noise, form, step_s))
+    frame = orbit_frame_covariance(sensors, orbit, options.host)
+    context = MeasurementContext(orbit, attitude, frame, assumed_noise, form_taken(options, form), step_s)
+    model = options.measurement(context)
     latency_s = 0.0 if assumed_latency == "none" else options.latency_s
     return Delayed(model, latency_s) if latency_s else model

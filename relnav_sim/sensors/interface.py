@@ -71,6 +71,8 @@ class MeasurementContext:
         orbit: The chief's nominal orbit.
         attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the nadir
             frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
+        frame: Covariance (6, 6) of the white error of that orbit frame in inertial space, RTN: its turn, rad, and the
+            error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit perfectly.
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
         form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
         step_s: Time between epochs, s.
@@ -78,6 +80,7 @@ class MeasurementContext:
 
     orbit: ChiefOrbit
     attitude: Array
+    frame: Array
     assumed_noise: AssumedNoise
     form: Form
     step_s: float
@@ -135,9 +138,17 @@ class SensorOptions(Options):
     @field_validator("noise")
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        parts = noise_parts(noise)
-        check_parts(parts, len(cls.channels))
-        if cls.role == "other" and not has_white_part(parts):
+        check_parts(noise_parts(noise), len(cls.channels))
+        return cls.with_white_part(noise)
+
+    @classmethod
+    def with_white_part(cls, noise: NoiseOption) -> NoiseOption:
+        """Return the noise, of a sensor that filters go by with a white part.
+
+        Raises:
+            ValueError: It has none.
+        """
+        if cls.role == "other" and not has_white_part(noise_parts(noise)):
             raise ValueError("the noise needs a gaussian or mixture part: no filter can weigh it without")
         return noise
 
@@ -169,9 +180,15 @@ class SensorOptions(Options):
 
 
 class RelativeSensorOptions(SensorOptions):
-    """A sensor that measures the other craft: what a filter is told of it, and when it reads."""
+    """A sensor that measures the other craft: what a filter is told of it, and when it reads.
+
+    Attributes:
+        direction_from: What its host must know of itself for the channels that need a direction: its ``orbit``, and the
+            ``attitude`` of its body unless the sensor's own axes are inertial.
+    """
 
     role: ClassVar[Role] = "other"
+    direction_from: ClassVar[tuple[Role, ...]] = ("orbit", "attitude")
 
     host: Craft = Field(default="chief", description="Craft that carries it and sees the other one; default: the chief")
     latency_s: float = Field(
@@ -214,7 +231,7 @@ class RelativeSensorOptions(SensorOptions):
         return None
 
     def needs_direction(self) -> tuple[bool, ...]:
-        """Return for each channel whether it is lost without the host's attitude and orbit."""
+        """Return for each channel whether it is lost without what `direction_from` says the host must know."""
         return (False,) * len(self.channels)
 
     def inputs(self, z: Array, frame: HostFrame) -> dict[Form, Array]:
@@ -238,7 +255,7 @@ class RelativeSensorOptions(SensorOptions):
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
 
-        None where one reading gives no position.
+        None where one reading gives no position. The first three channels are those that give it.
 
         Args:
             measurement: From `measurement`, in the spherical form.

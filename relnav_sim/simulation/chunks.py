@@ -9,12 +9,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.gravity import Gravity
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.sensors import SensorSuite, filter_inputs, own_sensor
+from relnav_sim.sensors import SensorSuite, filter_inputs, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Form
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
+from relnav_sim.truth import Truth, TruthTrajectory, nominal_chief, truth_trajectory
 
 Array = NDArray[np.float64]
 
@@ -74,13 +75,15 @@ def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
     force = own_sensor(config.sensors, "force")
+    gravity = Gravity.of(nominal_chief(config.truth).up_to(config.truth.forces.zonals))
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         truth = trajectory.at(times_s)
         felt = None if force is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
-        yield Chunk(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
+        inputs = filter_inputs(config.sensors, z, truth, gravity)
+        yield Chunk(first, truth, z, inputs, dict(trajectory.failures))
 
 
 def _earlier(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
@@ -115,6 +118,7 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
         whole = np.concatenate(arrays, axis=1)
         return np.broadcast_to(whole, (len(runs), *whole.shape[1:]))
 
+    usual = {name: options.forms[0] for name, options in relative_sensors(config.sensors).items()}
     return Simulation(
         times_s=np.concatenate([part.truth.times_s for part in parts]),
         chief=joined([part.truth.chief for part in parts]),
@@ -122,7 +126,7 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
         relative=joined([part.truth.relative for part in parts]),
         z={name: joined([part.z[name] for part in parts]) for name in parts[0].z},
         inputs={
-            name if form == "spherical" else f"{name}.{form}": joined([part.inputs[name][form] for part in parts])
+            name if form == usual[name] else f"{name}.{form}": joined([part.inputs[name][form] for part in parts])
             for name, forms in parts[0].inputs.items()
             for form in forms
         },

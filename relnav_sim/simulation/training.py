@@ -56,7 +56,7 @@ def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOp
     if options.training == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
     name = fix_sensor(config)
-    z = np.concatenate([part.inputs[name]["spherical"] for part in flight], axis=1)
+    z = np.concatenate([part.inputs[name][relative_sensors(config.sensors)[name].forms[0]] for part in flight], axis=1)
     dynamics = (options.base or CwOptions()).build(orbit, noise, step_s)
     states, first = _smoothed(config, name, dynamics, orbit, z)
     return TrainingTrack(states, time_s[first:], orbit, first)
