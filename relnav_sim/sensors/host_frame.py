@@ -18,6 +18,19 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class HostOrbit:
+    """A craft's own knowledge of its orbit over a chunk of epochs, between its fixes too.
+
+    Attributes:
+        states: Its fixes, and where there is none its estimate, ECI, (runs, K, 6), m and m/s; NaN before the first fix.
+        frame: Covariance (runs, K, 6, 6) of the error of the orbit frame that follows, as `astro.frame_error` has it.
+    """
+
+    states: Array
+    frame: Array
+
+
+@dataclass(frozen=True)
 class HostFrame:
     """A craft's knowledge over a chunk of epochs. Without GNSS and star tracker it is perfect.
 

@@ -118,12 +118,22 @@ class RelativeGnssOptions(RelativeSensorOptions):
         return {"cartesian": frame.in_rtn(z, self.latency_s)}
 
     def measurement(self, context: MeasurementContext) -> Measurement:
-        """Return the relative state as a filter is told of it."""
+        """Return the relative state as a filter is told of it.
+
+        In a frame that turns at n, an error e of the position puts the velocity off by -n x e.
+        """
         law = white_law(noise_parts(self.noise), len(self.channels))
-        covariances = np.square(law.scales * self.sigmas)[..., None] * np.eye(len(self.channels))
+        turning = np.eye(6)
+        turning[3, 1], turning[4, 0] = context.orbit.mean_motion_rad_s, -context.orbit.mean_motion_rad_s
+        turning = turning[: len(self.channels), : len(self.channels)]
+
+        def covariance(scales: Array) -> Array:
+            return np.asarray(turning @ np.diag(np.square(scales * self.sigmas)) @ turning.T)
+
+        covariances = np.stack([covariance(scales) for scales in law.scales])
         noise: Any = np.einsum("k,kij->ij", law.weights, covariances)
         if context.assumed_noise == "nominal":
-            noise = np.diag(np.square(law.nominal * self.sigmas))
+            noise = covariance(law.nominal)
         elif context.assumed_noise == "mixture" and len(law.weights) > 1:
             noise = MixtureNoise(law.weights, covariances)
         return relative_gnss(noise, context.frame if context.frame.any() else None)

@@ -33,7 +33,7 @@ from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.chief_followers import ChiefFollowers
-from relnav_sim.simulation.chunks import Chunk, chunks
+from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
@@ -147,7 +147,7 @@ def _measurement(entry: FilterEntry, config: CaseConfig, extension: Extension | 
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
-            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency
+            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, told_frame=True
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
     if len(models) > 1:
@@ -216,6 +216,7 @@ class FilterTrack:
         self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
         self._epoch = 0
         self._forms = sensor_forms(entry, config)
+        self._config = config
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
@@ -290,7 +291,7 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if self._follower is not None:
             self._follower.take(chunk.z["gnss"], chunk.first_epoch, forces)
-        z = {name: chunk.inputs[name][form] for name, form in self._forms.items()}
+        z = told(chunk, self._forms, self._config)
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history
