@@ -28,7 +28,8 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
 
     Its limits, field of view, period and fixed outages decide for certain. Random outages count by the probability that
     the sensor works: every run starts working, and working and outage times are exponentially distributed. A channel
-    that needs the host's attitude and orbit needs its GNSS receiver and star tracker too, where there are any.
+    that needs a direction needs a reading of its host's star tracker too, where it has one, and one fix of its GNSS
+    receiver, from which on it carries its orbit on by itself; random outages count as no hindrance to that one.
 
     Args:
         sensors: All sensors of the campaign.
@@ -42,18 +43,36 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
     probability = np.where(options.in_reach(sensed(truth, options.host, step_s)), 1.0, 0.0)
     probability *= due(epochs, options.period_s, options.offset_s, step_s)
     probability *= working_probability(options, truth.times_s)
-    direction = probability * _direction_known(sensors, options, truth.times_s)
+    direction = probability * _direction_known(sensors, options, epochs, truth.times_s, step_s)
     return np.stack([direction if needed else probability for needed in options.needs_direction()], axis=-1)
 
 
-def _direction_known(sensors: Sensors, options: RelativeSensorOptions, times_s: Array) -> Array:
+def _direction_known(
+    sensors: Sensors, options: RelativeSensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float
+) -> Array:
     """Return the probability (K,) that a sensor's host knows its orbit, and its attitude where that matters."""
     probability = np.ones(len(times_s))
     for role in options.direction_from:
         found = own_sensor(sensors, role, options.host)
-        if found is not None:
-            probability = probability * working_probability(found[1], times_s)
+        if found is None:
+            continue
+        own: SensorOptions = found[1]
+        if role == "orbit":
+            probability *= times_s >= first_reading_s(own, step_s)
+        else:
+            probability *= due(epochs, own.period_s, own.offset_s, step_s) * working_probability(own, times_s)
     return probability
+
+
+def first_reading_s(options: SensorOptions, step_s: float) -> float:
+    """Return when the first reading of a sensor may come, s: when it is due and no fixed outage is on."""
+    period_s, first_s = options.period_s or step_s, options.offset_s
+    windows = [
+        window for part in noise_parts(options.noise) if isinstance(part, OutageNoise) for window in part.windows_s
+    ]
+    while ends_s := [end for start, end in windows if start <= first_s < end]:
+        first_s = options.offset_s + period_s * np.ceil((max(ends_s) - options.offset_s) / period_s - 1e-9)
+    return float(first_s)
 
 
 def working_probability(options: SensorOptions, times_s: Array) -> Array:
