@@ -11,6 +11,8 @@ from relnav_sim.simulation import chunks as chunks_module
 from relnav_sim.simulation import host_orbits
 from relnav_sim.simulation.block import create_campaign_filter, simulate_block
 from relnav_sim.simulation.chunks import chunks, told
+from relnav_sim.simulation.dynamics_inputs import dynamics_context
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
@@ -64,9 +66,10 @@ def joined(parts, config, name):
 
 def filtered(config, name, parts, source):
     """What a filter of the campaign makes of a flight, epoch 0 left out."""
-    made = create_campaign_filter(config.filters[name], config, source.seed)
+    entry = config.filters[name]
+    made = create_campaign_filter(entry, config, dynamics_context(entry, config, source.seed, Learned()))
     prior = starting_belief(config, parts[0], source)
-    z = {each: joined(parts, config, each)[:, 1:] for each in config.filters[name].sensors}
+    z = {each: joined(parts, config, each)[:, 1:] for each in entry.sensors}
     _, history = advance(made.filter, made.filter.start(prior, source), z, 1, 2.0)
     assert not history.failures
     return history
