@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.measurements.relative_state import relative_gnss as relative_gnss
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 _HOME = {
     "first_fix": "relnav_sim.measurements.spherical_radar",
     "radar": "relnav_sim.measurements.spherical_radar",
+    "relative_gnss": "relnav_sim.measurements.relative_state",
 }
 
 __all__ = sorted(_HOME)

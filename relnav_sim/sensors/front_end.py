@@ -124,7 +124,7 @@ def sensor_measurement(
     else:
         attitude = attitude_covariance(sensors, orbit, options.host)
         frame = orbit_frame_covariance(sensors, orbit, options.host)
-    context = MeasurementContext(orbit, attitude, frame, assumed_noise, form_taken(options, form), step_s)
+    context = MeasurementContext(orbit, attitude, assumed_noise, form_taken(options, form), step_s, frame)
     model = options.measurement(context)
     if told:
         model = FrameError(model)

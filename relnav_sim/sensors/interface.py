@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -71,19 +71,20 @@ class MeasurementContext:
         orbit: The chief's nominal orbit.
         attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the nadir
             frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
-        frame: Covariance (6, 6) of the white error of that orbit frame in inertial space, RTN: its turn, rad, and the
-            error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit perfectly.
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
         form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
         step_s: Time between epochs, s.
+        frame: Covariance (6, 6) of the white error of the orbit frame alone in inertial space, RTN: its turn, rad, and
+            the error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit
+            perfectly. Its turn is in `attitude` already.
     """
 
     orbit: ChiefOrbit
     attitude: Array
-    frame: Array
     assumed_noise: AssumedNoise
     form: Form
     step_s: float
+    frame: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.measurements.relative_state import relative_gnss
+from relnav_sim.measurements.relative_state import relative_state
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import (
     Channel,
@@ -136,7 +136,7 @@ class RelativeGnssOptions(RelativeSensorOptions):
             noise = covariance(law.nominal)
         elif context.assumed_noise == "mixture" and len(law.weights) > 1:
             noise = MixtureNoise(law.weights, covariances)
-        return relative_gnss(noise, context.frame if context.frame.any() else None)
+        return relative_state(noise, context.frame if context.frame.any() else None)
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position, and its covariance; the velocity at the start is the campaign's."""
