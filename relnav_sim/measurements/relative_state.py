@@ -45,7 +45,8 @@ def relative_gnss(
 ) -> Measurement:
     """Return a differential GNSS solution for `create_filter`: the deputy relative to the chief, RTN.
 
-    z is a position, m, or position and velocity, m and m/s. It is linear in the state, so that any filter takes it. `rtn_from_eci` turns an inertial solution into these axes.
+    z is a position, m, or position and velocity, m and m/s. It is linear in the state, so that any filter takes it;
+    `rtn_from_eci` turns an inertial solution into these axes.
 
     Args:
         position_sigma_m: Standard deviation of the position on each axis, m; 1 is common for differential code, 0.01 to
