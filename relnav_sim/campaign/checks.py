@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
@@ -17,8 +18,6 @@ from relnav_sim.truth import TruthOptions
 MOST_EPOCHS = 10_000_000
 LINEAR_ONLY = frozenset({"kf"})
 """Filters whose measurement must be linear in the state."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
-"""Names that stand beside the filters' in a results file."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from relnav_sim.plots.data import (
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say
 from relnav_sim.plots.style import (
-    CLAIMED,
+    FORMAL,
     INK,
     house_style,
     key,
@@ -34,6 +34,7 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.settings import case_setting
 
@@ -101,8 +102,16 @@ def error_against_range(results: Results, case: Case = 0, filters: Sequence[str]
         panels[-1].set_xlabel(f"true range [{unit}]")
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        legend_above(figure, [*handles, key(CLAIMED, (0, (4, 1.5)), 0.8)], labels)
+        legend_above(figure, [*handles, key(FORMAL, (0, (4, 1.5)), 0.8)], labels)
     return figure
+
+
+def range_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_against_range`."""
+    return FigureWords(
+        f"Size of the errors against the true range, {case.when}. Solid: RMS over epochs and runs; dashed: 95 %.",
+        "Two panels, position and velocity error of every filter against the true range.",
+    )
 
 
 def error_around_events(
@@ -129,7 +138,7 @@ def error_around_events(
     found = {item.name: events_of(results, facts, item) for item in items}
     kinds = [kind for kind in ("outage", "acquisition", "manoeuvre") if any(len(each[kind]) for each in found.values())]
     styles = line_styles(facts.all_filters)
-    labels = [*(shown_name(item.name) for item in items), "claimed"]
+    labels = [*(shown_name(item.name) for item in items), "formal"]
     with house_style():
         figure = new_figure(0.55 + 1.2 * max(1, len(kinds)) + legend_height(labels))
         panels = figure.subplots(max(1, len(kinds)), 1, sharex=True, squeeze=False)[:, 0]
@@ -157,8 +166,17 @@ def error_around_events(
         panels[-1].set_xlim(offsets[0] * step, offsets[-1] * step)
         margins(figure, 0.55, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.1)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        legend_above(figure, [*handles, key(CLAIMED, ":", 0.9)], labels)
+        legend_above(figure, [*handles, key(FORMAL, ":", 0.9)], labels)
     return figure
+
+
+def events_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_around_events`."""
+    return FigureWords(
+        "RMS position error over runs and events against the time since the event. Dotted: formal sigma. Outages "
+        "and acquisitions are those that show at the stored epochs.",
+        "Position RMS of every filter before and after outages, acquisitions and manoeuvres, a panel for each kind.",
+    )
 
 
 def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:

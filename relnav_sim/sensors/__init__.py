@@ -1,5 +1,6 @@
 """What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.sensors.availability import reading_probability
 from relnav_sim.sensors.campaign_sensors import (
     Sensors,
@@ -13,7 +14,6 @@ from relnav_sim.sensors.campaign_sensors import (
 from relnav_sim.sensors.front_end import filter_inputs, form_taken, sensor_measurement
 from relnav_sim.sensors.host_frame import HostOrbit
 from relnav_sim.sensors.interface import (
-    Channel,
     ErrorShares,
     MeasurementContext,
     RelativeSensorOptions,

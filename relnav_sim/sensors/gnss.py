@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.astro.frame_error import frame_covariance
-from relnav_sim.sensors.interface import Channel, Role, Sensed, SensorOptions
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.host_frame import HostFrame
@@ -24,23 +25,6 @@ Craft = Literal["chief", "deputy"]
 Role = Literal["other", "orbit", "attitude", "force"]
 Form = Literal["spherical", "cartesian"]
 AssumedNoise = Literal["nominal", "total", "mixture"]
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One number of a reading.
-
-    Attributes:
-        name: A word for it, as in names of results.
-        unit: Its SI unit; rad for an angle.
-        label: What it is, in words.
-        angle: Whether it is an angle, whose differences are wrapped.
-    """
-
-    name: str
-    unit: str
-    label: str
-    angle: bool = False
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,13 @@ from pydantic import Field
 
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, polar, rotate, rows, sight_vector
 from relnav_sim.measurements.augmented import Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Channel, Craft, ErrorShares, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.interface import Craft, ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import SightSensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below, white_law
 from relnav_sim.sensors.registry import register_sensor

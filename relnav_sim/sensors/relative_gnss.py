@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.relative_state import relative_state
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import (
-    Channel,
     Form,
     MeasurementContext,
     RelativeSensorOptions,

@@ -40,6 +40,7 @@ from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
+from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -115,10 +116,10 @@ class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries extra states b.
+        filter: The filter, over [x; b] where it carries augmented states b.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
-        extension: The extra states; None without any.
+        extension: The augmented states; None without any.
     """
 
     filter: Filter
@@ -236,7 +237,7 @@ class FilterTrack:
             error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
             if self._extra is not None:
-                # A run whose extra states are lost has failed, though without a reading position may not show it yet.
+                # A run whose augmented states are lost has failed, though position may not show it until a reading.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
                 chunk.truth.times_s,
@@ -246,6 +247,7 @@ class FilterTrack:
                 history.log_likelihood,
                 history.extras,
                 {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
+                NisOfSensors(history.nis_by, history.dof_by),
             )
             if self._extra is not None:
                 self._extra.add(chunk, history, self._errors.failed_epoch)
@@ -284,7 +286,7 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._extra is None else replace(result, extra=self._extra.result())
+        return result if self._extra is None else replace(result, augmented=self._extra.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Craft, Form
@@ -21,9 +22,6 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
 Array = NDArray[np.float64]
-
-CHUNK_EPOCHS = 512
-"""Epochs simulated at a time. Fixed, so that sums over a run round alike whatever the block."""
 
 
 @dataclass(frozen=True)

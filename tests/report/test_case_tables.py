@@ -24,10 +24,11 @@ from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_tabl
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
-from relnav_sim.report.tables import MISSING, Number, Table, comma_separated
+from relnav_sim.report.tables import Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
 from relnav_sim.statistics.intervals import paired_differences
+from relnav_sim.wording import MISSING
 
 ResultMaker = Callable[..., Path]
 RUNS = 20
@@ -171,6 +172,7 @@ def test_a_case_is_named_once_in_the_overview_and_always_in_csv(make_result: Res
     assert headings == ["1: a=1"] * 3 + ["2: a=2"] * 3
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_stopping_rule_is_in_the_report(make_result: ResultMaker) -> None:
     rule = {
         "metric": "settled_r_rms_m", "filter": None, "half_width": 0.05, "at": [6, 12], "level": 0.95,
