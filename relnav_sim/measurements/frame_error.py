@@ -83,11 +83,22 @@ class FrameError(MeasurementDefaults):
     def _added(self, mean: Array, epoch: int) -> Array:
         """Return G P G^T (runs, m, m)."""
         P = self._constant if self._constant is not None else self._told[:, epoch - self._first_epoch]
-        D = np.zeros((len(mean), 6, 6))
-        D[:, :3, :3] = D[:, 3:, 3:] = _cross_matrices(mean[:, :3])
-        D[:, 3:, :3] = _cross_matrices(mean[:, 3:6])
-        G = self.base.jacobian(mean, epoch)[..., :6] @ D
-        return symmetric(G @ P @ transpose(G))
+        return frame_noise(self.base.jacobian(mean, epoch), mean, P)
+
+
+def frame_noise(H: Array, states: Array, covariance: Array) -> Array:
+    """Return G P G^T (runs, m, m), what an error of the frame adds to R.
+
+    Args:
+        H: Jacobian of a measurement, (m, n) or (runs, m, n).
+        states: Where it is taken, (runs, n).
+        covariance: P, (6, 6) or (runs, 6, 6).
+    """
+    D = np.zeros((len(states), 6, 6))
+    D[:, :3, :3] = D[:, 3:, 3:] = _cross_matrices(states[:, :3])
+    D[:, 3:, :3] = _cross_matrices(states[:, 3:6])
+    G = H[..., :6] @ D
+    return symmetric(G @ covariance @ transpose(G))
 
 
 def _cross_matrices(vectors: Array) -> Array:

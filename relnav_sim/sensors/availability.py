@@ -15,6 +15,7 @@ from relnav_sim.sensors.noise import OutageNoise, noise_parts
 from relnav_sim.sensors.suite import TrueStates
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def sensed(truth: TrueStates, host: Craft, step_s: float) -> Sensed:
@@ -64,13 +65,23 @@ def _direction_known(
     return probability
 
 
+def reads_for_certain(options: SensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float) -> Flags:
+    """Return when (K,) a sensor is due and no fixed outage is on: it then reads but for random outages."""
+    read = due(epochs, options.period_s, options.offset_s, step_s)
+    for start, end in _windows_s(options):
+        read &= (times_s < start) | (times_s >= end)
+    return read
+
+
+def _windows_s(options: SensorOptions) -> list[tuple[float, float]]:
+    """Return the fixed outages of a sensor, s."""
+    return [window for part in noise_parts(options.noise) if isinstance(part, OutageNoise) for window in part.windows_s]
+
+
 def first_reading_s(options: SensorOptions, step_s: float) -> float:
     """Return when the first reading of a sensor may come, s: when it is due and no fixed outage is on."""
     period_s, first_s = options.period_s or step_s, options.offset_s
-    windows = [
-        window for part in noise_parts(options.noise) if isinstance(part, OutageNoise) for window in part.windows_s
-    ]
-    while ends_s := [end for start, end in windows if start <= first_s < end]:
+    while ends_s := [end for start, end in _windows_s(options) if start <= first_s < end]:
         first_s = options.offset_s + period_s * np.ceil((max(ends_s) - options.offset_s) / period_s - 1e-9)
     return float(first_s)
 

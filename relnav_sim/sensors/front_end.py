@@ -33,6 +33,7 @@ from relnav_sim.sensors.interface import (
 from relnav_sim.sensors.suite import TrueStates
 
 Array = NDArray[np.float64]
+Frame = Literal["of_a_fix", "told", "perfect"]
 
 
 def filter_inputs(
@@ -95,7 +96,7 @@ def sensor_measurement(
     form: Form = "spherical",
     assumed_noise: AssumedNoise = "total",
     assumed_latency: Literal["known", "none"] = "known",
-    told_frame: bool = False,
+    frame: Frame = "of_a_fix",
 ) -> Measurement:
     """Return a sensor as a filter is told of it, for the inputs of the same form that `filter_inputs` makes.
 
@@ -111,22 +112,21 @@ def sensor_measurement(
             ``mixture``: the components too. A drawn fraction counts as 1/2. Biases, correlated parts and outages are
             never told.
         assumed_latency: ``known`` or ``none``.
-        told_frame: Whether the inputs have the covariance of their frame behind them, by `with_frame`, where
-            `frame_is_told`; else it counts as that of a fix.
+        frame: How the host's orbit frame errs, where `frame_is_told`: as ``of_a_fix``; as ``told`` with each reading,
+            whose covariance is behind it by `with_frame`; or as a ``perfect`` one. Elsewhere always as of a fix.
 
     Raises:
         ValueError: The sensor has no such form.
     """
     options = relative_sensors(sensors)[name]
-    told = told_frame and frame_is_told(name, sensors, step_s)
-    if told:
-        attitude, frame = body_covariance(sensors, options.host), np.zeros((6, 6))
+    if frame == "of_a_fix" or not frame_is_told(name, sensors, step_s):
+        frame = "of_a_fix"
+        errors = attitude_covariance(sensors, orbit, options.host), orbit_frame_covariance(sensors, orbit, options.host)
     else:
-        attitude = attitude_covariance(sensors, orbit, options.host)
-        frame = orbit_frame_covariance(sensors, orbit, options.host)
-    context = MeasurementContext(orbit, attitude, assumed_noise, form_taken(options, form), step_s, frame)
+        errors = body_covariance(sensors, options.host), np.zeros((6, 6))
+    context = MeasurementContext(orbit, errors[0], assumed_noise, form_taken(options, form), step_s, errors[1])
     model = options.measurement(context)
-    if told:
+    if frame == "told":
         model = FrameError(model)
     latency_s = 0.0 if assumed_latency == "none" else options.latency_s
     return Delayed(model, latency_s) if latency_s else model

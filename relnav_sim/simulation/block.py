@@ -147,7 +147,7 @@ def _measurement(entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, exte
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
-            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, told_frame=True
+            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, frame="told"
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
     if len(models) > 1:

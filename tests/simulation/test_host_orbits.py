@@ -85,7 +85,7 @@ def long_outage():
 def test_in_a_long_outage_residuals_have_the_covariance_that_filters_are_told(long_outage, name, growing):
     """Ten minutes without a fix, 200 runs; the sensors are so good that the frame's error is all of it."""
     config, parts = long_outage
-    model = sensor_measurement(name, config.sensors, nominal_chief(config.truth), 2.0, FORMS[name], told_frame=True)
+    model = sensor_measurement(name, config.sensors, nominal_chief(config.truth), 2.0, FORMS[name], frame="told")
     truth = np.concatenate([part.truth.relative for part in parts], axis=1)
     z = model.take(joined(parts, config, name), 0)
     assert np.isfinite(z).all()
