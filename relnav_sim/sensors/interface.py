@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -58,6 +58,9 @@ class MeasurementContext:
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
         form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
         step_s: Time between epochs, s.
+        frame: Covariance (6, 6) of the white error of the orbit frame alone in inertial space, RTN: its turn, rad, and
+            the error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit
+            perfectly. Its turn is in `attitude` already.
     """
 
     orbit: ChiefOrbit
@@ -65,6 +68,7 @@ class MeasurementContext:
     assumed_noise: AssumedNoise
     form: Form
     step_s: float
+    frame: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(frozen=True)
@@ -119,9 +123,17 @@ class SensorOptions(Options):
     @field_validator("noise")
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        parts = noise_parts(noise)
-        check_parts(parts, len(cls.channels))
-        if cls.role == "other" and not has_white_part(parts):
+        check_parts(noise_parts(noise), len(cls.channels))
+        return cls.with_white_part(noise)
+
+    @classmethod
+    def with_white_part(cls, noise: NoiseOption) -> NoiseOption:
+        """Return the noise, of a sensor that filters go by with a white part.
+
+        Raises:
+            ValueError: It has none.
+        """
+        if cls.role == "other" and not has_white_part(noise_parts(noise)):
             raise ValueError("the noise needs a gaussian or mixture part: no filter can weigh it without")
         return noise
 
@@ -153,9 +165,15 @@ class SensorOptions(Options):
 
 
 class RelativeSensorOptions(SensorOptions):
-    """A sensor that measures the other craft: what a filter is told of it, and when it reads."""
+    """A sensor that measures the other craft: what a filter is told of it, and when it reads.
+
+    Attributes:
+        direction_from: What its host must know of itself for the channels that need a direction: its ``orbit``, and the
+            ``attitude`` of its body unless the sensor's own axes are inertial.
+    """
 
     role: ClassVar[Role] = "other"
+    direction_from: ClassVar[tuple[Role, ...]] = ("orbit", "attitude")
 
     host: Craft = Field(default="chief", description="Craft that carries it and sees the other one; default: the chief")
     latency_s: float = Field(
@@ -198,7 +216,7 @@ class RelativeSensorOptions(SensorOptions):
         return None
 
     def needs_direction(self) -> tuple[bool, ...]:
-        """Return for each channel whether it is lost without the host's attitude and orbit."""
+        """Return for each channel whether it is lost without what `direction_from` says the host must know."""
         return (False,) * len(self.channels)
 
     def inputs(self, z: Array, frame: HostFrame) -> dict[Form, Array]:
@@ -222,7 +240,7 @@ class RelativeSensorOptions(SensorOptions):
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
 
-        None where one reading gives no position.
+        None where one reading gives no position. The first three channels are those that give it.
 
         Args:
             measurement: From `measurement`, in the spherical form.

@@ -59,6 +59,7 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
         name = fix_sensor(config)
         base = sensor_measurement(name, config.sensors, nominal_chief(config.truth), config.clock.step_s)
         H = augmented_measurement(extra, name, base, config).jacobian(mean, 0)
+        H = np.broadcast_to(H, (runs, *H.shape[-2:]))[:, :3]
         # Stacked solve: a run without a fix is NaN and stays so.
         moved = np.asarray(np.linalg.solve(H[:, :, :3], H[:, :, n:]), dtype=np.float64)
         covariance[:, :3, :3] += moved @ P_b @ transpose(moved)

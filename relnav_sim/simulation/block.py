@@ -33,7 +33,7 @@ from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.chunks import Chunk, chunks
+from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
@@ -147,7 +147,7 @@ def _measurement(entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, exte
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
-            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency
+            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, frame="told"
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
     if len(models) > 1:
@@ -206,6 +206,7 @@ class FilterTrack:
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
         self._forms = sensor_forms(entry, config)
+        self._config = config
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
@@ -272,7 +273,7 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
             cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
-        z = {name: chunk.inputs[name][form] for name, form in self._forms.items()}
+        z = told(chunk, self._forms, self._config)
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history
