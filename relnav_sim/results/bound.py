@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
@@ -30,8 +30,11 @@ class BoundResult:
         seed: Seed of the campaign.
         case_id: Hash of the case's content without its filters.
         filter_ids: A hash of each filter's settings, by its name.
-        perfect: Bound of a perfect model, (times, 8), in the order of `layout.QUANTITIES`; None where it failed.
+        perfect: Bound of a perfect model that goes by all sensors, (times, 8), in the order of `layout.QUANTITIES`; None
+            where it failed.
         filters: Bounds of the filters' own models, (times, 8), by name; those that failed are left out.
+        perfect_of: Bounds of a perfect model that goes by the filter's own sensors, by its name, (times, 8); only of
+            filters that go by some of the sensors.
         reason: Why one failed, in words, as that of a `Failure`; empty: none did.
         retry: Whether one failed for want of time or memory, so that another attempt may succeed.
     """
@@ -41,6 +44,7 @@ class BoundResult:
     filter_ids: Mapping[str, str]
     perfect: Array | None
     filters: Mapping[str, Array]
+    perfect_of: Mapping[str, Array] = field(default_factory=dict)
     reason: str = ""
     retry: bool = False
 
