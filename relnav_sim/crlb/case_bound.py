@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.crlb.case_observability import case_observability
 from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
+from relnav_sim.crlb.start import start_covariance
 from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
@@ -101,6 +103,7 @@ def case_bound(case: Case, seed: int) -> BoundResult:
         filters={
             name: bounds[key, of] for key, of in models if key and (key, of) not in broken for name in sharers[key]
         },
+        observability=case_observability(config),
         perfect_of={name: perfect[of] for name, of in sensors.items() if of != every and of in perfect},
         reason="; ".join(
             f"{', '.join(sharers.get(key, ['perfect model']))}: {message_of(error)}"
@@ -225,15 +228,12 @@ def _start(
     config: CaseConfig, truth: _Ensemble, sensors: Mapping[str, SensorInformation], extra: Extension | None
 ) -> Array | None:
     """Return J_0^-1 (n, n), the covariance of the error with which filters start at best; None where none can."""
-    start = config.start
-    behind = np.zeros(0) if extra is None else extra.sigma
-    if isinstance(start, FirstFixStart):
-        name = fix_sensor(config)
-        # A run without a first fix has failed and does not count.
-        share = float(truth.probability[name][:, 0].min(axis=-1).mean())
-        if not share > 0:
-            return None
-        J = truth.information({name: sensors[name]}, np.zeros(1, dtype=np.int64), extra)[0] / share
-        J[3:, 3:] += np.diag(1 / np.square([*start.velocity_sigma_m_s, *behind]))
-        return np.asarray(np.linalg.inv(J))
-    return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s, *behind]))
+    if not isinstance(config.start, FirstFixStart):
+        return start_covariance(config.start, None, extra)
+    name = fix_sensor(config)
+    # A run without a first fix has failed and does not count.
+    share = float(truth.probability[name][:, 0].min(axis=-1).mean())
+    if not share > 0:
+        return None
+    fix = truth.information({name: sensors[name]}, np.zeros(1, dtype=np.int64), extra)[0] / share
+    return start_covariance(config.start, fix, extra)

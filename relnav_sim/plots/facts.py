@@ -17,6 +17,7 @@ from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
@@ -63,11 +64,13 @@ class FilterFacts:
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
-            the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
+            the Cramér-Rao bound of a perfect model that goes by its sensors over the same; NaN where the result holds none.
         times_own_bound: The same of the bound of the filter's own model.
         extra: What it found out about its extra states; None where it has none.
         nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
             Gaussians as noise, under which only the mean of the NIS is known.
+        observability: What its sensors can tell it of the state; None where the result does not say.
+        sensors: Names of its sensors where it names any; empty: all of the case.
     """
 
     name: str
@@ -86,6 +89,13 @@ class FilterFacts:
     times_own_bound: Mapping[Span, Interval]
     extra: ExtraStates | None = None
     nis_is_chi_square: bool = True
+    observability: Observability | None = None
+    sensors: tuple[str, ...] = ()
+
+    @property
+    def observable(self) -> bool:
+        """Whether its sensors can observe the state, as far as the result says."""
+        return self.observability is None or self.observability.observable
 
     @property
     def failed(self) -> int:
@@ -278,7 +288,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     times_s = results.time_s(index)
     whole_state = layout.BLOCKS.index("full")
     ok = statistic("failed") == 0
-    bounds = results.bound(index), results.bound(index, name)
+    bounds = results.perfect_bound(index, name), results.bound(index, name)
     r = np.full((int(ok.sum()), len(times_s)), np.nan)
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
@@ -304,6 +314,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         times_own_bound=_ratios_to_bound(r, bounds[1], spans),
         extra=results.extra(index, name),
         nis_is_chi_square=not _assumes_mixture(results, index, name),
+        observability=results.observability(index, name),
+        sensors=results.sensors(index, name),
     )
 
 

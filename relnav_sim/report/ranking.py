@@ -84,7 +84,7 @@ class Ranking:
 
     Attributes:
         case: The case.
-        standings: The filters.
+        standings: The filters; last those whose sensors can't observe the state, which no comparison is made with.
         position: All pairs that have runs in common, by the RMS of the position error, m.
         velocity: The same by the RMS of the velocity error, m/s; a family of its own.
     """
@@ -100,9 +100,14 @@ class Ranking:
         return self.standings[0]
 
     @property
+    def ranked(self) -> tuple[Standing, ...]:
+        """The filters that are compared: those whose sensors can observe the state."""
+        return tuple(item for item in self.standings if item.facts.observable)
+
+    @property
     def undecided(self) -> tuple[Standing, ...]:
         """The filters that can't be told apart from the best."""
-        return tuple(item for item in self.standings[1:] if not item.told_apart)
+        return tuple(item for item in self.ranked[1:] if not item.told_apart)
 
     @property
     def compared_runs(self) -> int:
@@ -117,7 +122,7 @@ class Ranking:
     @property
     def has_too_few_runs(self) -> bool:
         """Whether no pair can be decided, however large its difference."""
-        return len(self.standings) > 1 and self.compared_runs < self.fewest_runs
+        return len(self.ranked) > 1 and self.compared_runs < self.fewest_runs
 
     def of(self, name: str) -> Standing | None:
         """Return a filter's standing, None where it has no completed run."""
@@ -130,7 +135,9 @@ def rank(case: CaseFacts) -> Ranking:
     position = {item.name: mean_interval(_completed(item, case, "r")) for item in held}
     # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
     order = sorted(position, key=lambda name: (not np.isfinite(position[name].estimate), position[name].estimate))
-    pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
+    order.sort(key=lambda name: not case.filter(name).observable)
+    compared = [name for name in order if case.filter(name).observable]
+    pairs = {component: _pairs(case, compared, component) for component in ("r", "v")}
     against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
     for name in order:
