@@ -23,6 +23,7 @@ from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.chunks import CHUNK_EPOCHS
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
@@ -35,15 +36,16 @@ ENSEMBLE = 20
 run or not, so that no bound depends on the number of runs."""
 
 
-def bound_surviving(case: Case, seed: int) -> BoundResult:
+def bound_surviving(case: Case, seed: int, learned: Learned) -> BoundResult:
     """Return the bounds of a case; what can't be computed is left out with the reason, and nothing is raised.
 
     Args:
         case: The case with all its filters.
         seed: The campaign's seed.
+        learned: What is learned already.
     """
     try:
-        return case_bound(case, seed)
+        return case_bound(case, seed, learned)
     except Exception as error:  # whatever the cause, it must not end the campaign
         return failed_bound(case, seed, message_of(error), retry=lacks_memory(error))
 
@@ -53,7 +55,7 @@ def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult
     return BoundResult(seed, case.id, case.filter_ids, None, {}, reason=reason, retry=retry)
 
 
-def case_bound(case: Case, seed: int) -> BoundResult:
+def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundResult:
     """Return the bounds of perfect models and of the filters' own models at the stored epochs.
 
     Each filter is bounded by the readings of its own sensors. The information of a reading is that of the sensor at the
@@ -70,8 +72,10 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     Args:
         case: The case with all its filters.
         seed: The campaign's seed.
+        learned: What is learned already; it saves time and changes no bit. Default: nothing.
     """
     config = case.config
+    learned = learned or Learned()
     truth = _ensemble(config, seed)
     information = {name: SensorInformation(name, config, truth.relative) for name in truth.probability}
     every = tuple(information)
@@ -80,11 +84,15 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     for name, entry in config.filters.items():
         sharers.setdefault(model_key(entry), []).append(name)
     models = {
-        ("", of): Model(partial(perfect_dynamics, config), config) for of in dict.fromkeys((every, *sensors.values()))
+        ("", of): Model(partial(perfect_dynamics, config), config, about_chief=True)
+        for of in dict.fromkeys((every, *sensors.values()))
     }
     models |= {
         (key, sensors[names[0]]): Model(
-            partial(believed_dynamics, names, config, seed), config, extension_of(config.filters[names[0]], config)
+            partial(believed_dynamics, names, config, seed, learned),
+            config,
+            extension_of(config.filters[names[0]], config),
+            about_chief="chief_fixes" in config.filters[names[0]].dynamics.needs,
         )
         for key, names in sharers.items()
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,10 @@ from relnav_sim.crlb.models import model_key
 from relnav_sim.crlb.observability import direction_in_words, observability
 from relnav_sim.crlb.start import start_covariance
 from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
-from relnav_sim.dynamics.registry import dynamics_kinds, is_learned
+from relnav_sim.dynamics.registry import build_dynamics, dynamics_kinds
 from relnav_sim.results.observability import NOT_OBSERVABLE, Observability
 from relnav_sim.sensors import reading_probability, relative_sensors
 from relnav_sim.sensors.due import steps_per_reading
@@ -148,8 +148,8 @@ def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dyn
     """Return the motion that a filter believes in, with the manoeuvres that it is told of, over the longer steps."""
     config = looked.config
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    options: Any = dynamics_kinds()["cw"]() if is_learned(entry.dynamics) else entry.dynamics
-    motion: Dynamics = options.build(orbit, entry.process_noise, step_s)
+    options = dynamics_kinds()["cw"]() if "training_track" in entry.dynamics.needs else entry.dynamics
+    motion = build_dynamics(options, DynamicsContext(orbit, entry.process_noise, step_s))
     if config.truth.manoeuvres and known_thrust(entry, config) != "none":
         motion = KnownThrust(motion, orbit, step_s)
         motion.take(planned_forces(config.truth, looked.times_s, step_s), 0)

@@ -55,7 +55,7 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     above = "Above the best: relative difference on the same runs."
     above += (
         " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound "
-        "of a perfect model that goes by the filter's sensors; none for a filter that diverged in half of its runs or more."
+        "of a perfect model with the filter's sensors; none for a filter that diverged in half of its runs or more."
         if bounded
         else ""
     )
