@@ -148,11 +148,14 @@ def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dyn
     """Return the motion that a filter believes in, with the manoeuvres that it is told of, over the longer steps."""
     config = looked.config
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    options = dynamics_kinds()["cw"]() if "training_track" in entry.dynamics.needs else entry.dynamics
+    options = entry.dynamics
+    if "training_track" in options.needs:
+        options = dynamics_kinds()["cw"].model_validate({"kind": "cw"})
     motion = build_dynamics(options, DynamicsContext(orbit, entry.process_noise, step_s))
     if config.truth.manoeuvres and known_thrust(entry, config) != "none":
-        motion = KnownThrust(motion, orbit, step_s)
-        motion.take(planned_forces(config.truth, looked.times_s, step_s), 0)
+        pushed = KnownThrust(motion, orbit, step_s)
+        pushed.take(planned_forces(config.truth, looked.times_s, step_s), 0)
+        motion = pushed
     return motion if extra is None else extra.dynamics(motion, orbit, step_s)
 
 

@@ -64,7 +64,7 @@ class FilterFacts:
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
-            the Cramér-Rao bound of a perfect model that goes by its sensors over the same; NaN where the result holds none.
+            the Cramér-Rao bound of a perfect model with its sensors over the same; NaN where the result holds none.
         times_own_bound: The same of the bound of the filter's own model.
         extra: What it found out about its extra states; None where it has none.
         nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of

@@ -64,8 +64,8 @@ def rms_over_time(
     """Draw the RMS over runs of position and velocity error against time, a line per filter, log axis, with the bound.
 
     Dotted lines of a filter's colour are what it claims: the root mean over runs of its covariance's trace. The black
-    dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model, one for each
-    set of sensors that the filters go by.
+    dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model, one line
+    for each set of sensors that the filters go by.
 
     Args:
         results: An opened result.

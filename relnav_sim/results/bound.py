@@ -129,7 +129,7 @@ _OBSERVED = tuple(spec.name for spec in layout.OBSERVABILITY)
 def _array(file: h5py.File, name: str) -> Array:
     """Return an array of a bound's file by its name, PART or PART/FILTER."""
     group, _, last = name.partition("/")
-    dims = ("entry",) if group in _OBSERVED else layout.BOUND.dims
+    dims = next((spec.dims for spec in layout.OBSERVABILITY if spec.name == group), layout.BOUND.dims)
     spec = layout.Dataset(last or group, dims, layout.BOUND.dtype, "", "")
     return store.read(store.subgroup(file, group) if last else file, spec)
 

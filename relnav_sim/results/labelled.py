@@ -44,7 +44,7 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
 def _limits(group: h5py.Group) -> tuple[layout.Dataset, ...]:
     """Return what a group holds of bounds and observability."""
     held = store.names(group)
-    return tuple(spec for spec in (layout.BOUND, layout.PERFECT_BOUND, *layout.OBSERVABILITY) if spec.name in held)
+    return tuple(spec for spec in layout.LIMITS if spec.name in held)
 
 
 def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> xarray.Dataset:

@@ -253,6 +253,9 @@ OBSERVABILITY = (
 """Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
 observable) and ``weakest`` (the direction in words) of the group go with it."""
 
+LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
+"""What a case's group or a filter's may hold of what readings can tell at most."""
+
 FAILURES = (
     Dataset("run", ("failure",), _I8, "1", "run that failed"),
     Dataset("epoch", ("failure",), _I8, "1", "first failed epoch; -1: not known"),
