@@ -61,14 +61,21 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         yield "trajectory", results.truth_runs(case).astype(float)
         yield "time", results.time_s(case)
         return
+    yield "perfect_bound", results.perfect_bound(case, filter)
+    observed = results.observability(case, filter)
+    for part in ("ratio", "direction", "sigma_ratio") if observed is not None else ():
+        yield part, getattr(observed, part)
     yield "runs", results.case_runs(case, filter).astype(float)
     for spec in layout.SUMMARY:
         if not spec.timing:
             yield spec.name, results.statistic(case, filter, spec.name)
     yield from results.diagnostics(case, filter).items()
-    extra = results.extra(case, filter)
+    extra = results.augmented(case, filter)
     for part in ("estimate", "error", "sigma", "mean", "rms") if extra is not None else ():
         yield part, getattr(extra, part)
+    by_sensor = results.by_sensor(case, filter)
+    for spec in layout.BY_SENSOR if by_sensor is not None else ():
+        yield spec.name, getattr(by_sensor, spec.name.removeprefix("sensor_"))
     for series in (results.error, results.sigma, results.nis, results.nees):
         yield series.__name__, series(case, filter)
 

@@ -12,10 +12,12 @@ import h5py
 import numpy as np
 import pytest
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, seal
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shards import shard_name, write_shard
@@ -24,7 +26,13 @@ TIMES = 7
 HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
-BIASES = layout.Columns(extra=("range_bias", "azimuth_bias"), extra_units=("m", "rad"))
+BIASES = layout.Columns(
+    augmented=("range_bias", "azimuth_bias"), augmented_units=("m", "rad"), sensors=("radar", "camera")
+)
+CHANNELS = {
+    "radar": (Channel("range", "m", "range"), Channel("azimuth", "rad", "azimuth", True)),
+    "camera": (Channel("elevation", "rad", "elevation", True),),
+}
 
 
 def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
@@ -32,7 +40,7 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.EXTRA):
+        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
@@ -73,10 +81,20 @@ def filter_ids(names: Iterable[str]) -> dict[str, str]:
 
 
 def bound(case: int, filters: Sequence[str] = FILTERS) -> BoundResult:
-    """Return made-up bounds of a case."""
+    """Return made-up bounds of a case, whose alpha filter goes by some of the sensors."""
     numbers = {name: np.random.default_rng([case, len(name)]).uniform(size=(TIMES, 8)) for name in ("", *filters)}
     perfect = numbers.pop("")
-    return BoundResult(SEED, f"id{case}", filter_ids(filters), perfect, numbers)
+    some = {name: numbers[name] / 2 for name in filters if name != "ekf"}
+    seen = {name: observability(case, name) for name in filters}
+    return BoundResult(SEED, f"id{case}", filter_ids(filters), perfect, numbers, some, seen)
+
+
+def observability(case: int, name: str) -> Observability:
+    """Return what the readings are made up to tell a filter."""
+    rng = np.random.default_rng([case, len(name), 7])
+    states = (*layout.COMPONENTS, *(() if name == "ekf" else ("range_bias",)))
+    numbers = rng.uniform(size=TIMES), rng.uniform(size=len(states)), rng.uniform(size=len(states))
+    return Observability(("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position")
 
 
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:
@@ -88,7 +106,14 @@ def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> R
         seed=SEED,
         runs=runs,
         cases=tuple(
-            CaseHeader(f"id{i}", f"scale={i + 1}", {"sensors.radar.scale": i + 1}, tuple(filters), filter_ids(filters))
+            CaseHeader(
+                f"id{i}",
+                f"scale={i + 1}",
+                {"sensors.radar.scale": i + 1},
+                tuple(filters),
+                filter_ids(filters),
+                CHANNELS,
+            )
             for i in range(cases)
         ),
         constants={"mu_m3_s2": 3.986004418e14, "truth_zonals": 4},

@@ -5,12 +5,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout
 from relnav_sim.results.block import FilterResult
 
 
 def test_every_dataset_in_the_file_is_in_the_layout_and_described(result: Path) -> None:
-    known = {spec.name: spec for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND)}
+    known = {spec.name: spec for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS)}
     tables = {spec.name: spec for spec in layout.FAILURES}
     seen = set()
 
@@ -30,20 +31,20 @@ def test_every_dataset_in_the_file_is_in_the_layout_and_described(result: Path) 
 
     with h5py.File(result) as file:
         file.visititems(visit)
-        assert set(file["case_000"]) == {"alpha_0.5", "ekf", *layout.RESERVED_NAMES}
+        assert set(file["case_000"]) == {"alpha_0.5", "ekf", *RESERVED_NAMES}
         assert set(file["case_000/ekf"]) >= {spec.name for spec in layout.FILTER}
     assert seen >= set(known) | set(tables)
 
 
 def test_every_dataset_has_units_and_a_meaning() -> None:
-    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND, *layout.FAILURES):
+    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS, *layout.FAILURES):
         assert spec.long_name and (spec.units or spec.dtype == "str")
         assert set(spec.dims) <= set(layout.DIMENSIONS)
 
 
 def test_the_documentation_has_every_dataset_as_it_is() -> None:
     text = (Path(__file__).parents[2] / "docs" / "results-file.md").read_text(encoding="utf-8")
-    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND, *layout.FAILURES):
+    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS, *layout.FAILURES):
         meaning = spec.long_name.replace("|", "\\|")
         kind = spec.dtype.lstrip("<|")
         row = f"| `{spec.name}` | {', '.join(spec.dims)} | {spec.units or '-'} | {kind} | {meaning} |"
