@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, joint_components
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable, joint_components
 
 Array = NDArray[np.float64]
 _UPPER = np.triu_indices(6)
@@ -63,6 +65,14 @@ class FrameError(MeasurementDefaults):
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the base's dh/dx."""
         return self.base.jacobian(states, epoch)
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return what a small turn of the host does to the base's reading.
+
+        Raises:
+            TypeError: The base can't say.
+        """
+        return cast(Turnable, self.base).turning(states, epoch)
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the base's residual."""

@@ -221,3 +221,20 @@ def test_a_target_near_the_sun_is_not_seen(scene):
 def test_bad_options_are_refused(values, said):
     with pytest.raises(ValidationError, match=said):
         CameraOptions.model_validate_json(json.dumps({"angle_sigma_deg": 0.1, **values}))
+
+
+def test_a_frame_that_errs_between_fixes_still_lets_the_host_turn(scene):
+    """GNSS fixes now and then: the frame's error joins R, and the augmented turn goes through it."""
+    gnss = {**scene.GNSS, "period_s": 2.0}
+    options = scene.sensors(radar=None, gnss=gnss, **camera(latency_s=0.4))
+    told, plain = (
+        sensor_measurement("camera", options, scene.ORBIT, scene.STEP_S, frame=frame) for frame in ("told", "perfect")
+    )
+    state = np.array([[60.0, 900.0, -250.0, 0.3, 0.1, -0.2]])
+    distortion = options["camera"].distortion(ErrorShares({}, np.eye(3)), "spherical")
+    H = [
+        AugmentedMeasurement(each, 6, distortion).jacobian(np.hstack([state, np.zeros((1, 3))]), 0)
+        for each in (told, plain)
+    ]
+    np.testing.assert_array_equal(H[0], H[1])
+    assert H[0][..., 6:].any()
