@@ -13,12 +13,14 @@ from relnav_sim.campaign import Case
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.crlb.fisher import ReadingInformation
+from relnav_sim.crlb.host_frames import HostFrames, in_frame
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
 from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
-from relnav_sim.sensors import reading_probability, relative_sensors, sensor_measurement
+from relnav_sim.sensors import frame_is_told, reading_probability, relative_sensors, sensor_measurement
+from relnav_sim.sensors.interface import Craft
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
 from relnav_sim.simulation.learned import Learned
@@ -162,12 +164,14 @@ class _Ensemble:
         relative: Relative states, RTN, (b, T, 6).
         relative_mean: Their mean, (T, 6).
         probability: By sensor, the probability of each channel, (b, T, m); NaN where a trajectory has ended.
+        frames: By host, where fixes may be missing, the covariance of its orbit frame's error, (T, 6, 6).
     """
 
     chief: Array
     relative: Array
     relative_mean: Array
     probability: Mapping[str, Array]
+    frames: Mapping[Craft, Array]
 
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
@@ -175,8 +179,14 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, runs))
     chief, relative = [], []
     probability: dict[str, list[Array]] = {name: [] for name in relative_sensors(config.sensors)}
+    hosts = HostFrames(config)
+    frames: dict[Craft, list[Array]] = {host: [] for host in hosts.hosts}
     for epochs in _chunks(0, config.clock.epochs):
         truth = trajectory.at(epochs * config.clock.step_s)
+        for host, covariance in hosts.advance(
+            epochs, {"chief": _mean(truth.chief), "deputy": _mean(truth.deputy)}
+        ).items():
+            frames[host].append(covariance)
         chief.append(_mean(truth.chief))
         relative.append(truth.relative)
         ended = np.isnan(truth.relative[..., :1])
@@ -185,7 +195,8 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
             probability[name].append(np.where(ended, np.nan, likely))
     states = np.concatenate(relative, axis=1)
     chances = {name: np.concatenate(parts, axis=1) for name, parts in probability.items()}
-    return _Ensemble(np.concatenate(chief), states, _mean(states), chances)
+    known = {host: np.concatenate(parts) for host, parts in frames.items()}
+    return _Ensemble(np.concatenate(chief), states, _mean(states), chances, known)
 
 
 def _mean(values: Array) -> Array:
@@ -203,8 +214,9 @@ class _SensorInformation:
         orbit, step_s = nominal_chief(config.truth), config.clock.step_s
         self._name, self._config, self._truth = name, config, truth
         self._model = sensor_measurement(
-            name, config.sensors, orbit, step_s, assumed_noise="nominal", assumed_latency="none"
+            name, config.sensors, orbit, step_s, assumed_noise="nominal", assumed_latency="none", frame="perfect"
         )
+        self._frame = truth.frames.get(options.host) if frame_is_told(name, config.sensors, step_s) else None
         self._alone = np.flatnonzero(~np.array(options.needs_direction()))
         law = white_law(noise_parts(options.noise), len(options.channels))
         self._reading: ReadingInformation | None = None
@@ -235,6 +247,9 @@ class _SensorInformation:
         states, probability = self._truth.relative[:, epochs], self._truth.probability[self._name][:, epochs]
         flat = states.reshape(-1, 6)
         H, noise = self._jacobian(flat, extra), self._noise_information(flat)
+        if self._frame is not None:
+            covariance = np.broadcast_to(self._frame[epochs], (len(states), len(epochs), 6, 6)).reshape(-1, 6, 6)
+            noise = in_frame(noise, H, flat, covariance)
         whole = probability.min(axis=-1)
         total = self._weighed(H, noise, whole)
         if len(self._alone):
