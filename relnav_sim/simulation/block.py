@@ -209,7 +209,7 @@ class FilterTrack:
         self._config = config
         self._step_s = config.clock.step_s
         self._prior = prior
-        self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config), tuple(self._forms))
+        self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._extra: ExtraTrack | None = None
         self._cpu_s = 0.0
         self._steps = 0

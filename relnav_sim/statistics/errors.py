@@ -7,7 +7,7 @@ as long as the chunks of epochs are the same.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -98,10 +98,9 @@ class ErrorAccumulator:
     Args:
         runs: Number of runs in the block.
         rules: How errors are turned into figures.
-        sensors: Names of the sensors that the filter's history tells its readings by, in their order.
     """
 
-    def __init__(self, runs: int, rules: ScoringRules, sensors: Sequence[str] = ()) -> None:
+    def __init__(self, runs: int, rules: ScoringRules) -> None:
         self.rules = rules
         self._runs = runs
         self._limits = consistency.nees_limits()
@@ -115,13 +114,13 @@ class ErrorAccumulator:
             consistency.no_nees(runs),
             no_nis,
             no_nis,
-            tuple(consistency.no_sensor(runs) for _ in sensors),
+            (),
             np.zeros(runs),
         )
         self._spans = {"early": empty, "settled": empty}
         self._common = CommonDof(runs)
-        self._common_by = {name: CommonDof(runs) for name in sensors}
-        self._readings = ReadingSeries(runs, len(rules.stored_s), rules.store_every, tuple(sensors))
+        self._common_by: dict[str, CommonDof] = {}
+        self._readings: ReadingSeries | None = None
         self._late = np.zeros((2, runs), dtype=np.int64)
         self._extras: dict[str, Array] = {}
         held = hold_epochs(rules.convergence_hold_s, rules.step_s)
@@ -157,7 +156,8 @@ class ErrorAccumulator:
             log_likelihood: Log likelihood of the measurement (runs, K); 0 without one.
             extras: Further numbers of the filter by name (runs, K); NaN where there is none.
             stated: Epoch and reason of the failures that the filter itself states, by the run's place in the block.
-            by_sensor: The NIS of each of the sensors with its degrees of freedom, where there are any.
+            by_sensor: The NIS of each sensor with its degrees of freedom, where the filter tells them apart; then of
+                the same sensors in every chunk.
 
         Raises:
             ValueError: The chunk does not continue the last one, or shapes do not fit.
@@ -172,9 +172,10 @@ class ErrorAccumulator:
         epochs = np.arange(first, first + shape[1])
         sound = epochs < self._failed_epoch[:, None]
         self._store(epochs, error, covariance, nis, nees[0], sound)
-        given = by_sensor or NisOfSensors()
-        self._readings.add(epochs, given, sound)
-        innovations = self._innovations(nis, given)
+        innovations = _Nis(nis, nis, ())
+        if by_sensor is not None and by_sensor.nis:
+            self._readings_of(by_sensor).add(epochs, by_sensor, sound)
+            innovations = self._innovations(nis, by_sensor)
         late = sound & (epochs >= self.rules.late_epoch)
         self._late = self._late + np.stack([late.sum(axis=1), (late & ~(nees[0] <= self._limits[0, -1])).sum(axis=1)])
         for name, values in (extras or {}).items():
@@ -232,7 +233,7 @@ class ErrorAccumulator:
             "cpu_per_step": np.full(self._runs, cpu_us_per_step),
         }
         diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
-        by_sensor = self._readings.result([whole.sensors, settled.sensors])
+        by_sensor = None if self._readings is None else self._readings.result([whole.sensors, settled.sensors])
         return FilterResult(summary, **self._series, diagnostics=diagnostics, augmented=None, by_sensor=by_sensor)
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
@@ -281,14 +282,22 @@ class ErrorAccumulator:
             self._series["nis"][:, rows] = np.where(good, nis[:, chosen], np.nan)
             self._series["nees"][:, rows] = np.where(good, nees[:, chosen], np.nan)
 
+    def _readings_of(self, given: NisOfSensors) -> ReadingSeries:
+        """Return where the readings of these sensors are stored; begin with it at the first chunk."""
+        if self._readings is None:
+            names, runs = tuple(given.nis), self._runs
+            self._readings = ReadingSeries(runs, len(self.rules.stored_s), self.rules.store_every, names)
+            self._common_by = {name: CommonDof(runs) for name in names}
+            nothing = tuple(consistency.no_sensor(runs) for _ in names)
+            self._spans = {name: replace(span, sensors=nothing) for name, span in self._spans.items()}
+        return self._readings
+
     def _innovations(self, nis: Array, given: NisOfSensors) -> _Nis:
-        if not given.dof:
-            return _Nis(nis, nis, ())
         with np.errstate(invalid="ignore"):
             alike = self._common.alike(nis, np.add.reduce(list(given.dof.values())))
             sensors = tuple(
-                (own, common.alike(own, given.dof[name]), given.dof[name])
-                for (name, common), own in zip(self._common_by.items(), given.nis.values(), strict=True)
+                (given.nis[name], common.alike(given.nis[name], given.dof[name]), given.dof[name])
+                for name, common in self._common_by.items()
             )
         return _Nis(nis, alike, sensors)
 

@@ -80,10 +80,8 @@ class ReadingSeries:
             counts = np.add.reduceat((dof > 0).astype(np.int32), begins, axis=1)
             self._series["readings"][:, after[begins[inside]], place] += counts[:, inside]
 
-    def result(self, spans: list[tuple[SensorSums, ...]]) -> BySensor | None:
-        """Return everything by sensor, with the sums over each span; None where no sensor has a name."""
-        if not self.names:
-            return None
+    def result(self, spans: list[tuple[SensorSums, ...]]) -> BySensor:
+        """Return everything by sensor, with the sums over each span."""
 
         def over_spans(of: str) -> Array:
             return np.stack([np.stack([getattr(one, of) for one in span], axis=1) for span in spans], axis=1)

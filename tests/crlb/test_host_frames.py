@@ -68,7 +68,7 @@ def test_information_of_gaussian_noise_is_that_of_the_sum():
 
 
 def test_the_bound_goes_down_in_an_outage_as_the_frame_does():
-    """With a wide process noise each epoch stands for itself: the plane is off by 40 cm at a fix, by 4 between fixes."""
+    """With a wide process noise each epoch stands for itself: the plane is off by 40 cm at a fix, by 4 between."""
     with_outage, without = case_bound(case(OUTAGE), 3), case_bound(case("{kind: gaussian}"), 3)
     assert not with_outage.reason
     normal = with_outage.filters["ekf"][:, 2]

@@ -44,7 +44,7 @@ def with_sensors(result: FilterResult, step_s: float, store_every: int, settle_s
     given = nis_of_sensors(runs, epochs, step_s, scale=scale)
     known = np.array([np.isfinite(values) for values in given.nis.values()])
     total = np.where(known.any(axis=0), np.nansum(list(given.nis.values()), axis=0), np.nan)
-    errors = ErrorAccumulator(runs, rules, tuple(given.nis))
+    errors = ErrorAccumulator(runs, rules)
     shape = runs, epochs
     errors.add(
         step_s * np.arange(1, epochs + 1), np.zeros((*shape, 6)), np.broadcast_to(np.eye(6), (*shape, 6, 6)), total,

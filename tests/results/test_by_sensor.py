@@ -90,10 +90,8 @@ def test_as_columns(result: Path, tmp_path: Path) -> None:
 def test_xarray_opens_it_by_sensor(result: Path) -> None:
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
-    with (
-        xarray.open_dataset(result, group=(group := f"case_000/{SENSORS}"), engine="h5netcdf") as data,
-        open_results(result) as own,
-    ):
+    group = f"case_000/{SENSORS}"
+    with xarray.open_dataset(result, group=group, engine="h5netcdf") as data, open_results(result) as own:
         assert data["sensor_nis"].dims == ("run", "time", "sensor")
         camera = data["sensor_readings"].sel(sensor="camera", run=2)
         np.testing.assert_array_equal(camera, own.by_sensor(0, SENSORS).readings[2, :, 1])

@@ -39,7 +39,7 @@ def counted(given: NisOfSensors, chunk: int = 64, lost: int | None = None, tell:
     """Return what an accumulator makes of it; the first run fails at epoch ``lost``."""
     nis = whole(given)
     runs = len(nis)
-    accumulator = ErrorAccumulator(runs, RULES, tuple(given.nis) if tell else ())
+    accumulator = ErrorAccumulator(runs, RULES)
     error = np.zeros((runs, EPOCHS, 6))
     if lost is not None:
         error[0, lost - 1 :] = np.nan
