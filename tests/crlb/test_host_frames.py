@@ -47,7 +47,7 @@ def test_the_covariance_is_that_of_the_runs_own_filters():
     (part,) = chunks(config, RandomSource(3, (0, 1, 2)))
     frames = HostFrames(config)
     epochs = np.arange(151)
-    found = frames.advance(epochs, {"chief": part.truth.chief[0], "deputy": part.truth.deputy[0]})["chief"]
+    found = frames.advance(epochs, part.truth.chief[0], part.truth.deputy[0])["relative_gnss"]
     scale = np.sqrt(np.einsum("kii->ki", found))
     units = scale[:, :, None] * scale[:, None]
     np.testing.assert_allclose(
