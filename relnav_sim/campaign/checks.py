@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
+from relnav_sim.conventions import RESERVED_NAMES
+from relnav_sim.dynamics.augmentation.kinds import extension
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
-from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
+from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
+from relnav_sim.sensors.conformity import complaints
 from relnav_sim.truth import TruthOptions
 
 MOST_EPOCHS = 10_000_000
 LINEAR_ONLY = frozenset({"kf"})
 """Filters whose measurement must be linear in the state."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
-"""Names that stand beside the filters' in a results file."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,11 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_manoeuvres(parts.truth, parts.clock)
     if parts.sensors is not None:
         yield from _check_sensors(parts.sensors, parts.start)
+        if parts.clock is not None:
+            for name in parts.sensors:
+                yield from (
+                    Problem(("sensors", name), said) for said in complaints(name, parts.sensors, parts.clock.step_s)
+                )
     for name, entry in parts.filters.items():
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
@@ -54,10 +61,12 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
+            yield from _check_distortions(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
+            learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
                 ("filters", name, "dynamics"),
-                f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",
+                f"the {entry.kind} filter needs learned dynamics: {' or '.join(learned)} (or leave this key out)",
             )
 
 
@@ -178,6 +187,24 @@ def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: Sensors) -
                 path,
                 "with a deadband the biases of two accelerometers come and go by themselves; set the deadband to 0",
             )
+
+
+def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
+    """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
+    if not entry.augment or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # a sensor that is not there is said already
+    known = relative_sensors(sensors, entry.sensors)
+    try:
+        extra = extension(entry.augment, known, step_s=1.0)
+    except ValueError:
+        return  # an error of no sensor here is no matter of the form
+    for each, options in known.items():
+        try:
+            options.distortion(
+                ErrorShares(extra.channels[each], extra.turns[each]), form_taken(options, entry.measurement)
+            )
+        except ValueError as error:
+            yield Problem(("filters", name, "augment"), str(error))
 
 
 def _check_clock(clock: Clock) -> Iterator[Problem]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.crlb.case_observability import case_observability
 from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
@@ -22,7 +23,6 @@ from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors
 from relnav_sim.simulation.augmented_states import extension_of
-from relnav_sim.simulation.chunks import CHUNK_EPOCHS
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor

@@ -9,13 +9,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.measurements.relative_state import relative_gnss as relative_gnss
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
+    from relnav_sim.measurements.tangent_sight import camera as camera
 
 # No module here may have one of these names: once imported, it would take the function's place.
 _HOME = {
+    "camera": "relnav_sim.measurements.tangent_sight",
     "first_fix": "relnav_sim.measurements.spherical_radar",
     "radar": "relnav_sim.measurements.spherical_radar",
+    "relative_gnss": "relnav_sim.measurements.relative_state",
 }
 
 __all__ = sorted(_HOME)
