@@ -163,6 +163,17 @@ class SensorOptions(Options):
         """
         raise NotImplementedError(f"{type(self).__name__} has no sample(truth, streams)")
 
+    def slow_errors(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the errors of the channels in truth that are not white, (runs or 1, K, m), SI units.
+
+        NaN where they are not known. By default the constant ones.
+
+        Args:
+            truth: The true states.
+            streams: The sensor's random numbers; only those that each run keeps may be drawn from it.
+        """
+        return self.constant_errors()[None, None]
+
     def constant_errors(self) -> Array:
         """Return the constant errors (m,) of the channels in truth, SI units; NaN where they drift."""
         return constant_part(noise_parts(self.noise), len(self.channels)) * self.sigmas

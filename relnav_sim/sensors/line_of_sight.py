@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.astro.attitude import in_axes, nadir_axes
-from relnav_sim.astro.line_of_sight import Vector, mounting_matrix, polar, rotate, rows
+from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, polar, rotate, rows, sight_vector
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Flags, RelativeSensorOptions, Sensed, within
 
@@ -63,6 +63,17 @@ class SightSensorOptions(RelativeSensorOptions):
             half_azimuth, half_elevation = np.radians(self.field_of_view_deg)
             seen &= (np.abs(azimuth) <= half_azimuth) & (np.abs(elevation) <= half_elevation)
         return seen
+
+    def in_estimated_frame(self, z: Array, frame: HostFrame) -> Array:
+        """Return range, azimuth and elevation (runs, K, 3) with the angles as seen from the estimated orbit frame.
+
+        NaN in the angles where the host does not know its attitude or orbit; the range stays.
+        """
+        if frame.body_to_orbit is None:
+            return z
+        sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
+        _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
+        return np.stack([z[..., 0], half_open(azimuth), elevation], axis=-1)
 
     def in_orbit_frame(self, measured: Vector, frame: HostFrame) -> Vector:
         """Return a measured line of sight as seen from the sensor mounted in the host's estimated orbit frame.
