@@ -18,9 +18,7 @@ from relnav_sim.measurements.partial import sensors_of
 Array = NDArray[np.float64]
 
 
-def checked_readings(
-    z: ArrayLike | Mapping[str, ArrayLike], measurement: Measurement
-) -> tuple[Array, ...]:
+def checked_readings(z: ArrayLike | Mapping[str, ArrayLike], measurement: Measurement) -> tuple[Array, ...]:
     """Return the readings of every sensor, (runs, T, m), as read-only views or copies; masked entries are NaN.
 
     Raises:
@@ -30,7 +28,9 @@ def checked_readings(
     names = [sensor.name for sensor in sensors if sensor.name]
     if not isinstance(z, Mapping):
         if names:
-            raise ValueError(f"z is one array, the filter has the sensors {_listed(names)}; give the readings by sensor")
+            raise ValueError(
+                f"z is one array, the filter has the sensors {_listed(names)}; give the readings by sensor"
+            )
         return (_checked(z, "z", sensors[0].channels),)
     if not names:
         raise ValueError("z gives readings by sensor, the filter has one measurement without a name; give one array")

@@ -41,7 +41,9 @@ class JoinedMeasurement(MeasurementDefaults):
         )
         seen = [getattr(measurement, "depends_on", None) for measurement in measurements]
         self.depends_on = (
-            None if None in seen else tuple(sorted({place for places in seen if places is not None for place in places}))
+            None
+            if None in seen
+            else tuple(sorted({place for places in seen if places is not None for place in places}))
         )
         self.states = next((n for m in measurements if (n := getattr(m, "states", None)) is not None), None)
         if any(has_own_density(measurement) for measurement in measurements):

@@ -25,6 +25,8 @@ from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import PartialMeasurement
+from relnav_sim.measurements.several import SeveralMeasurements
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
@@ -148,8 +150,10 @@ def _measurement(entry: FilterEntry, config: CaseConfig, extension: Extension | 
             name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
-    (measurement,) = models.values()  # TODO several
-    return measurement
+    if len(models) > 1:
+        return SeveralMeasurements(models)
+    ((name, model),) = models.items()
+    return PartialMeasurement(model, name)
 
 
 def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
@@ -286,22 +290,14 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if self._follower is not None:
             self._follower.take(chunk.z["gnss"], chunk.first_epoch, forces)
-        (z,) = (chunk.inputs[name][form] for name, form in self._forms.items())
+        z = {name: chunk.inputs[name][form] for name, form in self._forms.items()}
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history
-        self._belief, history = self._on(z[:, 1:], 1)
-        B = len(z)
-        return FilterHistory(
-            np.concatenate([self._prior.mean[:, None], history.mean], axis=1),
-            np.concatenate([self._prior.covariance[:, None], history.covariance], axis=1),
-            np.concatenate([np.full((B, 1), np.nan), history.nis], axis=1),
-            np.concatenate([np.zeros((B, 1)), history.log_likelihood], axis=1),
-            {k: np.concatenate([np.full((B, 1), np.nan), extra], axis=1) for k, extra in history.extras.items()},
-            history.failures,
-        )
+        self._belief, history = self._on({name: readings[:, 1:] for name, readings in z.items()}, 1)
+        return history.after(self._prior)
 
-    def _on(self, z: Array, first_epoch: int) -> tuple[Any, FilterHistory]:
+    def _on(self, z: Mapping[str, Array], first_epoch: int) -> tuple[Any, FilterHistory]:
         return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
 
     def result(self) -> FilterResult:
