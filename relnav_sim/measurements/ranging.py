@@ -187,8 +187,8 @@ def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float) -> Ranging:
     Example:
         >>> import numpy as np
         >>> link = crosslink(range_sigma_m=0.5, range_rate_sigma_m_s=1e-3)
-        >>> link.predict(np.array([[0.0, 300.0, 400.0, 0.0, 0.1, 0.2]]), 0)
-        array([[500.  ,   0.22]])
+        >>> link.predict(np.array([[0.0, 300.0, 400.0, 0.0, 0.1, 0.2]]), 0).round(3).tolist()
+        [[500.0, 0.22]]
     """
     _check_positive(range_sigma_m=range_sigma_m, range_rate_sigma_m_s=range_rate_sigma_m_s)
     return Ranging(np.diag(np.square([range_sigma_m, range_rate_sigma_m_s])))
