@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
+from relnav_sim.dynamics.augmentation.kinds import sensor_of
 from relnav_sim.dynamics.registry import is_learned
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
@@ -55,6 +56,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
+            yield from _check_sensor_errors(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and not is_learned(entry.dynamics):
             yield Problem(
                 ("filters", name, "dynamics"),
@@ -179,6 +181,26 @@ def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: Sensors) -
                 path,
                 "with a deadband the biases of two accelerometers come and go by themselves; set the deadband to 0",
             )
+
+
+def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
+    """Yield the extra states that are errors of no sensor here, or that add to a channel that another adds to."""
+    if not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # said already
+    known = relative_sensors(sensors, entry.sensors)
+    taken: dict[tuple[str | None, str], str] = {}  # by sensor and channel
+    for place, option in enumerate(entry.augment):
+        path: Path = ("filters", name, "augment", place)
+        try:
+            sensor = sensor_of(option, known)
+        except ValueError as error:
+            yield Problem(path, str(error))
+            continue
+        for channel in option.channels:
+            if (sensor, channel) in taken:
+                other = taken[sensor, channel]
+                yield Problem(path, f"{other} is an error of {sensor}'s {channel} too, and no reading tells them apart")
+            taken[sensor, channel] = option.kind
 
 
 def _check_clock(clock: Clock) -> Iterator[Problem]:

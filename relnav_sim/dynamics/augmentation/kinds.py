@@ -358,7 +358,7 @@ def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy]
     motions = [option.motion(step_s) for option in options]
     modes = [option.mode for option in options for _ in option.names]
     return Extension(
-        names=tuple(name for option in options for name in option.names),
+        names=tuple(name for option in options for name in _named(option)),
         units=tuple(unit for option in options for unit in option.units),
         sigma=np.concatenate([option.sigmas for option in options]),
         decay=block_diag(*(D for D, _ in motions)),
@@ -370,6 +370,11 @@ def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy]
     )
 
 
+def _named(option: ExtraStateOption) -> tuple[str, ...]:
+    """Return the names of the states of one kind, with the sensor's before them where the option names one."""
+    return option.names if option.sensor is None else tuple(f"{option.sensor}_{name}" for name in option.names)
+
+
 def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
     """Return the name of the sensor whose error an augmented state is; None where it is no error of a sensor.
 
@@ -377,6 +382,8 @@ def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | 
         ValueError: The sensor is not there, or has no such channel.
     """
     if not option.channels and not option.turn().any():
+        if option.sensor is not None:
+            raise ValueError(f"{option.kind} is no error of a sensor; leave the key sensor out")
         return None
     having = [
         name
