@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
 
 Array = NDArray[np.float64]
 
@@ -15,10 +15,14 @@ Array = NDArray[np.float64]
 class Distortion(Protocol):
     """What extra states b (..., e) do to a reading.
 
-    `sees` are the numbers, from 0, of the extra states that the reading depends on.
+    Attributes:
+        sees: The numbers, from 0, of the extra states that the reading depends on.
+        turns: The small turn of the host about the sensor's axes, T b, (3, e), that comes on top through the base's own
+            ``turning(x, epoch)``, linear in b; None: it is in `apply`, or there is none.
     """
 
     sees: tuple[int, ...]
+    turns: Array | None
 
     def apply(self, predicted: Array, extra: Array) -> Array:
         """Return the reading (..., m) that takes the place of the error-free `predicted` (..., m)."""
@@ -30,15 +34,18 @@ class Distortion(Protocol):
 
 
 class AdditiveBias:
-    """A reading off by C b.
+    """A reading off by C b, and by a small turn T b of the host.
 
     Args:
         matrix: C, (m, e).
+        turns: T, (3, e), rad; None: the host does not turn.
     """
 
-    def __init__(self, matrix: ArrayLike) -> None:
+    def __init__(self, matrix: ArrayLike, turns: Array | None = None) -> None:
         self._C = np.array(matrix, dtype=float)
-        self.sees = tuple(np.flatnonzero(self._C.any(axis=0)).tolist())
+        self.turns = turns if turns is not None and turns.any() else None
+        felt = self._C.any(axis=0) if self.turns is None else self._C.any(axis=0) | self.turns.any(axis=0)
+        self.sees = tuple(np.flatnonzero(felt).tolist())
 
     def apply(self, predicted: Array, extra: Array) -> Array:
         """Return predicted + C b."""
@@ -78,13 +85,19 @@ class AugmentedMeasurement(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the distorted readings of states (runs, ..., n + e)."""
-        return self._distortion.apply(self.base.predict(states[..., : self._n], epoch), states[..., self._n :])
+        x, b = states[..., : self._n], states[..., self._n :]
+        reading = self._distortion.apply(self.base.predict(x, epoch), b)
+        by_turns = self._by_turns(x, epoch)
+        return reading if by_turns is None else reading + np.einsum("...ij,...j->...i", by_turns, b)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives by [x; b], (runs, ..., m, n + e), or (m, n + e) where they are constant."""
         x, b = states[..., : self._n], states[..., self._n :]
         H = self.base.jacobian(x, epoch)
         by_predicted, by_extra = self._distortion.jacobian(self.base.predict(x, epoch), b)
+        by_turns = self._by_turns(x, epoch)
+        if by_turns is not None:
+            by_extra = by_extra + by_turns
         if by_predicted is not None:
             H = by_predicted @ H
         leading = np.broadcast_shapes(H.shape[:-2], by_extra.shape[:-2])
@@ -92,6 +105,12 @@ class AugmentedMeasurement(MeasurementDefaults):
         whole[..., : self._n] = H
         whole[..., self._n :] = by_extra
         return whole
+
+    def _by_turns(self, x: Array, epoch: int) -> Array | None:
+        """Return what the extra states do to the reading by turning the host, (runs, ..., m, e)."""
+        if self._distortion.turns is None:
+            return None
+        return np.asarray(cast(Turnable, self.base).turning(x, epoch) @ self._distortion.turns)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R at x."""

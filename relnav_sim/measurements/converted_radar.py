@@ -19,7 +19,7 @@ from relnav_sim.measurements.spherical_radar import RadarNoise
 
 Array = NDArray[np.float64]
 Coefficients = list[float] | Array
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """A symmetric 3 x 3 matrix is carried as six arrays in this order."""
 
 
@@ -70,7 +70,7 @@ class ConvertedRadar(MeasurementDefaults):
             else None
         )
         attitude = radar_from_rtn.T @ noise.attitude @ radar_from_rtn
-        self._attitude = rows(_attitude_map(attitude)) if noise.attitude.any() else None
+        self._attitude = rows(attitude_map(attitude)) if noise.attitude.any() else None
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the position of states (runs, ..., n): (runs, ..., 3)."""
@@ -116,10 +116,10 @@ class ConvertedRadar(MeasurementDefaults):
         by_position = [w * r + f * a if a else w * r for r, a in zip(position, axis, strict=True)]
         by_axis = [f * r + g * a if a else f * r for r, a in zip(position, axis, strict=True)]
         attitude = (
-            None if self._attitude is None else times(self._attitude, [position[i] * position[j] for i, j in _PAIRS])
+            None if self._attitude is None else times(self._attitude, [position[i] * position[j] for i, j in PAIRS])
         )
         R = np.empty((*w.shape, 3, 3))
-        for n, (i, j) in enumerate(_PAIRS):
+        for n, (i, j) in enumerate(PAIRS):
             entry = position[i] * by_position[j]
             if axis[i]:
                 entry = entry + axis[i] * by_axis[j]
@@ -183,12 +183,12 @@ def _moments(weights: Array, deviations: Array, factors: Conversion) -> _Moments
     return _Moments(w.tolist(), u.tolist(), v.tolist(), d.tolist(), e.tolist())
 
 
-def _attitude_map(P: Array) -> Array:
+def attitude_map(P: Array) -> Array:
     """Return (6, 6): [r x] P [r x]^T, as six entries, from the six products of r's components."""
     axes = [cross_matrix(axis) for axis in np.eye(3)]
     columns = []
-    for i, j in _PAIRS:
+    for i, j in PAIRS:
         product = axes[i] @ P @ axes[j].T
         matrix = product if i == j else product + product.T
-        columns.append([matrix[row, column] for row, column in _PAIRS])
+        columns.append([matrix[row, column] for row, column in PAIRS])
     return np.array(columns).T

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
 
 Array = NDArray[np.float64]
 
@@ -51,6 +53,14 @@ class Delayed(MeasurementDefaults):
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the components of the base's noise, if it has any."""
         return self.base.mixture(self._earlier(mean), epoch)
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return what a small turn of the host does to the base's reading at the states some time ago.
+
+        Raises:
+            TypeError: The base can't say.
+        """
+        return cast(Turnable, self.base).turning(self._earlier(states), epoch)
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the base's residual."""

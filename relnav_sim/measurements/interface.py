@@ -65,6 +65,14 @@ class Measurement(Protocol):
         ...
 
 
+class Turnable(Measurement, Protocol):
+    """A measurement that can say what a small turn of its host does to it."""
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives of the reading by the turn, (runs, ..., m, 3)."""
+        ...
+
+
 def wrap_angle(angle: Array) -> Array:
     """Return the angle in [-pi, pi], rad. A value already inside is returned to the last bit."""
     return angle - 2 * np.pi * np.rint(angle / (2 * np.pi))
@@ -101,6 +109,14 @@ class MeasurementDefaults:
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R."""
         raise TypeError(f"{type(self).__name__} has no noise(mean, epoch)")
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives of the reading by a small turn of the sensor's host, rad, (runs, ..., m, 3).
+
+        About the sensor's axes; a turn dtheta takes a line of sight u to u + u x dtheta. Needed where augmented states
+        turn the host by `turns` of their distortion.
+        """
+        raise TypeError(f"{type(self).__name__} has no turning(states, epoch)")
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return None: the noise is Gaussian."""

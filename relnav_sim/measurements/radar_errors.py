@@ -41,6 +41,8 @@ class RadarDistortion:
             and elevation.
     """
 
+    turns: Array | None = None
+
     def __init__(self, errors: Array, radar_from_rtn: Array | None = None) -> None:
         self._errors = errors
         self._rotation = radar_from_rtn
@@ -92,6 +94,33 @@ class RadarDistortion:
             return _stacked(sight)
         moved = cross(sight, components(errors[..., TURN]))
         return _stacked((sight[0] + moved[0], sight[1] + moved[1], sight[2] + moved[2]))
+
+
+class AnglesDistortion:
+    """The same for a reading of azimuth and elevation alone.
+
+    Args:
+        errors: (6, e), those of range of no effect.
+    """
+
+    turns: Array | None = None
+
+    def __init__(self, errors: Array) -> None:
+        self._whole = RadarDistortion(np.vstack([np.zeros_like(errors[:1]), errors[1:]]))
+        self.sees = self._whole.sees
+
+    def apply(self, predicted: Array, extra: Array) -> Array:
+        """Return the readings (..., 2) that take the place of the error-free ones."""
+        return self._whole.apply(_at_unit_range(predicted), extra)[..., 1:]
+
+    def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
+        """Return the derivatives by the error-free reading, (..., 2, 2) or None for I, and by the extra states."""
+        by_reading, by_extra = self._whole.jacobian(_at_unit_range(predicted), extra)
+        return None if by_reading is None else by_reading[..., 1:, 1:], by_extra[..., 1:, :]
+
+
+def _at_unit_range(angles: Array) -> Array:
+    return np.concatenate([np.ones_like(angles[..., :1]), angles], axis=-1)
 
 
 def _stacked(vector: tuple[Array, Array, Array]) -> Array:

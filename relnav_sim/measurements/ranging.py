@@ -7,7 +7,7 @@ either craft (Montenbruck and Gill 2000, section 6.1).
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import components, dot, mounting_matrix
 from relnav_sim.measurements.given_noise import MixtureNoise, checked_noise, mixture_of, noise_at
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 Array = NDArray[np.float64]
@@ -118,6 +118,14 @@ class GrowingRangeNoise(MeasurementDefaults):
         scaled = np.array(np.broadcast_to(covariances, (len(mean), *covariances.shape[-3:])))
         scaled[:, :, 0, 0] *= self._squared_growth(mean)[:, None]
         return Mixture(mixture.weights, scaled, mixture.shared)
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return what a small turn of the host does to the base's reading.
+
+        Raises:
+            TypeError: The base can't say.
+        """
+        return cast(Turnable, self.base).turning(states, epoch)
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the base's residual."""

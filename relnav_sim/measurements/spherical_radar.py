@@ -4,30 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import (
-    NADIR_FROM_RTN,
-    Vector,
-    components,
-    polar,
-    polar_gradients,
-    rotate,
-    rows,
-    sight_vector,
-    times,
-)
+from relnav_sim.astro.line_of_sight import polar, polar_gradients, rows, sight_vector, times
 from relnav_sim.linalg import transpose
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
-from relnav_sim.measurements.seen_from_deputy import (
-    chief_from_deputy,
-    chief_from_deputy_with_jacobian,
-    deputy_from_chief,
-)
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.sight import Sight
 
 Array = NDArray[np.float64]
 Assumed = Literal["nominal", "total", "mixture"]
@@ -97,13 +83,8 @@ class PolarRadar(MeasurementDefaults):
         carrier: Literal["chief", "deputy"] = "chief",
         chief_orbit: ChiefOrbit | None = None,
     ) -> None:
-        if carrier == "deputy" and chief_orbit is None:
-            raise ValueError("a radar on the deputy needs the chief's nominal orbit")
-        self._radar_from_rtn = rows(mounting @ NADIR_FROM_RTN)
-        self._rtn_from_radar = rows((mounting @ NADIR_FROM_RTN).T)
-        self._orbit = chief_orbit if carrier == "deputy" else None
-        # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
-        self.depends_on = (0, 1, 2) if self._orbit is None else None
+        self._sight = Sight(mounting, carrier, chief_orbit)
+        self.depends_on = self._sight.depends_on
         self._attitude = rows(noise.attitude) if noise.attitude.any() else None
         self._variances = noise.variances.tolist()
         self._weights = noise.weights
@@ -113,26 +94,12 @@ class PolarRadar(MeasurementDefaults):
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
         # Laid out in memory as the states are: what follows is then elementwise along the particles.
         z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
-        z[..., 0], z[..., 1], z[..., 2] = polar(self._sight(states))
+        z[..., 0], z[..., 1], z[..., 2] = polar(self._sight.of(states))
         return z
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
-        by_state: Array | None = None
-        if self._orbit is None:
-            sight = self._sight(states)
-        else:
-            seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
-            sight = rotate(self._radar_from_rtn, seen)
-        gradients = polar_gradients(sight)
-        H = np.zeros((*states.shape[:-1], 3, states.shape[-1]))
-        by_position = H if by_state is None else np.empty((*states.shape[:-1], 3, 3))
-        for i, row in enumerate(gradients):
-            for j, entry in enumerate(times(self._rtn_from_radar, row)):
-                by_position[..., i, j] = entry
-        if by_state is not None:
-            H[..., :6] = by_position @ by_state
-        return H
+        return self._sight.jacobian(states, polar_gradients)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
@@ -147,20 +114,13 @@ class PolarRadar(MeasurementDefaults):
 
     def position(self, z: Array) -> Array:
         """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at; at rest where that matters."""
-        sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
-        seen = rotate(self._rtn_from_radar, sight)
-        return np.stack(seen if self._orbit is None else deputy_from_chief(seen, self._orbit), axis=-1)
-
-    def _sight(self, states: Array) -> Vector:
-        """Return the line of sight in the radar frame."""
-        relative = components(states) if self._orbit is None else chief_from_deputy(states, self._orbit)
-        return rotate(self._radar_from_rtn, relative)
+        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
 
     def _covariance(self, states: Array, variances: list[float]) -> Array:
         """Return diag(variances) + G P G^T, (..., 3, 3), or (3, 3) with perfect attitude."""
         if self._attitude is None:
             return np.diag(variances)
-        x, y, z = self._sight(states)
+        x, y, z = self._sight.of(states)
         in_plane = x * x + y * y
         level = np.sqrt(in_plane)
         # dtheta moves the azimuth by (z x / p^2, z y / p^2, -1) and the elevation by (y / p, -x / p, 0), p = level.
@@ -177,8 +137,16 @@ class PolarRadar(MeasurementDefaults):
         return R
 
 
+class Locating(Measurement, Protocol):
+    """A measurement whose reading gives a position."""
+
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at."""
+        ...
+
+
 def first_fix(
-    radar: PolarRadar, z: Array, epoch: int = 0, noise: Callable[[Array, int], Array] | None = None
+    radar: Locating, z: Array, epoch: int = 0, noise: Callable[[Array, int], Array] | None = None
 ) -> tuple[Array, Array]:
     """Return the relative position that one reading gives, and its covariance to first order.
 

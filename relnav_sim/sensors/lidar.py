@@ -11,12 +11,14 @@ from pydantic import Field, field_validator, model_validator
 from relnav_sim.astro.line_of_sight import half_open
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
+from relnav_sim.measurements.radar_errors import ELEVATION, RadarDistortion, radar_errors
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging
+from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
+from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Channel, ErrorShares, Form, MeasurementContext, Sensed
-from relnav_sim.sensors.line_of_sight import SightSensorOptions
+from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import (
     GaussianNoise,
     NoiseOption,
@@ -63,6 +65,12 @@ class LidarOptions(SightSensorOptions):
         description="Noise in units of these sigmas, channels range, or range, azimuth, elevation: one part or a list "
         "of parts that add; default: white Gaussian",
     )
+    form: AngleForm = Field(
+        default="spherical",
+        description="What the noise of the angles is, in truth and for the filters: spherical (of azimuth and "
+        "elevation themselves, which have a pole on the z axis; default) or tangent (two small turns across the line "
+        "of sight, alike in every direction)",
+    )
     range_bias_m: float = Field(default=0.0, description="Constant range error, m; no filter is told of it; default 0")
 
     @property
@@ -101,8 +109,12 @@ class LidarOptions(SightSensorOptions):
         z = streams.noise(truth.times_s)
         z[..., 0] *= self.range_sigma(sight[0])
         z[..., 0] += sight[0] + self.range_bias_m
-        for i in range(1, len(self.channels)):
-            z[..., i] = half_open(z[..., i] * self.sigmas[i] + sight[i])
+        if self.angle_sigma_deg is not None:
+            z[..., 1:] *= self.sigmas[1:]
+            if self.form == "tangent":
+                z[..., 1], z[..., 2] = read_across(sight[1], sight[2], z[..., 1:])
+            else:
+                z[..., 1:] = half_open(z[..., 1:] + np.stack(sight[1:], axis=-1))
         measured = self.sees(sight) & (z[..., 0] > 0)
         if not measured.all():
             z[~measured] = np.nan
@@ -118,10 +130,8 @@ class LidarOptions(SightSensorOptions):
         return errors
 
     def off_pole(self, truth: Sensed) -> Array | None:
-        """Return the angle between the line of sight and the azimuth axis, rad; None without angles."""
-        if self.angle_sigma_deg is None:
-            return None
-        return np.asarray(np.pi / 2 - np.abs(self.true_sight(truth)[2]))
+        """Return the angle between the line of sight and the azimuth axis, rad; None without angles or if tangent."""
+        return None if self.angle_sigma_deg is None or self.form == "tangent" else self.off_azimuth_axis(truth)
 
     def no_echo(self, distance: Array) -> Array:
         """Return the probability of a reading that does not exist because its range would not be positive."""
@@ -153,15 +163,21 @@ class LidarOptions(SightSensorOptions):
                 attitude=self.mounting @ context.attitude @ self.mounting.T,
                 assumed=context.assumed_noise,
             )
-            base = PolarRadar(self.mounting, noise, self.host, context.orbit)
+            if self.form == "tangent":
+                base = TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
+            else:
+                base = PolarRadar(self.mounting, noise, self.host, context.orbit)
         if not self.range_sigma_m_per_km:
             return base
         return GrowingRangeNoise(base, 1e-3 * self.range_sigma_m_per_km / self.range_sigma_m)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases, and with angles a turn of the body, do to a reading."""
-        errors = radar_errors(shares.channels, self.mounting @ shares.turn)
-        return AdditiveBias(errors[:1]) if self.angle_sigma_deg is None else RadarDistortion(errors)
+        """Return what biases, and with angles a turn of the body, do to a reading; in tangent form as to a radar's."""
+        turns = self.mounting @ shares.turn
+        errors = radar_errors(shares.channels, turns)
+        if self.angle_sigma_deg is None:
+            return AdditiveBias(errors[:1])
+        return AdditiveBias(errors[: ELEVATION + 1], turns) if self.form == "tangent" else RadarDistortion(errors)
 
     @property
     def gives_fix(self) -> bool:
@@ -173,5 +189,5 @@ class LidarOptions(SightSensorOptions):
         if not self.gives_fix:
             return None
         radar = measurement.base if isinstance(measurement, GrowingRangeNoise) else measurement
-        assert isinstance(radar, PolarRadar)  # its own
+        assert isinstance(radar, PolarRadar | TangentSight)  # its own
         return first_fix(radar, z, noise=measurement.noise)

@@ -10,11 +10,21 @@ from pydantic import Field
 
 from relnav_sim.astro.attitude import in_axes, nadir_axes
 from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, polar, rotate, rows, sight_vector
+from relnav_sim.astro.tangent_plane import deflected
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Flags, RelativeSensorOptions, Sensed, within
 
 Array = NDArray[np.float64]
+AngleForm = Literal["spherical", "tangent"]
+"""What the noise of two angles is: of azimuth and elevation themselves, or two small turns across the line of sight."""
 HalfAngle = Annotated[float, Field(gt=0, le=180)]
+
+
+def read_across(azimuth: Array, elevation: Array, errors: Array) -> tuple[Array, Array]:
+    """Return azimuth and elevation of a line of sight that is read off by two small turns across it, (..., 2) rad."""
+    direction = sight_vector(np.ones(()), azimuth, elevation)
+    _, read_azimuth, read_elevation = polar(deflected(direction, errors[..., 0], errors[..., 1]))
+    return half_open(read_azimuth), read_elevation
 
 
 class SightSensorOptions(RelativeSensorOptions):
@@ -74,6 +84,10 @@ class SightSensorOptions(RelativeSensorOptions):
         sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
         _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
         return np.stack([z[..., 0], half_open(azimuth), elevation], axis=-1)
+
+    def off_azimuth_axis(self, truth: Sensed) -> Array:
+        """Return the angle between the true line of sight and the azimuth axis, (runs or 1, K), rad."""
+        return np.asarray(np.pi / 2 - np.abs(self.true_sight(truth)[2]))
 
     def in_orbit_frame(self, measured: Vector, frame: HostFrame) -> Vector:
         """Return a measured line of sight as seen from the sensor mounted in the host's estimated orbit frame.

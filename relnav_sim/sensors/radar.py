@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, rotate, rows, sight_vector
-from relnav_sim.measurements.augmented import Distortion
-from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
+from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.converted_radar import Conversion, ConvertedRadar, conversion
+from relnav_sim.measurements.converted_tangent_radar import ConvertedTangentRadar, tangent_shrinkage
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
+from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, RadarDistortion, radar_errors
+from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
+from relnav_sim.measurements.tangent_sight import TangentSight
+from relnav_sim.options import AddedLater
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Channel, Craft, ErrorShares, Form, MeasurementContext, Sensed
-from relnav_sim.sensors.line_of_sight import SightSensorOptions
+from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below, white_law
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -57,6 +61,12 @@ class RadarOptions(SightSensorOptions):
         description="Noise in units of these sigmas, channels range, azimuth, elevation: one part or a list of parts "
         "that add; default: white Gaussian",
     )
+    form: Annotated[AngleForm, AddedLater()] = Field(
+        default="spherical",
+        description="What the noise of the angles is, in truth and for the filters: spherical (of azimuth and "
+        "elevation themselves, which have a pole on the z axis; default) or tangent (two small turns across the line "
+        "of sight, alike in every direction)",
+    )
     range_bias_m: float = Field(default=0.0, description="Constant range error, m; no filter is told of it")
     azimuth_bias_deg: float = Field(default=0.0, description="Constant azimuth error, deg; no filter is told of it")
     elevation_bias_deg: float = Field(default=0.0, description="Constant elevation error, deg; no filter is told of it")
@@ -89,17 +99,22 @@ class RadarOptions(SightSensorOptions):
         sight = self.true_sight(truth)
         z = streams.noise(truth.times_s)
         z *= self.sigmas
-        z += np.stack(sight, axis=-1) + self.biases
-        z[..., 1:] = half_open(z[..., 1:])
+        if self.form == "tangent":
+            z += self.biases
+            z[..., 0] += sight[0]
+            z[..., 1], z[..., 2] = read_across(sight[1], sight[2], z[..., 1:])
+        else:
+            z += np.stack(sight, axis=-1) + self.biases
+            z[..., 1:] = half_open(z[..., 1:])
         # A radar finds no echo before it has sent its pulse.
         measured = self.sees(sight) & (z[..., 0] > 0)
         if not measured.all():
             z[~measured] = np.nan
         return z
 
-    def off_pole(self, truth: Sensed) -> Array:
-        """Return the angle between the line of sight and the azimuth axis, (runs or 1, K), rad."""
-        return np.asarray(np.pi / 2 - np.abs(self.true_sight(truth)[2]))
+    def off_pole(self, truth: Sensed) -> Array | None:
+        """Return the angle between the line of sight and the azimuth axis, (runs or 1, K), rad; None if tangent."""
+        return None if self.form == "tangent" else self.off_azimuth_axis(truth)
 
     def no_echo(self, distance: Array) -> Array:
         """Return the probability of a reading that does not exist because its range would not be positive."""
@@ -121,14 +136,18 @@ class RadarOptions(SightSensorOptions):
         if self.host == "chief":
             sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
             law = white_law(noise_parts(self.noise), len(self.channels))
-            shrinkage = conversion(law.weights, law.scales * self.sigmas)
+            if self.form == "tangent":
+                factor = tangent_shrinkage(law.weights, law.scales * self.sigmas)
+                shrinkage = Conversion(factor, factor)
+            else:
+                shrinkage = conversion(law.weights, law.scales * self.sigmas)
             unbiased = (sight[0] / shrinkage.level, sight[1] / shrinkage.level, sight[2] / shrinkage.height)
             body = rotate(rows(self.mounting.T), unbiased)
             nadir = body if frame.body_to_orbit is None else frame.body_to_orbit(body)
             inputs["cartesian"] = np.stack(rotate(_RTN_FROM_NADIR, nadir), axis=-1)
         return inputs
 
-    def measurement(self, context: MeasurementContext) -> PolarRadar | ConvertedRadar:
+    def measurement(self, context: MeasurementContext) -> Measurement:
         """Return the radar as a filter is told of it.
 
         Raises:
@@ -143,20 +162,36 @@ class RadarOptions(SightSensorOptions):
             assumed=context.assumed_noise,
         )
         if context.form == "spherical":
+            if self.form == "tangent":
+                return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
             return PolarRadar(self.mounting, noise, self.host, context.orbit)
         if self.host == "deputy":
             raise ValueError(
                 "a radar on the deputy gives no Cartesian measurement: its orbit frame turns with the state; take "
                 "spherical"
             )
-        return ConvertedRadar(self.mounting, noise)
+        return (ConvertedTangentRadar if self.form == "tangent" else ConvertedRadar)(self.mounting, noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases of range and angles, and a turn of the body, do to a reading."""
-        errors = radar_errors(shares.channels, self.mounting @ shares.turn)
-        return RadarDistortion(errors, self.mounting @ NADIR_FROM_RTN if form == "cartesian" else None)
+        """Return what biases of range and angles, and a turn of the body, do to a reading.
+
+        In tangent form the biases of the angles are two constant turns across the line of sight, those of the noise.
+
+        Raises:
+            ValueError: These are wanted of a converted position.
+        """
+        turns = self.mounting @ shares.turn
+        errors = radar_errors(shares.channels, turns)
+        if form == "cartesian":
+            if self.form == "tangent" and errors[AZIMUTH : ELEVATION + 1].any():
+                raise ValueError(
+                    "a position converted from tangent angles can't carry their biases, which turn with the line of "
+                    "sight; take measurement: spherical, or form: spherical on the radar"
+                )
+            return RadarDistortion(errors, self.mounting @ NADIR_FROM_RTN)
+        return AdditiveBias(errors[: ELEVATION + 1], turns) if self.form == "tangent" else RadarDistortion(errors)
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that range and angles give, and its covariance to first order."""
-        assert isinstance(measurement, PolarRadar)  # its own, in the spherical form
+        assert isinstance(measurement, PolarRadar | TangentSight)  # its own, in the spherical form
         return first_fix(measurement, z)

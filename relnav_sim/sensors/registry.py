@@ -13,7 +13,7 @@ from relnav_sim.containment import Containment
 from relnav_sim.printable import message_of
 from relnav_sim.sensors.interface import SensorOptions
 
-_BUILT_IN = ("radar", "lidar", "crosslink", "gnss", "star_tracker", "accelerometer")
+_BUILT_IN = ("radar", "camera", "lidar", "crosslink", "gnss", "star_tracker", "accelerometer")
 _KINDS: dict[str, type[SensorOptions]] = {}
 C = TypeVar("C", bound=type[SensorOptions])
 

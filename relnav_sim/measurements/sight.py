@@ -1,0 +1,81 @@
+"""The line of sight from one craft to the other in the axes of a sensor, as a function of the relative state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, components, rotate, rows, times
+from relnav_sim.measurements.seen_from_deputy import (
+    chief_from_deputy,
+    chief_from_deputy_with_jacobian,
+    deputy_from_chief,
+)
+
+Array = NDArray[np.float64]
+
+
+class Sight:
+    """Where a sensor that stands fixed in the nadir frame of its host sees the other craft.
+
+    Args:
+        mounting: Rotation (3, 3) from the host's nadir frame to the sensor's frame.
+        host: ``chief``: the deputy seen from the chief. ``deputy``: the chief seen from the deputy, in the deputy's own
+            orbit frame; needs `chief_orbit`.
+        chief_orbit: The chief's nominal orbit; taken as circular.
+
+    Attributes:
+        depends_on: The states on which it depends; None: any.
+
+    Raises:
+        ValueError: The host is the deputy and there is no chief orbit.
+    """
+
+    def __init__(self, mounting: Array, host: Literal["chief", "deputy"], chief_orbit: ChiefOrbit | None) -> None:
+        if host == "deputy" and chief_orbit is None:
+            raise ValueError("a sensor on the deputy needs the chief's nominal orbit")
+        self._sensor_from_rtn = rows(mounting @ NADIR_FROM_RTN)
+        self._rtn_from_sensor = rows((mounting @ NADIR_FROM_RTN).T)
+        self._orbit = chief_orbit if host == "deputy" else None
+        # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
+        self.depends_on: tuple[int, ...] | None = (0, 1, 2) if self._orbit is None else None
+
+    def of(self, states: Array) -> Vector:
+        """Return the line of sight of states (runs, ..., n) in the sensor's axes, m, (runs, ...) each."""
+        relative = components(states) if self._orbit is None else chief_from_deputy(states, self._orbit)
+        return rotate(self._sensor_from_rtn, relative)
+
+    def jacobian(self, states: Array, gradients: Callable[[Vector], Sequence[Vector]]) -> Array:
+        """Return the derivatives by states (runs, ..., n) of what has these gradients by the line of sight.
+
+        Args:
+            states: (runs, ..., n).
+            gradients: Gives the gradients of m numbers at a line of sight, in the sensor's axes.
+
+        Returns:
+            (runs, ..., m, n).
+        """
+        by_state: Array | None = None
+        if self._orbit is None:
+            sight = self.of(states)
+        else:
+            seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
+            sight = rotate(self._sensor_from_rtn, seen)
+        by_sight = gradients(sight)
+        H = np.zeros((*states.shape[:-1], len(by_sight), states.shape[-1]))
+        by_position = H if by_state is None else np.empty((*states.shape[:-1], len(by_sight), 3))
+        for i, row in enumerate(by_sight):
+            for j, entry in enumerate(times(self._rtn_from_sensor, row)):
+                by_position[..., i, j] = entry
+        if by_state is not None:
+            H[..., :6] = by_position @ by_state
+        return H
+
+    def position(self, sight: Vector) -> Array:
+        """Return the relative position, RTN (..., 3) m, that has this line of sight; at rest where that matters."""
+        seen = rotate(self._rtn_from_sensor, sight)
+        return np.stack(seen if self._orbit is None else deputy_from_chief(seen, self._orbit), axis=-1)

@@ -1,0 +1,150 @@
+"""A line of sight as two angles across it, with or without the range beside them: no direction is a pole.
+
+Azimuth and elevation turn ever faster towards the axis on which they do not exist; the noise of a sensor with a focal
+plane does not. Here the noise is two small turns across the line of sight, alike in every direction (the error vector
+across the line of sight of Shuster and Oh, J. Guidance and Control 4(1), 1981, with unit weights). A reading u_z is the
+centre of a chart of all directions (`astro.tangent_plane`): what is measured of a state is how far its line of sight
+lies from u_z, h(x), and the reading itself is 0. A plain difference is then right for every filter. With isotropic
+noise of the angles the density of h(x) at the true state is that of the noise exactly, whatever its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.line_of_sight import Vector, dot, rows, sight_vector, times
+from relnav_sim.astro.tangent_plane import deflection, deflection_by_turn, deflection_gradients, unit
+from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.measurements.sight import Sight
+from relnav_sim.measurements.spherical_radar import RadarNoise
+
+Array = NDArray[np.float64]
+
+
+class TangentSight(MeasurementDefaults):
+    """How far the line of sight lies from where it was read, z = (rad, rad), or (m, rad, rad) with the range.
+
+    `take` is given readings as azimuth and elevation, behind the range where there is one, and turns the angles to 0.
+    Runs and epochs of which no reading was taken are seen from the line of sight of their own (first) state: h = 0,
+    with derivatives and noise as of a reading there.
+
+    The noise is diagonal plus G P G^T on the angles: an attitude error dtheta moves them by G dtheta, with the rows of
+    G, e_a x u_z and e_b x u_z, of the reading.
+
+    Args:
+        sight: Where the sensor sees the other craft.
+        noise: What the filter is told about the noise of the channels, two or three.
+    """
+
+    leaves_arguments_alone = True
+
+    def __init__(self, sight: Sight, noise: RadarNoise) -> None:
+        self.dimension = len(noise.nominal)
+        self._ranged = self.dimension == 3
+        self._angles = slice(self.dimension - 2, self.dimension)
+        self._sight = sight
+        self.depends_on = sight.depends_on
+        self._attitude = rows(noise.attitude) if noise.attitude.any() else None
+        self._covariance = np.diag(noise.variances)
+        self._weights = noise.weights
+        self._components = (
+            np.square(noise.deviations)[:, None] * np.eye(self.dimension) if noise.has_components else None
+        )
+        self._centres: Array | None = None
+        self._first_epoch = 0
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return readings (runs, K, m) of the epochs from `first_epoch` on with 0 for their angles, and remember these.
+
+        Args:
+            z: Azimuth and elevation, rad, behind the range in m where there is one; NaN where a channel is missing. A
+                direction with one angle is none.
+            first_epoch: Number of the first epoch.
+        """
+        azimuth, elevation = np.moveaxis(z[..., self._angles], -1, 0)
+        self._centres = np.stack(sight_vector(np.ones(()), azimuth, elevation), axis=-1)
+        self._first_epoch = first_epoch
+        taken = z.copy()
+        taken[..., self._angles] = np.where(np.isnan(self._centres[..., :1]), np.nan, 0.0)
+        return taken
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return (range and) the angles between reading and line of sight of states (runs, ..., n): (runs, ..., m)."""
+        sight = self._sight.of(states)
+        # Laid out in memory as the states are: what follows is then elementwise along the particles.
+        z = np.empty_like(states[..., : self.dimension]) if states.ndim > 2 else np.empty((len(states), self.dimension))
+        z[..., -2], z[..., -1] = deflection(self._centre(sight, epoch), sight)
+        if self._ranged:
+            z[..., 0] = np.sqrt(dot(sight, sight))
+        return z
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return the derivatives with respect to states (runs, ..., n): (runs, ..., m, n)."""
+
+        def gradients(sight: Vector) -> Sequence[Vector]:
+            angles = deflection_gradients(self._centre(sight, epoch), sight)
+            return (unit(sight), *angles) if self._ranged else angles
+
+        return self._sight.jacobian(states, gradients)
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R: (m, m) with perfect attitude, else (runs, m, m)."""
+        if self._attitude is None:
+            return self._covariance
+        R = np.empty((len(mean), self.dimension, self.dimension))
+        R[...] = self._covariance
+        R[:, self._angles, self._angles] += self._turned(mean, epoch)
+        return R
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the joint components, (k, m, m) or (runs, k, m, m), where the filter is told of a mixture."""
+        if self._components is None:
+            return None
+        if self._attitude is None:
+            return Mixture(self._weights, self._components, shared=True)
+        covariances = np.empty((len(mean), *self._components.shape))
+        covariances[...] = self._components
+        covariances[..., self._angles, self._angles] += self._turned(mean, epoch)[:, None]
+        return Mixture(self._weights, covariances, shared=True)
+
+    def turning(self, states: Array, epoch: int) -> Array:
+        """Return what a small turn of the host about the sensor's axes does to the reading, (runs, 1, ..., m, 3)."""
+        centre = self._centre(self._sight.of(states), epoch)
+        G = np.zeros((*np.shape(centre[0]), self.dimension, 3))
+        for i, row in enumerate(deflection_by_turn(centre), self.dimension - 2):
+            for j, entry in enumerate(row):
+                G[..., i, j] = entry
+        return G
+
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
+        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
+
+    def _turned(self, mean: Array, epoch: int) -> Array:
+        """Return G P G^T, (runs, 2, 2)."""
+        assert self._attitude is not None
+        first, second = deflection_by_turn(self._centre(self._sight.of(mean), epoch))
+        P_first, P_second = times(self._attitude, first), times(self._attitude, second)
+        covariance = np.empty((len(mean), 2, 2))
+        covariance[:, 0, 0] = _product(first, P_first)
+        covariance[:, 0, 1] = covariance[:, 1, 0] = _product(second, P_first)
+        covariance[:, 1, 1] = _product(second, P_second)
+        return covariance
+
+    def _centre(self, sight: Vector, epoch: int) -> Vector:
+        """Return the direction of each run's reading, or of its first state where there is none, (runs, 1, ...)."""
+        rest = sight[0].ndim - 1
+        own = unit(tuple(part[(slice(None), *[slice(1)] * rest)] for part in sight))  # type: ignore[arg-type]
+        place = epoch - self._first_epoch
+        if self._centres is None or not 0 <= place < self._centres.shape[1] or len(self._centres) != len(own[0]):
+            return own
+        read = self._centres[:, place].reshape(-1, *[1] * rest, 3)
+        x, y, z = (np.where(np.isnan(read[..., i]), own[i], read[..., i]) for i in range(3))
+        return x, y, z
+
+
+def _product(a: Vector, b: Sequence[Array]) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
