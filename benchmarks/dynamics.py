@@ -27,11 +27,12 @@ from relnav_sim import ForceModel, eci_from_rtn, propagate, rtn_from_eci
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.constants import J2, J3, J4, MU_M3_S2, RADIUS_M
 from relnav_sim.astro.kepler import initial_state
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "dynamics_error.png"
 KINDS = ("cw", "cw_second_order", "yamanaka_ankersen", "schweighart_sedwick", "nonlinear", "nonlinear_j2")
@@ -96,13 +97,13 @@ def errors(e, i_deg, separations_m, zonals):
     # The same directions in all cases.
     states = np.concatenate([deputies(orbit, s, np.random.default_rng(1)) for s in separations_m])
     chief, relative, force = truth(orbit, states, zonals)
-    models = {name: options.build(orbit, NOISE, STEP_S) for name, options in MODELS.items()}
+    models = {name: options.build(DynamicsContext(orbit, NOISE, STEP_S)) for name, options in MODELS.items()}
     if zonals:
         fixes = fixes_of(chief, len(states), force, rng)
         for name, options in WITH_GNSS.items():
             filter = OrbitFilter(OrbitFilterOptions(), orbit.up_to(options.zonals), FIX_SIGMAS, STEP_S, len(states))
             estimates = filter.advance(fixes)[:, -len(chief) :]
-            models[name] = options.build(orbit, NOISE, STEP_S).with_chief(estimates, 0)
+            models[name] = options.build(DynamicsContext(orbit, NOISE, STEP_S)).with_chief(estimates, 0)
     found = {}
     for name, model in models.items():
         with np.errstate(all="ignore"):  # a model far outside its range may run away
@@ -116,7 +117,7 @@ def cost_us(name, runs=200, step_s=1.0, steps=100, rounds=10):
     orbit = orbit_of(0.001, 51.6)
     rng = np.random.default_rng(0)
     x = rng.normal(size=(runs, 6)) * np.repeat([1e4, 10.0], 3)
-    model = MODELS[name].build(orbit, NOISE, step_s)
+    model = MODELS[name].build(DynamicsContext(orbit, NOISE, step_s))
     if isinstance(MODELS[name], NonlinearJ2Options):
         chief = propagate(initial_state(orbit)[None], np.arange(steps + 1) * step_s, ForceModel(MU_M3_S2, RADIUS_M))
         model = model.with_chief(np.repeat(chief, runs, axis=0), 0)

@@ -15,7 +15,7 @@ import time
 import numpy as np
 
 from relnav_sim import LinearDynamics, create_filter, run_filter
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise

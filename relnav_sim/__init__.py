@@ -25,6 +25,7 @@ _HOME = {
     "rtn_from_eci": "astro.frames",
     "eci_from_rtn": "astro.frames",
     "create_filter": "filters.registry",
+    "register_dynamics": "dynamics.registry",
     "register_filter": "filters.registry",
     "run_filter": "filters.run",
     "FilterHistory": "filters.run",
@@ -38,11 +39,16 @@ _HOME = {
     "MixtureNoise": "measurements.given_noise",
 }
 
-__all__ = sorted(_HOME)
+_ROOMS = ("dynamics", "measurements")
+"""Packages that are public themselves: the built-in models, for own data."""
+
+__all__ = sorted([*_HOME, *_ROOMS])
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on its first use, so that `import relnav_sim` stays fast."""
+    if name in _ROOMS:
+        return importlib.import_module(f"relnav_sim.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'relnav_sim' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"relnav_sim.{_HOME[name]}"), name)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import sqrt
 
+from relnav_sim.astro.constants import J2, MU_M3_S2, RADIUS_M
+
 
 @dataclass(frozen=True)
 class ChiefOrbit:
-    """The chief's nominal orbit and the constants of the body it goes round; never the truth of a run.
+    """The chief's nominal orbit and the constants of the body it goes round (default: the Earth); never a run's truth.
 
-    Angles in rad, lengths in m, mu in m^3/s^2; j2 to j4 are unnormalised zonal harmonics.
+    Angles in rad, lengths in m, mu in m^3/s^2; j2 to j4 are unnormalised zonal harmonics, J3 and J4 zero
+    unless given.
     """
 
     semi_major_axis_m: float
@@ -19,9 +22,9 @@ class ChiefOrbit:
     raan_rad: float
     argument_of_perigee_rad: float
     true_anomaly_rad: float
-    mu_m3_s2: float
-    equatorial_radius_m: float
-    j2: float
+    mu_m3_s2: float = MU_M3_S2
+    equatorial_radius_m: float = RADIUS_M
+    j2: float = J2
     j3: float = 0.0
     j4: float = 0.0
 

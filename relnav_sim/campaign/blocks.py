@@ -69,8 +69,8 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
     for name in names:
         entry = config.filters[name]
         dynamics = entry.dynamics
-        own = runs * (STATISTICS_US + filter_cost_us(entry)) + float(getattr(dynamics, "step_overhead_us", 0.0))
-        common = float(getattr(dynamics, "shared_overhead_us", 0.0))
+        own = runs * (STATISTICS_US + filter_cost_us(entry)) + dynamics.step_overhead_us
+        common = dynamics.shared_overhead_us
         seconds = 1e-6 * epochs * (own if dynamics in shared else own + common)
         if groups and spent + seconds <= LONGEST_BLOCK_SECONDS:
             groups[-1] += (name,)
@@ -90,4 +90,4 @@ def filter_cost_us(entry: FilterEntry) -> float:
     """
     kind = filter_kinds()[entry.kind]
     algorithm = kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())
-    return algorithm + float(getattr(entry.dynamics, "step_cost_us", 0.0))
+    return algorithm + entry.dynamics.step_cost_us

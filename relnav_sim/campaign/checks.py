@@ -9,7 +9,6 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.dynamics.augmentation.kinds import sensor_of
-from relnav_sim.dynamics.registry import is_learned
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
@@ -57,7 +56,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
             yield from _check_sensor_errors(name, entry, parts.sensors)
-        if filter_kinds()[entry.kind].learned_dynamics and not is_learned(entry.dynamics):
+        if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             yield Problem(
                 ("filters", name, "dynamics"),
                 f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",

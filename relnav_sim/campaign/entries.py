@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
 from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
+from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import FilterKind, filter_kinds
@@ -20,7 +21,7 @@ from relnav_sim.sensors.registry import sensor_kinds
 
 KnownThrust = Literal["none", "planned", "measured"]
 AssumedLatency = Literal["known", "none"]
-Kinds = tuple[tuple[str, type[Options]], ...]
+Kinds = tuple[tuple[str, type[DynamicsOptions]], ...]
 Registered = tuple[tuple[FilterKind, ...], Kinds, tuple[tuple[str, type[SensorOptions]], ...]]
 
 _MEASUREMENT = (
@@ -38,7 +39,7 @@ class FilterEntry(Options):
     former_words: ClassVar[Mapping[str, Mapping[str, str]]] = {"measurement": {"spherical": "polar"}}
 
     kind: str = Field(description="The filter; `relnav list filters` shows the kinds")
-    dynamics: SerializeAsAny[Options] = Field(description="The relative motion that the filter believes in")
+    dynamics: SerializeAsAny[DynamicsOptions] = Field(description="The relative motion that the filter believes in")
     process_noise: ProcessNoiseOptions = Field(
         default=ProcessNoiseOptions(acceleration_psd_m2_s3=1e-6),
         description="What the filter adds to its covariance each step; default: white acceleration of 1e-6 m^2/s^3, "

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from relnav_sim.campaign.blocks import filter_cost_us, filter_groups, sample_count
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.options import Options
 
 START_S = 3.0
 """CPU time of starting the program and two workers, whatever the campaign, s."""
@@ -95,14 +95,14 @@ def _block_seconds(config: CaseConfig, names: Sequence[str], runs: int) -> float
     share what these do for all of them.
     """
     step_us = _SIMULATION_OVERHEAD_US + runs * _SIMULATION_US
-    shared: list[Options] = []
+    shared: list[DynamicsOptions] = []
     for name in names:
         entry = config.filters[name]
         dynamics = entry.dynamics
-        step_us += filter_kinds()[entry.kind].overhead_us + float(getattr(dynamics, "step_overhead_us", 0.0))
+        step_us += filter_kinds()[entry.kind].overhead_us + dynamics.step_overhead_us
         step_us += _STATISTICS_OVERHEAD_US + runs * (_STATISTICS_US + filter_cost_us(entry))
         if dynamics not in shared:
-            step_us += float(getattr(dynamics, "shared_overhead_us", 0.0))
+            step_us += dynamics.shared_overhead_us
             shared.append(dynamics)
     return 1e-6 * step_us * (config.clock.epochs - 1)
 
@@ -118,8 +118,8 @@ def _held_bytes(config: CaseConfig) -> float:
     """Return what one run of a case holds in memory while its block is computed, bytes."""
     chunk = min(STRETCH, config.clock.epochs)
     samples = max(map(sample_count, config.filters.values()))
-    distinct: list[Options] = []
+    distinct: list[DynamicsOptions] = []
     for entry in config.filters.values():
         distinct += [entry.dynamics] if entry.dynamics not in distinct else []
-    shared = sum(float(getattr(dynamics, "shared_epoch_bytes", 0.0)) for dynamics in distinct)
+    shared = sum(dynamics.shared_epoch_bytes for dynamics in distinct)
     return chunk * (_EPOCH_BYTES + _FILTER_EPOCH_BYTES + shared) + samples * _SAMPLE_BYTES + 2 * _stored_bytes(config)

@@ -21,6 +21,7 @@ from relnav_sim.sensors import reading_probability, relative_sensors, sensor_mea
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
 from relnav_sim.simulation.chunks import CHUNK_EPOCHS
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
@@ -33,15 +34,16 @@ ENSEMBLE = 20
 run or not, so that no bound depends on the number of runs."""
 
 
-def bound_surviving(case: Case, seed: int) -> BoundResult:
+def bound_surviving(case: Case, seed: int, learned: Learned) -> BoundResult:
     """Return the bounds of a case; what can't be computed is left out with the reason, and nothing is raised.
 
     Args:
         case: The case with all its filters.
         seed: The campaign's seed.
+        learned: What is learned already.
     """
     try:
-        return case_bound(case, seed)
+        return case_bound(case, seed, learned)
     except Exception as error:  # whatever the cause, it must not end the campaign
         return failed_bound(case, seed, message_of(error), retry=lacks_memory(error))
 
@@ -51,7 +53,7 @@ def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult
     return BoundResult(seed, case.id, case.filter_ids, None, {}, reason, retry)
 
 
-def case_bound(case: Case, seed: int) -> BoundResult:
+def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundResult:
     """Return the bound of a perfect model and the bounds of the filters' own models at the stored epochs.
 
     The information of a reading is that of the campaign's radar at the true states, with its white noise as simulated
@@ -67,17 +69,22 @@ def case_bound(case: Case, seed: int) -> BoundResult:
     Args:
         case: The case with all its filters.
         seed: The campaign's seed.
+        learned: What is learned already; it saves time and changes no bit. Default: nothing.
     """
     config = case.config
+    learned = learned or Learned()
     truth = _ensemble(config, seed)
     information = _Information(config, truth)
     sharers: dict[str, list[str]] = {}
     for name, entry in config.filters.items():
         sharers.setdefault(model_key(entry), []).append(name)
-    models = {"": Model(partial(perfect_dynamics, config), config)}
+    models = {"": Model(partial(perfect_dynamics, config), config, about_chief=True)}
     models |= {
         key: Model(
-            partial(believed_dynamics, names, config, seed), config, extension_of(config.filters[names[0]], config)
+            partial(believed_dynamics, names, config, seed, learned),
+            config,
+            extension_of(config.filters[names[0]], config),
+            about_chief="chief_fixes" in config.filters[names[0]].dynamics.needs,
         )
         for key, names in sharers.items()
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,12 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
 from relnav_sim.dynamics.augmentation.kinds import Extension
-from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.context import ChiefDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
 from relnav_sim.simulation.block import create_campaign_filter
+from relnav_sim.simulation.dynamics_inputs import dynamics_context
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
@@ -28,16 +30,25 @@ class Model:
         make: Makes the motion of the six states.
         config: The case.
         extra: The states behind them; None: there are none.
+        about_chief: Whether the motion is that about the chief's true orbit, which `with_chief` puts in; else it has an
+            orbit of its own.
 
     Attributes:
         broken: The exception that it raised; None: none.
     """
 
-    def __init__(self, make: Callable[[], Dynamics], config: CaseConfig, extra: Extension | None = None) -> None:
+    def __init__(
+        self,
+        make: Callable[[], Dynamics],
+        config: CaseConfig,
+        extra: Extension | None = None,
+        about_chief: bool = False,
+    ) -> None:
         self.broken: BaseException | None = None
         self.extra = extra
         self.dimension = 6 if extra is None else 6 + len(extra.names)
         self._config = config
+        self._about_chief = about_chief
         self._dynamics: Dynamics | None = None
         with Containment() as contained:  # it may run a filter of the user's own; the other bounds go on
             self._dynamics = make()
@@ -66,7 +77,11 @@ class Model:
         """
         if self._dynamics is not None and not self.broken:
             with Containment() as contained:  # as above
-                steps = _steps(self._dynamics, self._config.clock.step_s, epochs, chief, states)
+                step_s = self._config.clock.step_s
+                if self._about_chief:
+                    steps = _steps_about(cast(ChiefDynamics, self._dynamics), step_s, chief, states)
+                else:
+                    steps = _steps(self._dynamics, step_s, epochs, states)
                 return self._extended(*_finite(*steps, states))
             if contained.error is not None:
                 self.broken = contained.error.with_traceback(None)
@@ -115,15 +130,19 @@ class _Given:
         return self._noises
 
 
-def _steps(
-    dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], chief: Array, states: Array
-) -> tuple[Array, Array]:
+def _steps_about(dynamics: ChiefDynamics, step_s: float, chief: Array, states: Array) -> tuple[Array, Array]:
+    """Return F and Q of the six states about the chief's states (K, 6), (K, 6, 6) each.
+
+    The epochs take the place of runs, each with a chief of its own.
+    """
+    step = Step(1, step_s)
+    F = dynamics.with_chief(chief[:, None], first_epoch=0).transition(states, step)
+    Q = dynamics.process_noise(states, step)
+    return np.broadcast_to(F, (len(states), 6, 6)), np.broadcast_to(Q, (len(states), 6, 6))
+
+
+def _steps(dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], states: Array) -> tuple[Array, Array]:
     """Return F and Q of the six states, (K, 6, 6) each."""
-    if isinstance(dynamics, NonlinearJ2Dynamics):
-        # The epochs take the place of runs, each with a chief of its own.
-        step = Step(1, step_s)
-        F = dynamics.with_chief(chief[:, None], first_epoch=0).transition(states, step)
-        return F, np.broadcast_to(dynamics.process_noise(states, step), F.shape)
     pairs = []
     for epoch, state in zip(epochs, states[:, None], strict=True):
         step = Step(int(epoch), step_s)
@@ -144,12 +163,17 @@ def _finite(F: Array, Q: Array, states: Array) -> tuple[Array, Array]:
     return np.where(lost, np.nan, F), np.where(lost, 0.0, Q)
 
 
-def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int) -> Dynamics:
+def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int, learned: Learned) -> Dynamics:
     """Return the motion that some filters believe in, from the first of them that can be made."""
+
+    def of(name: str) -> Dynamics:
+        entry = config.filters[name]
+        return create_campaign_filter(entry, config, dynamics_context(entry, config, seed, learned)).dynamics
+
     for name in names[:-1]:
         with Containment():
-            return create_campaign_filter(config.filters[name], config, seed).dynamics
-    return create_campaign_filter(config.filters[names[-1]], config, seed).dynamics
+            return of(name)
+    return of(names[-1])
 
 
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
@@ -160,6 +184,6 @@ def perfect_dynamics(config: CaseConfig) -> Dynamics:
 
 def model_key(entry: FilterEntry) -> str:
     """Return what tells the model of a filter apart: most filters of a campaign share theirs."""
-    if isinstance(entry.dynamics, GpOptions):  # what is learned depends on the filter's measurements too
+    if "training_track" in entry.dynamics.needs:  # what is learned depends on the filter's measurements too
         return entry.model_dump_json()
     return entry.model_dump_json(include={"dynamics", "process_noise", "augment", "sensors"})

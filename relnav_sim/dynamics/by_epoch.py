@@ -49,6 +49,7 @@ class LinearByEpoch:
     """
 
     linear = True
+    leaves_arguments_alone = True
 
     def __init__(self, transitions: Callable[[Array], Array], process_noise: Array) -> None:
         self.dimension = len(process_noise)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +15,6 @@ from relnav_sim.dynamics.orbit_filter import OrbitFilter
 from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame
 from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning_frame
 from relnav_sim.linalg import runs_last
-
-if TYPE_CHECKING:
-    from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
 
 Array = NDArray[np.float64]
 TOGETHER = 1024
@@ -80,7 +75,7 @@ def chief_segments(chief: Array, division: Division, gravity: Gravity) -> Segmen
 
 
 class ChiefFollower:
-    """Keeps dynamics supplied with the chief's orbit as one filter estimates it, a chunk of epochs at a time.
+    """The chief's orbit as one filter estimates it, a chunk of epochs at a time.
 
     Dynamics that see the same fixes and believe the same share one.
 
@@ -93,7 +88,6 @@ class ChiefFollower:
     def __init__(self, filter: OrbitFilter, division: Division, gravity: Gravity) -> None:
         self._filter = filter
         self._division, self._gravity = division, gravity
-        self._supplied: list[NonlinearJ2Dynamics] = []
         self._before: Array | None = None
         self._segments: ChiefSegments | None = None
         self._past_cpu_s = 0.0
@@ -104,38 +98,27 @@ class ChiefFollower:
         """CPU time spent on the orbit so far, s, whichever of the dynamics asked first: what one alone would need."""
         return self._past_cpu_s + (0.0 if self._segments is None else self._segments.cpu_s)
 
-    def supply(self, dynamics: NonlinearJ2Dynamics) -> None:
-        """Supply these dynamics from now on."""
-        self._supplied.append(dynamics)
+    def take(self, fixes: Array, first_epoch: int, forces: Array | None = None) -> ChiefSegments:
+        """Return what the chief does in the next chunk of steps.
 
-    def take(self, fixes: Array, first_epoch: int, forces: Array | None = None) -> None:
-        """Take the chief's GNSS fixes of the next chunk, (runs, K, 6), ECI, NaN = none; the first is at epoch 0.
-
-        A chunk that is already taken is left alone, so each user of the follower may hand it on.
+        A chunk that is already taken is not filtered again, so each user of the follower may hand it on.
 
         Args:
-            fixes: The fixes.
+            fixes: The chief's GNSS fixes, (runs, K, 6), ECI, NaN = none; the first of all is at epoch 0.
             first_epoch: Epoch of the first of them.
-            forces: Known thrust in the steps that end there, as `KnownThrust.take` has it; the chief's is used.
+            forces: Known thrust of the chief in the steps that end there, as `OrbitFilter.advance` has it.
         """
-        if first_epoch < self._next_epoch:
-            return
+        if self._segments is not None and first_epoch < self._next_epoch:
+            return self._segments
         begin = time.process_time()
         self._next_epoch = first_epoch + fixes.shape[1]
-        estimates = self._filter.advance(fixes, None if forces is None else forces[:, :, 0])
+        estimates = self._filter.advance(fixes, forces)
         # The first step of a chunk begins at the last epoch of the one before.
         known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
         self._before = estimates[:, -1:]
         self._past_cpu_s = self.cpu_s + time.process_time() - begin
         self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._division, self._gravity)
-        for dynamics in self._supplied:
-            dynamics.follow_chief(self._segments)
-
-
-@lru_cache(maxsize=4)
-def shared_nominal_chief(orbit: ChiefOrbit, step_s: float) -> NominalChief:
-    """Return the nominal chief of an orbit, the same object for all filters of a block."""
-    return NominalChief(orbit, step_s)
+        return self._segments
 
 
 class NominalChief:

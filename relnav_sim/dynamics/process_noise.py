@@ -47,6 +47,20 @@ class ProcessNoiseOptions(Options):
         return self
 
 
+def white_acceleration(psd_m2_s3: float) -> ProcessNoiseOptions:
+    """Return the process noise of a white acceleration on each axis.
+
+    Args:
+        psd_m2_s3: Its power spectral density, m^2/s^3.
+
+    Raises:
+        ValueError: It is negative or not finite.
+    """
+    if not 0 <= psd_m2_s3 < np.inf:
+        raise ValueError(f"acceleration_psd_m2_s3 is {psd_m2_s3}; it must be a finite number from 0 up")
+    return ProcessNoiseOptions(acceleration_psd_m2_s3=float(psd_m2_s3))
+
+
 def van_loan(A: Array, B: Array, density: Array, duration_s: float) -> tuple[Array, Array]:
     """Return the exact transition matrix F and noise Q of dx = A x dt + B dw over one step.
 

@@ -8,18 +8,24 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import chdtri
 
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.components import noise_components, normalised
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of, joseph_update
+from relnav_sim.filters.kalman import (
+    ChannelQuantile,
+    GaussianFilter,
+    GaussianFilterOptions,
+    innovation_of,
+    joseph_update,
+)
 from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 
@@ -91,7 +97,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveAlphaOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options
-        self._threshold = float(chdtri(measurement.dimension, 1 - options.gate_scheme_probability))
+        self._threshold = ChannelQuantile(measurement, options.gate_scheme_probability)
         self._limits = 1 / options.alpha_max, 1 / options.alpha_min
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
@@ -122,7 +128,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
             case "windowed_nis":
                 alpha = 1 / belief.scale
                 used = R / alpha[:, None, None]
-                belief, extras["white"] = push(belief, nu, M, R, *self._limits)
+                belief, extras["white"] = push(belief, nu, M, R, present_channels(self.measurement), *self._limits)
             case "student_t":
                 used, alpha = self._student_noise(belief, z, R, epoch)
             case "responsibilities":
@@ -138,7 +144,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:
         """Return 1 where the NIS is within the threshold, else the alpha that brings it there, (runs,)."""
         s, d = modes(nu, M, R)
-        return 1 / scale_for(s, d, self._threshold, 1.0, self._limits[1])
+        return 1 / scale_for(s, d, self._threshold.of_present(), 1.0, self._limits[1])
 
     def _student_noise(self, belief: Gaussian, z: Array, R: Array, epoch: int) -> tuple[Array, Array]:
         """Return the noise covariance (runs, m, m) of the variational update, and the smallest alpha (runs,)."""
@@ -151,7 +157,8 @@ class AdaptiveAlphaFilter(GaussianFilter):
             if options.per_channel:
                 weights = (freedom + 1) / (freedom + squared)
             else:
-                one = (freedom + e.shape[-1]) / (freedom + squared.sum(axis=-1, keepdims=True))
+                channels = np.reshape(channel_count(self.measurement), (-1, 1))
+                one = (freedom + channels) / (freedom + squared.sum(axis=-1, keepdims=True))
                 weights = np.broadcast_to(one, e.shape)
             weights = np.clip(weights, options.alpha_min, options.alpha_max)
             return weights
@@ -163,7 +170,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
     def _mixture_noise(self, nu: Array, M: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return the covariance of the expected precision (runs, m, m), alpha (runs,), and the log evidence (runs,).
 
-        alpha is the m-th root of the determinants' ratio to the most precise component.
+        alpha is the m-th root of the determinants' ratio to the most precise component, m the channels present.
         """
         weights, covariances = noise_components(self.measurement, mean, epoch)
         covariances = np.broadcast_to(covariances, (len(nu), *covariances.shape[-3:]))
@@ -181,5 +188,5 @@ class AdaptiveAlphaFilter(GaussianFilter):
             precision += responsibilities[:, j, None, None] * factor.solve(identity)
             least_volume = np.minimum(least_volume, factor.log_determinant())
         factor = CholeskyFactor(precision)
-        alpha = np.exp((factor.log_determinant() + least_volume) / nu.shape[-1])
+        alpha = np.exp((factor.log_determinant() + least_volume) / channel_count(self.measurement))
         return factor.solve(identity), alpha, evidence

@@ -15,6 +15,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOptions
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 
@@ -52,7 +53,7 @@ class AdaptiveTwoStepBelief(TwoStepBelief):
 
     Args:
         noise_ratio: The estimate R_k in the axes in which the measurement's own R is the identity, (runs, m, m).
-        memory: Sum of the weights b^j of the updates so far, (runs,).
+        memory: Sum of the weights b^j of the updates so far, by axis, (runs, m).
     """
 
     noise_ratio: Array
@@ -85,19 +86,25 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
         return _with_noise(
             super().start(prior, source),
             np.tile(np.eye(m), (runs, 1, 1)),
-            np.full(runs, self._adaptation.initial_weight),
+            np.full((runs, m), self._adaptation.initial_weight),
         )
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[AdaptiveTwoStepBelief, Innovation]:
         """Return the belief after both steps under the present noise estimate, and the estimate renewed."""
         prior: AdaptiveTwoStepBelief = belief
-        nominal = self.measurement.noise(prior.mean, step.epoch)
+        nominal = all_channels(self.measurement).noise(prior.mean, step.epoch)
         nominal = np.broadcast_to(nominal, prior.noise_ratio.shape)
         root = cholesky(nominal)
         R = root @ prior.noise_ratio @ transpose(root)
         corrected, (residual, covariance), innovation = self.two_steps(prior, z, R, step)
-        memory = self._adaptation.forgetting * prior.memory + 1
-        ratio = self._renewed(prior.noise_ratio, CholeskyFactor(nominal), residual, covariance, 1 / memory)
+        factor, memory = CholeskyFactor(nominal), self._adaptation.forgetting * prior.memory + 1
+        weight, present = 1 / memory, present_channels(self.measurement)
+        if present is not None:
+            # An axis into which an absent channel enters has seen nothing.
+            enters = factor.whiten_rows(np.broadcast_to(np.eye(present.shape[1]), nominal.shape)) != 0
+            seen = ~(enters & ~present[:, None]).any(axis=2)
+            memory, weight = np.where(seen, memory, prior.memory), np.where(seen, weight, 0.0)
+        ratio = self._renewed(prior.noise_ratio, factor, residual, covariance, weight)
         sigma = np.sqrt(np.einsum("bii->bi", ratio))
         extras = {f"noise_sigma_ratio_{i}": np.ascontiguousarray(sigma[:, i]) for i in range(sigma.shape[1])}
         return _with_noise(corrected, ratio, memory), replace(innovation, extras={**innovation.extras, **extras})
@@ -105,19 +112,27 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
     def _renewed(
         self, ratio: Array, factor: CholeskyFactor, residual: Array, covariance: Array, weight: Array
     ) -> Array:
-        """Return the noise estimate after a residual (runs, m) whose y has the given H Py H^T (runs, m, m)."""
+        """Return the noise estimate after a residual (runs, m) whose y has the given H Py H^T (runs, m, m).
+
+        With weights d_i by axis, (runs, m), it is D' R D' + D (e e^T + H Py H^T) D, D^2 = diag(d), D'^2 = I - D^2: a
+        sum of positive parts whatever the weights.
+        """
         options = self._adaptation
         white = factor.whiten(residual)
         half = factor.whiten_rows(covariance)
         seen = white[:, :, None] * white[:, None, :] + factor.whiten_rows(transpose(half))
         if options.channels == "independent":
             seen = seen * np.eye(seen.shape[-1])
-        d = weight[:, None, None]
-        estimate = (1 - d) * ratio + d * seen
+        estimate = _geometric_means(1 - weight) * ratio + _geometric_means(weight) * seen
         # The bounds rescale channels, so that the matrix stays positive definite.
         variances = np.einsum("bii->bi", estimate)
         scale = np.sqrt(np.clip(variances, options.smallest, options.largest) / variances)
         return estimate * scale[:, :, None] * scale[:, None, :]
+
+
+def _geometric_means(weights: Array) -> Array:
+    """Return sqrt(w_i w_j), (runs, m, m), of weights (runs, m); exactly w_i where the two are equal."""
+    return np.sqrt(weights[:, :, None] * weights[:, None, :])
 
 
 def _with_noise(belief: TwoStepBelief, ratio: Array, memory: Array) -> AdaptiveTwoStepBelief:

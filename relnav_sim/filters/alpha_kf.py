@@ -26,6 +26,7 @@ from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
 
@@ -153,7 +154,7 @@ class AlphaKalmanFilter(SamplingFilter):
         """Return mean (runs, d), covariance (runs, d, d) of the whitened observed states, and ESS (runs,)."""
         options = self._options
         proposal = self._first_proposal(prior, belief, model, z, step)
-        scale = np.sqrt(options.alpha / 2) * _inverse_root(model.R)
+        scale = np.sqrt(options.alpha / 2) * _inverse_root(self._independent_noise(belief, model, step.epoch))
         smallest = np.full(len(z), np.nan)
         for _ in range(options.fixed_point):
             e = self._draw(prior)
@@ -168,6 +169,14 @@ class AlphaKalmanFilter(SamplingFilter):
             # p^alpha q^(1 - alpha) / q = (p / q)^alpha: the last q is the next step's proposal.
             proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha))
         return mean, covariance, smallest
+
+    def _independent_noise(self, belief: Gaussian, model: Linearisation, epoch: int) -> Array:
+        """Return R for the likelihood, as every run has it where channels are independent: absent ones add nothing."""
+        if present_channels(self.measurement) is not None:
+            R = all_channels(self.measurement).noise(belief.mean, epoch)
+            if R.ndim == 2 and np.count_nonzero(R) == np.count_nonzero(np.diagonal(R)):
+                return R
+        return model.R
 
     def _first_proposal(
         self, prior: WhitenedPrior, belief: Gaussian, model: Linearisation, z: Array, step: Step

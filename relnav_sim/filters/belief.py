@@ -119,3 +119,17 @@ def where_runs(condition: NDArray[np.bool_], chosen: B, other: B) -> B:
         if isinstance(new, np.ndarray):
             mixed[item.name] = np.where(condition.reshape(-1, *[1] * (new.ndim - 1)), new, old)
     return replace(chosen, **mixed)  # type: ignore[type-var]  # as above
+
+
+def in_c_order(belief: B) -> B:
+    """Return a belief whose arrays lie in memory in C order.
+
+    Sums may be taken in the order of memory. With several sensors an update begins with a prediction, or with another
+    sensor's update of all runs or of some, as the block has it; its bits must not depend on which.
+    """
+    ordered: dict[str, Any] = {}
+    for item in fields(belief):  # type: ignore[arg-type]  # as in `where_runs`
+        value = getattr(belief, item.name)
+        if isinstance(value, np.ndarray):
+            ordered[item.name] = np.ascontiguousarray(value)
+    return replace(belief, **ordered)  # type: ignore[type-var]  # as in `where_runs`

@@ -23,7 +23,8 @@ from relnav_sim.linalg import (
     runs_first,
     transpose,
 )
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults
+from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import has_own_density
 from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 
@@ -183,8 +184,8 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
     cloud's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
     """
-    own = measurement.log_likelihood
-    if getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood:
+    if has_own_density(measurement):
+        own = measurement.log_likelihood
         return np.asarray(
             called_read_only(lambda particles, at: own(z, particles, at), "log_likelihood", states, epoch), dtype=float
         )
@@ -209,7 +210,7 @@ def average(matrices: Array, cloud: Cloud) -> Array:
     return np.einsum("bp,bpij->bij", cloud.weights, matrices)
 
 
-def smoothing(parents: Array, bandwidth: float, observed: int) -> tuple[Array, Array]:
+def smoothing(parents: Array, bandwidth: float, observed: int | NDArray[np.int64]) -> tuple[Array, Array]:
     """Return how far to draw particles to their mean, and the variance of the kernel to add, as shares (runs, 1, 1).
 
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
@@ -221,10 +222,10 @@ def smoothing(parents: Array, bandwidth: float, observed: int) -> tuple[Array, A
     Args:
         parents: p, the effective number of particles that were copied, (runs,); infinite where none were.
         bandwidth: h, in standard deviations of the cloud.
-        observed: m_z, the number of measured components.
+        observed: m_z, the number of measured components, for all runs or (runs,).
     """
     h = np.where(np.isinf(parents), 0.0, bandwidth)[:, None, None]
-    return np.sqrt(1 - h**2), h**2 + (observed + 1) / parents[:, None, None]
+    return np.sqrt(1 - h**2), h**2 + ((observed + 1) / parents)[:, None, None]
 
 
 def contracted(components: Array, mean: Array, share: Array) -> Array:

@@ -30,6 +30,7 @@ from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
@@ -84,6 +85,7 @@ class CloudFilter:
         if self._bandwidth > 1:
             raise ValueError(f"roughening must not exceed {options.roughening / self._bandwidth:.3g} with these sizes")
         self._rooted: tuple[Array, Array] | None = None
+        self._several = len(sensors_of(measurement)) > 1
 
     def start(self, prior: Gaussian, source: RandomSource) -> Cloud:
         """Return particles drawn from the prior."""
@@ -101,7 +103,7 @@ class CloudFilter:
         if self._bandwidth > 0:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
             # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
-            share, width = smoothing(belief.parents, self._bandwidth, self.measurement.dimension)
+            share, width = smoothing(belief.parents, self._bandwidth, channel_count(self.measurement))
         F = self.dynamics.transition(belief.mean, step)
         carried = F @ belief.covariance @ transpose(F)
         if self.dynamics.linear:
@@ -171,6 +173,45 @@ class CloudFilter:
         """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
         return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
+
+    def _for_next_sensor(self, cloud: Cloud, predicted: Cloud) -> Cloud:
+        """Return an updated cloud as the prediction of the epoch's next sensor, if there are several.
+
+        Its particles have no process noise left to draw: they are their own centres, and the root is zero. Runs that
+        did not read this sensor keep what they were predicted from.
+        """
+        if not self._several:
+            return cloud
+        assert predicted.noise is not None and predicted.root is not None
+        root = predicted.root
+        shape = (len(cloud.mean), *root.shape[-2:]) if root.ndim < 4 else root.shape
+        return replace(cloud, centres=cloud.components, noise=np.zeros(predicted.noise.shape), root=np.zeros(shape))
+
+    def _parted(self, belief: Cloud) -> Cloud:
+        """Return the prediction of an epoch's further sensor with the copies parted that the last one has left.
+
+        As in `predict` the kernel takes the place of the process noise; after a prediction there are no copies.
+        """
+        rows = np.flatnonzero(np.isfinite(belief.parents))
+        if not len(rows) or self._bandwidth == 0:
+            return belief
+        assert belief.centres is not None and belief.noise is not None and belief.root is not None
+        observed = np.broadcast_to(channel_count(self.measurement), len(belief.mean))[rows]
+        share, width = smoothing(belief.parents[rows], self._bandwidth, observed)
+        kernel = symmetric(width * belief.covariance[rows])
+        root = square_root(kernel)
+        noise = standard_normals(chosen(belief.streams.noise, rows), root.shape[-1], self._particles)
+        centres = contracted(belief.components[rows], belief.mean[rows], share)
+        own_root = root if belief.root.ndim == 3 else np.repeat(root[:, None], self._particles, axis=1)
+        return replace(
+            belief,
+            components=put(belief.components, rows, centres + spread(root, noise)),
+            covariance=put(belief.covariance, rows, share**2 * belief.covariance[rows] + kernel),
+            parents=put(belief.parents, rows, np.full(len(rows), np.inf)),
+            centres=put(belief.centres, rows, centres),
+            noise=put(belief.noise, rows, noise),
+            root=put(belief.root, rows, own_root),
+        )
 
 
 def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:

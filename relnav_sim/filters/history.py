@@ -28,10 +28,10 @@ class FilterHistory:
     Args:
         mean: State estimate after the measurement, (runs, T, n).
         covariance: Its covariance, (runs, T, n, n).
-        nis: Normalised innovation squared, (runs, T), the sum over the sensors read; NaN where there was no measurement.
-        log_likelihood: log p(z_k | earlier z), (runs, T), the sum over the sensors read; 0 where there was no measurement.
-        extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement. With several
-            sensors ``rejected`` is the number of rejected readings, and all else that of the last sensor read.
+        nis: Normalised innovation squared, (runs, T), summed over the sensors read; NaN where there was no measurement.
+        log_likelihood: log p(z_k | earlier z), (runs, T), summed alike; 0 where there was no measurement.
+        extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement. With
+            several sensors ``rejected`` is the number of rejected readings, and all else that of the last sensor read.
         failures: The runs that failed, with epoch and reason; from there on their mean, covariance and log-likelihood
             are NaN.
         dof: Channels read, (runs, T): the mean of the NIS where the filter knows its own uncertainty; 0 where there was
@@ -44,7 +44,8 @@ class FilterHistory:
     Examples:
         >>> import numpy as np
         >>> from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
-        >>> filter = create_filter("kf", LinearDynamics(np.eye(1), np.eye(1)), LinearMeasurement(np.ones((2, 1)), np.eye(2)))
+        >>> twice = LinearMeasurement(np.ones((2, 1)), np.eye(2))
+        >>> filter = create_filter("kf", LinearDynamics(np.eye(1), np.eye(1)), twice)
         >>> history = run_filter(filter, [[[0.3, 0.1], [0.2, np.nan], [np.nan, np.nan]]], np.zeros(1), np.eye(1))
         >>> history.dof.tolist()
         [[2, 1, 0]]

@@ -24,6 +24,7 @@ from relnav_sim.filters.components import (
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import present_channels
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
@@ -127,7 +128,12 @@ class InteractingModelsFilter:
             self.measurement, model, belief.means, belief.covariances, own, z, self._considered
         )
         weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
-        extras = {"outlier_probability": 1 - weights[:, 0]}
+        nominal = weights[:, 0]
+        if present_channels(self.measurement) is not None:
+            # Models that differ in absent channels only are the same model of this reading.
+            alike = (noises == noises[..., :1, :, :]).all(axis=(-2, -1))
+            nominal = np.where(alike, weights, 0.0).sum(axis=1)
+        extras = {"outlier_probability": 1 - nominal}
         with np.errstate(divide="ignore"):
             bank = ModelBank(np.log(weights), means[:, :, 0], covariances[:, :, 0])
         return bank, Innovation(nis, log_likelihood, extras, without_likelihood(log_likelihood))

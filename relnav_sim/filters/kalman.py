@@ -29,6 +29,7 @@ from relnav_sim.linalg import (
     symmetric_last,
 )
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
@@ -62,7 +63,7 @@ class GaussianFilter:
         self.measurement = measurement
         probability = options.gate_probability
         self._considered = considered_states(dynamics)
-        self._gate = None if probability is None else float(chdtri(measurement.dimension, 1 - probability))
+        self._gate = None if probability is None else ChannelQuantile(measurement, probability)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
         """Return the prior."""
@@ -82,7 +83,7 @@ class GaussianFilter:
         corrected = self.keep_considered(belief, corrected)
         if self._gate is None:
             return corrected, innovation
-        rejected = innovation.nis > self._gate
+        rejected = innovation.nis > self._gate.of_present()
         extras = {**innovation.extras, "rejected": rejected.astype(float)}
         # What a reading would have done to a run does not count where it is not taken.
         failed = {place: why for place, why in innovation.failed.items() if not rejected[place]}
@@ -95,6 +96,25 @@ class GaussianFilter:
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the belief after the measurement, and its innovation."""
         raise TypeError(f"{type(self).__name__} has no correct(belief, z, step)")
+
+
+class ChannelQuantile:
+    """The chi-square quantile of a normalised innovation, by the number of channels present.
+
+    Args:
+        measurement: The filter's.
+        probability: Of a normalised innovation that is not larger.
+    """
+
+    def __init__(self, measurement: Measurement, probability: float) -> None:
+        self._measurement = measurement
+        degrees = np.arange(1, measurement.dimension + 1)
+        # Without a channel there is nothing to exceed.
+        self._by_count = np.concatenate([[np.inf], chdtri(degrees, 1 - probability)])
+
+    def of_present(self) -> Array:
+        """Return the quantile for the channels that are present now, () or (runs,)."""
+        return np.asarray(self._by_count[channel_count(self._measurement)])
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
@@ -230,6 +250,12 @@ def innovation_last(L: Array, white: Array) -> Innovation:
     return Innovation(nis, -0.5 * (nis + len(white) * LOG_TWO_PI + log_determinant_of(L)))
 
 
+def scaled_noise(measurement: Measurement, mean: Array, epoch: int, factor: float) -> Array:
+    """Return R times a factor, (m, m) or (runs, m, m), that leaves the variances of absent channels at 1."""
+    R, present = measurement.noise(mean, epoch) * factor, present_channels(measurement)
+    return R if present is None else unit_where_absent(R, present)
+
+
 class KalmanOptions(GaussianFilterOptions):
     """Options of the linear Kalman filter."""
 
@@ -256,6 +282,6 @@ class KalmanFilter(GaussianFilter):
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""
         H = self.measurement.jacobian(belief.mean, step.epoch)
-        R = self.measurement.noise(belief.mean, step.epoch) * self._r_scale
+        R = scaled_noise(self.measurement, belief.mean, step.epoch, self._r_scale)
         residual = self.measurement.residual(z, self.measurement.predict(belief.mean, step.epoch))
         return joseph_update(belief, residual, H, R)

@@ -11,6 +11,7 @@ from relnav_sim.filters.belief import Gaussian
 from relnav_sim.linalg import CholeskyFactor, transpose
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # Newton's method on 1/f stops changing b in the 14th digit after 6 to 9 steps (measured, modes over ten decades).
 _NEWTON_STEPS = 12
@@ -64,7 +65,8 @@ class WindowedBelief:
         d: Eigenvalues of their modes, (runs, W, m).
         lagged: Product of each whitened innovation with the one before, (runs, W).
         power: Squared length of each whitened innovation, (runs, W).
-        white: The newest whitened innovation, (runs, m).
+        white: The newest whitened innovation of each channel, (runs, m).
+        channels: How many channels each innovation had, (runs, W).
         count: How many innovations there were, (runs,).
         scale: The factor b on R in use, (runs,).
     """
@@ -76,6 +78,7 @@ class WindowedBelief:
     lagged: Array
     power: Array
     white: Array
+    channels: Array
     count: Array
     scale: Array
 
@@ -92,15 +95,19 @@ def empty_window(prior: Gaussian, window: int, m: int) -> WindowedBelief:
         numbers,
         numbers,
         np.zeros((runs, m)),
+        numbers,
         np.zeros(runs),
         np.ones(runs),
     )
 
 
 def push(
-    belief: WindowedBelief, nu: Array, M: Array, R: Array, least: float, most: float
+    belief: WindowedBelief, nu: Array, M: Array, R: Array, present: Mask | None, least: float, most: float
 ) -> tuple[WindowedBelief, Array]:
     """Return the belief with one more innovation and the factor on R that brings the window's mean NIS to m.
+
+    Absent channels have no innovation: they count neither in the mean nor in the correlation, in which a channel is
+    compared with the last reading that had it.
 
     The factor is left as it was until the window is full, and while the innovations are correlated: that tells of a
     wrong motion model or process noise, which a larger R would make worse (Mehra, IEEE Trans. Automatic Control
@@ -117,12 +124,13 @@ def push(
         d=_appended(belief.d, d),
         lagged=_appended(belief.lagged, (white * belief.white).sum(axis=1)),
         power=_appended(belief.power, np.square(white).sum(axis=1)),
-        white=white,
+        white=white if present is None else np.where(present, white, belief.white),
+        channels=_appended(belief.channels, np.full(len(nu), nu.shape[1]) if present is None else present.sum(axis=1)),
         count=belief.count + 1,
     )
-    runs, W, m = belief.s.shape
+    runs, W, _ = belief.s.shape
     is_white = np.abs(belief.lagged.sum(axis=1)) < 2 / np.sqrt(W) * belief.power.sum(axis=1)
-    wanted = scale_for(belief.s.reshape(runs, -1), belief.d.reshape(runs, -1), float(W * m), least, most)
+    wanted = scale_for(belief.s.reshape(runs, -1), belief.d.reshape(runs, -1), belief.channels.sum(axis=1), least, most)
     scale = np.where(is_white & (belief.count >= W), wanted, belief.scale)
     return replace(belief, scale=scale), is_white.astype(float)
 

@@ -24,6 +24,7 @@ from relnav_sim.filters.cloud import (
 from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, usable, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -79,6 +80,7 @@ class ParticleFilter(CloudFilter):
 
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the reweighted and, in runs with few effective particles, resampled cloud; and its innovation."""
+        belief = self._parted(belief)
         score = self._log_likelihood(belief, belief.components, z, step)
         cloud, evidence, ess = weigh(belief, score)
         stages = np.zeros(len(z))
@@ -99,7 +101,7 @@ class ParticleFilter(CloudFilter):
             if self._moves and drawn.any():
                 cloud = self._move(cloud, belief, score, rows[drawn], ancestors[drawn], z, step)
             cloud = self._settle(cloud, rows, ess[rows])
-        return cloud, innovation
+        return self._for_next_sensor(cloud, belief), innovation
 
     def _too_few(self, ess: Array) -> NDArray[np.bool_]:
         return ess < self._particles / 20
@@ -130,7 +132,8 @@ class ParticleFilter(CloudFilter):
             power[rows] = power_that_leaves_half(cloud.log_weights[rows], score[rows], left[rows])
             weighted, log_mean, ess = weigh(cloud, power[:, None] * score)
             ancestors = self._ancestors(weighted, rows)
-            share, width = smoothing(ess[rows], self._bandwidth, self.measurement.dimension)
+            observed = np.broadcast_to(channel_count(self.measurement), len(z))
+            share, width = smoothing(ess[rows], self._bandwidth, observed[rows])
             noise = standard_normals(chosen(cloud.streams.jitter, rows), *cloud.components.shape[1:])
             covariance = weighted.covariance[rows] / (1 - 1 / ess[rows, None, None])
             jitter = np.sqrt(width) * spread(square_root(covariance), noise)

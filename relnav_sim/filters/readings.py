@@ -118,6 +118,7 @@ def _arrived(sensor: Sensor, z: Array, first_epoch: int) -> SensorReadings:
     absent = np.isnan(z)
     missing = absent.any(axis=2)
     some = np.zeros_like(missing) if sensor.whole else missing & ~absent.all(axis=2)
-    if not some.any():
-        return SensorReadings(sensor, z, ~missing, None, some.any(axis=0))
-    return SensorReadings(sensor, z, ~missing | some, ~absent, some.any(axis=0))
+    partial = np.asarray(some.any(axis=0))
+    if not partial.any():
+        return SensorReadings(sensor, z, np.asarray(~missing), None, partial)
+    return SensorReadings(sensor, z, np.asarray(~missing | some), ~absent, partial)

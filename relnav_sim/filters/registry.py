@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import json
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
-from relnav_sim.containment import Containment
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.several import SeveralMeasurements
-from relnav_sim.near_names import nearest
 from relnav_sim.options import Options
-from relnav_sim.printable import message_of
+from relnav_sim.plugins import load_plugins, no_such_plugin
 
 MeasurementKind = Literal["spherical", "cartesian"]
 C = TypeVar("C", bound=type)
@@ -123,18 +118,7 @@ def register_filter(
 
 @cache
 def _load_all() -> None:
-    for module in _BUILT_IN:
-        importlib.import_module(f"relnav_sim.filters.{module}")
-    for entry in entry_points(group="relnav.filters"):
-        before = dict(_KINDS)
-        # Importing a package runs its code, which may raise anything; it must not take all other filters with it.
-        with Containment() as contained:
-            entry.load()
-        if contained.error is not None:
-            _KINDS.clear()
-            _KINDS.update(before)
-            package, problem = entry.dist.name if entry.dist else entry.value, message_of(contained.error)
-            warnings.warn(f"the filters of {package} are left out; importing {entry.value}: {problem}", stacklevel=2)
+    load_plugins(_KINDS, (f"relnav_sim.filters.{module}" for module in _BUILT_IN), "relnav.filters")
 
 
 def filter_kinds() -> dict[str, FilterKind]:
@@ -157,8 +141,7 @@ def create_filter(
 
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is for another
-            number of states, the sensors' names are no names, or the dynamics have considered states and the filter can't
-            do that.
+            number of states, a sensor has no name, or the dynamics have considered states and the filter can't do that.
 
     Examples:
         >>> import numpy as np
@@ -172,9 +155,7 @@ def create_filter(
     """
     kinds = filter_kinds()
     if name not in kinds:
-        near = nearest(name, kinds)
-        hint = f"; did you mean {near!r}?" if near else f"; there are {', '.join(sorted(kinds))}"
-        raise ValueError(f"no filter is named {name!r}{hint}")
+        raise ValueError(no_such_plugin("filter", name, kinds))
     kind = kinds[name]
     try:
         # Through JSON, so that lists become tuples as they do in a campaign file.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, where_runs
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, in_c_order, where_runs
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
 from relnav_sim.filters.history import FilterHistory as FilterHistory
 from relnav_sim.filters.history import Innovations
@@ -111,6 +111,8 @@ def advance(
             for place, one in enumerate(readings.sensors):
                 read = one.read[:, k]
                 if filter.stochastic or read.any():
+                    if len(readings.sensors) > 1:
+                        belief = in_c_order(belief)
                     z_k, lacking = readings.attend(one, k)
                     belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
                     if lacking is not None:

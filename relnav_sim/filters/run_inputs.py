@@ -45,8 +45,8 @@ def checked_readings(z: ArrayLike | Mapping[str, ArrayLike], measurement: Measur
         if one.shape[:2] != readings[0].shape[:2]:
             (runs, epochs), (B, T) = one.shape[:2], readings[0].shape[:2]
             raise ValueError(
-                f"z[{name!r}] has {runs} runs of {epochs} epochs, z[{names[0]!r}] {B} runs of {T}; all sensors must have "
-                "the same, with NaN where one does not read"
+                f"z[{name!r}] has {runs} runs of {epochs} epochs, z[{names[0]!r}] {B} runs of {T}; all sensors must "
+                "have the same, with NaN where one does not read"
             )
     return readings
 

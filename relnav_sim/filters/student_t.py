@@ -14,6 +14,7 @@ from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import channel_count
 from relnav_sim.options import Tunable
 
 Array = NDArray[np.float64]
@@ -57,5 +58,6 @@ class StudentFilter(GaussianFilter):
         freedom, squared = self._options.degrees_of_freedom, np.square(e) + spread
         if self._options.per_channel:
             return (freedom + 1) / (freedom + squared)
-        one = (freedom + e.shape[-1]) / (freedom + squared.sum(axis=-1, keepdims=True))
+        channels = np.reshape(channel_count(self.measurement), (-1, 1))
+        one = (freedom + channels) / (freedom + squared.sum(axis=-1, keepdims=True))
         return np.broadcast_to(one, e.shape)

@@ -19,6 +19,14 @@ from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve,
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.partial import (
+    Mask,
+    all_channels,
+    present_channels,
+    unit_where_absent,
+    zero_absent,
+    zero_absent_rows,
+)
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -89,6 +97,9 @@ class TwoStepFilter(GaussianFilter):
     it. Both steps update c, then x given c, so every covariance is a sum of positive parts, for linear g the
     covariance of x takes the very path of the Kalman filter, and a gap in the measurements leaves N alone.
 
+    A reading with channels missing updates y through those present; g(x) of the others stays part of y, and with
+    several sensors so does g(x) of each, so that all their functions are called whichever is read.
+
     Limits: R must be positive definite; a noise-free channel fails the run. The off-manifold part gets no process
     noise, as in the original. NIS and log-likelihood come from the linear first step; those of the first measurement
     include the start's slack.
@@ -121,7 +132,8 @@ class TwoStepFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[TwoStepBelief, Innovation]:
         """Return the belief after both steps; the innovation is the first step's."""
-        corrected, _, innovation = self.two_steps(belief, z, self.measurement.noise(belief.mean, step.epoch), step)
+        R = all_channels(self.measurement).noise(belief.mean, step.epoch)
+        corrected, _, innovation = self.two_steps(belief, z, R, step)
         return corrected, innovation
 
     def two_steps(
@@ -132,15 +144,16 @@ class TwoStepFilter(GaussianFilter):
         Args:
             belief: The prediction.
             z: (runs, m).
-            R: Measurement noise to assume, (m, m) or (runs, m, m).
+            R: Measurement noise to assume, of all channels, (m, m) or (runs, m, m).
             step: The epoch.
         """
-        measurement, epoch = self.measurement, step.epoch
+        # y holds g(x) of every channel; which are present only tells what z sees of it.
+        measurement, present, epoch = all_channels(self.measurement), present_channels(self.measurement), step.epoch
         g = measurement.predict(belief.mean, epoch)
         G = jacobian_of_runs(measurement, belief.mean, epoch)
         before = self._off_manifold(belief, G, R, epoch)
         expected = g + before.mean_c + times(G, before.mean_x)
-        after, innovation = _first_step(before, measurement.residual(z, expected), G, R)
+        after, innovation = _first_step(before, measurement.residual(z, expected), G, R, present)
         # y's mean; its angles are not wrapped, so that differences to it stay continuous.
         y_g = g + after.mean_c + times(G, after.mean_x)
 
@@ -175,14 +188,14 @@ class TwoStepFilter(GaussianFilter):
         started = belief.started
         if started.all():
             return _carried(belief, G)
-        options = self._options
+        options, measurement = self._options, all_channels(self.measurement)
         kappa = max(0.0, 3.0 - belief.mean.shape[1]) if options.start_kappa is None else options.start_kappa
         fresh = start_off_manifold(
             options.start,
             belief,
-            lambda x: self.measurement.predict(x, epoch),
-            self.measurement.residual,
-            lambda x: jacobian_of_runs(self.measurement, x, epoch),
+            lambda x: measurement.predict(x, epoch),
+            measurement.residual,
+            lambda x: jacobian_of_runs(measurement, x, epoch),
             options.start_slack * R,
             kappa,
         )
@@ -208,7 +221,9 @@ def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
     )
 
 
-def _first_step(before: OffManifold, nu: Array, G: Array, R: Array) -> tuple[OffManifold, Innovation]:
+def _first_step(
+    before: OffManifold, nu: Array, G: Array, R: Array, present: Mask | None
+) -> tuple[OffManifold, Innovation]:
     """Return (y_x, c) after z = y_g + v, and the innovation.
 
     Given c the measurement sees y_x through G; so c is updated with the noise G P G^T + R, then y_x given c with R.
@@ -218,11 +233,16 @@ def _first_step(before: OffManifold, nu: Array, G: Array, R: Array) -> tuple[Off
         nu: z less its expectation, (runs, m).
         G: Jacobian at the prediction, (runs, m, n).
         R: (m, m) or (runs, m, m).
+        present: The channels (runs, m) that z has; None: all.
     """
     K, P = before.regression, before.covariance
+    B = np.eye(len(nu[0])) + G @ K
+    if present is not None:
+        leading = nu.shape[:1]
+        nu, R = zero_absent(nu, present), unit_where_absent(R, present)
+        G, B = zero_absent_rows(G, present, leading), zero_absent_rows(B, present, leading)
     GP = G @ P
     W = symmetric(GP @ transpose(G)) + R
-    B = np.eye(len(nu[0])) + G @ K
     c, innovation = joseph_update(Gaussian(before.mean_c, before.scatter), nu, B, W)
     moved = c.mean - before.mean_c
     x, told = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)

@@ -110,6 +110,7 @@ class UnscentedParticleFilter(CloudFilter):
 
     def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
         """Return the cloud drawn from the proposals, reweighted and, where few particles count, resampled and moved."""
+        belief = self._parted(belief)
         assert belief.noise is not None
         proposal = self._propose(belief, z, step)
         components, log_ratio = proposal.draw(belief.noise)
@@ -126,7 +127,8 @@ class UnscentedParticleFilter(CloudFilter):
                 current = pick(score, rows, ancestors)
                 cloud, accepted[rows] = self._move(cloud, belief, proposal.of(rows, ancestors), current, rows, z, step)
             cloud = self._settle(cloud, rows, ess[rows])
-        return cloud, replace(innovation, extras={**innovation.extras, "accepted": accepted})
+        innovation = replace(innovation, extras={**innovation.extras, "accepted": accepted})
+        return self._for_next_sensor(cloud, belief), innovation
 
     def _propose(self, predicted: Cloud, z: Array, step: Step) -> Proposal:
         """Return every particle's unscented update of its own transition density.

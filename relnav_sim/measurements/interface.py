@@ -85,8 +85,8 @@ class MeasurementDefaults:
         angles: Components of z that are angles, rad.
         depends_on: States that z depends on; None: any. Sampling filters draw only those.
         states: Number n of states it is for; None: any.
-        whole: Whether a reading counts with all its channels only (a converted position, say); one with a channel missing
-            is then missing altogether.
+        whole: Whether a reading counts with all its channels only (a converted position, say); one with a channel
+            missing is then missing altogether.
     """
 
     angles: tuple[int, ...] = ()
@@ -97,8 +97,8 @@ class MeasurementDefaults:
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the readings (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
 
-        Called once for every chunk of epochs, before the chunk is filtered, so that a measurement can learn what arrives
-        during a run. By default the readings themselves.
+        Called once for every chunk of epochs, before the chunk is filtered, so that a measurement can learn what
+        arrives during a run. By default the readings themselves.
         """
         return z
 

@@ -2,9 +2,9 @@
 
 With a selection S of the present channels, H -> S H, R -> S R S^T, z -> S z. Runs with other channels present share one
 batch, so every array keeps its m channels: an absent channel has residual 0, a row of zeros in H, and in R a row and
-column of zeros with 1 on the diagonal, in every component of a mixture. H P H^T + R is then block diagonal with ones for
-the absent channels, so mean, covariance, normalised innovation and log det S are those of the present ones. Only the
-constant m log 2 pi of a log-likelihood counts too many channels; the loop over epochs takes that back.
+column of zeros with 1 on the diagonal, in every component of a mixture. H P H^T + R is then block diagonal with ones
+for the absent channels, so mean, covariance, normalised innovation and log det S are those of the present ones. Only
+the constant m log 2 pi of a log-likelihood counts too many channels; the loop over epochs takes that back.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Sensor:
 def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
     """Return the sensors of a filter's measurement, in the order in which they are processed.
 
-    `create_filter` gives a filter a measurement that says so by an attribute ``sensors``. One without can't be told which
-    channels are present: its readings count as a whole.
+    `create_filter` gives a filter a measurement that says so by an attribute ``sensors``. One without can't be told
+    which channels are present: its readings count as a whole.
     """
     sensors: tuple[Sensor, ...] | None = getattr(measurement, "sensors", None)
     return (_sensor("", measurement, whole=True),) if sensors is None else sensors
@@ -139,8 +139,8 @@ class PartialMeasurement(MeasurementDefaults):
     def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
         if self.present is not None and (self.present.any(axis=1) & ~self.present.all(axis=1)).any():
             raise ValueError(
-                f"a reading at epoch {epoch} has channels missing, for which the measurement's own log_likelihood has no "
-                "density; give the measurement `whole = True`, and such a reading counts as missing altogether"
+                f"a reading at epoch {epoch} has channels missing, for which the measurement's own log_likelihood has "
+                "no density; give the measurement `whole = True`, and such a reading counts as missing altogether"
             )
         return self.complete.log_likelihood(z, states, epoch)
 

@@ -1,4 +1,4 @@
-"""Several sensors as one measurement: the channels of all, one after the other, of which a filter reads some at a time."""
+"""Several sensors as one measurement: the channels of all, one after the other, of which some are read at a time."""
 
 from __future__ import annotations
 
@@ -39,13 +39,7 @@ class JoinedMeasurement(MeasurementDefaults):
         self.angles = tuple(
             part.channels.start + place for part in self._parts for place in getattr(part.measurement, "angles", ())
         )
-        seen = [getattr(measurement, "depends_on", None) for measurement in measurements]
-        self.depends_on = (
-            None
-            if None in seen
-            else tuple(sorted({place for places in seen if places is not None for place in places}))
-        )
-        self.states = next((n for m in measurements if (n := getattr(m, "states", None)) is not None), None)
+        self.depends_on = _union([getattr(measurement, "depends_on", None) for measurement in measurements])
         if any(has_own_density(measurement) for measurement in measurements):
             self.log_likelihood = self._own_densities  # type: ignore[method-assign]  # only then is there one of its own
 
@@ -127,6 +121,16 @@ class JoinedMeasurement(MeasurementDefaults):
             total += part.measurement.log_likelihood(z[..., part.channels], states, epoch)
             read += part.measurement.dimension
         return total - 0.5 * LOG_TWO_PI * (self.dimension - read)
+
+
+def _union(seen: Sequence[tuple[int, ...] | None]) -> tuple[int, ...] | None:
+    """Return the states that any of the measurements depends on; None: any."""
+    places: set[int] = set()
+    for own in seen:
+        if own is None:
+            return None
+        places.update(own)
+    return tuple(sorted(places))
 
 
 class SeveralMeasurements(JoinedMeasurement):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import polar, polar_gradients, rows, sight_vector, times
+from relnav_sim.astro.line_of_sight import mounting_matrix, polar, polar_gradients, rows, sight_vector, times
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
@@ -145,6 +145,50 @@ class Locating(Measurement, Protocol):
         ...
 
 
+def radar(
+    *,
+    range_sigma_m: float,
+    angle_sigma_deg: float,
+    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    carrier: Literal["chief", "deputy"] = "chief",
+    chief_orbit: ChiefOrbit | None = None,
+    attitude_sigma_deg: float = 0.0,
+) -> PolarRadar:
+    """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
+
+    The state is the deputy's position and velocity relative to the chief in the chief's RTN frame, m and m/s; more
+    states may follow. The radar stands fixed in its carrier's nadir frame (x along-track, y minus orbit normal, z
+    nadir). Azimuth counts from the radar's x axis towards y, elevation towards minus z.
+
+    Args:
+        range_sigma_m: Standard deviation of the range, m.
+        angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (readings are in rad).
+        mounting_deg: Yaw, pitch and roll from the nadir frame to the radar frame, deg, about z, the new y, the new x.
+        carrier: Craft with the radar, which sees the other one.
+        chief_orbit: The chief's nominal orbit, needed with the radar on the deputy; taken as circular.
+        attitude_sigma_deg: Standard deviation of a white error of the carrier's attitude about each axis, deg.
+
+    Raises:
+        ValueError: A sigma is not positive (the attitude's: negative), or the chief's orbit is missing.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import measurements
+        >>> radar = measurements.radar(range_sigma_m=2.0, angle_sigma_deg=0.05)
+        >>> radar.predict(np.array([[0.0, 1000.0, 0.0, 0.0, 0.0, 0.0]]), 0).tolist()
+        [[1000.0, -0.0, 0.0]]
+    """
+    if not (range_sigma_m > 0 and angle_sigma_deg > 0 and attitude_sigma_deg >= 0):
+        raise ValueError(
+            f"range_sigma_m {range_sigma_m:g} and angle_sigma_deg {angle_sigma_deg:g} must be positive, "
+            f"attitude_sigma_deg {attitude_sigma_deg:g} must not be negative"
+        )
+    sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg, angle_sigma_deg])])
+    attitude = np.square(np.radians(attitude_sigma_deg)) * np.eye(3)
+    noise = RadarNoise(np.ones(1), sigmas[None], sigmas, attitude)
+    return PolarRadar(mounting_matrix(*mounting_deg), noise, carrier, chief_orbit)
+
+
 def first_fix(
     radar: Locating, z: Array, epoch: int = 0, noise: Callable[[Array, int], Array] | None = None
 ) -> tuple[Array, Array]:
@@ -159,6 +203,14 @@ def first_fix(
     Returns:
         Position of the deputy relative to the chief, RTN, (runs, 3) m, and covariance J R J^T, (runs, 3, 3) m^2,
         J = (dh/dr)^-1. Zero relative velocity is assumed where the reading depends on it.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import measurements
+        >>> radar = measurements.radar(range_sigma_m=2.0, angle_sigma_deg=0.05)
+        >>> position, covariance = measurements.first_fix(radar, np.array([[1000.0, 0.0, 0.0]]))
+        >>> position.round(6).tolist(), covariance[0].diagonal().round(3).tolist()
+        ([[0.0, 1000.0, -0.0]], [0.762, 4.0, 0.762])
     """
     state = np.zeros((len(z), 6))
     state[:, :3] = radar.position(z)

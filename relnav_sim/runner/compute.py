@@ -13,6 +13,7 @@ from relnav_sim.runner.failure_log import log_failure
 from relnav_sim.runner.fault_isolation import simulate_surviving
 from relnav_sim.runner.headline import Figures, headline_figures
 from relnav_sim.runner.work import Block
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory, memory_in_words
 
 
@@ -29,8 +30,12 @@ class Outcome:
     figures: Figures
 
 
-def compute(task: Task) -> Outcome:
+def compute(task: Task, learned: Learned) -> Outcome:
     """Compute a task and write its file.
+
+    Args:
+        task: The task.
+        learned: What this process has learned; it grows.
 
     Raises:
         MemoryError: There is too little memory for it; the message says what there was none for.
@@ -42,7 +47,7 @@ def compute(task: Task) -> Outcome:
     try:
         # Threads of BLAS would fight with the other workers; the matrices here are small.
         with threadpool_limits(1):
-            return _bound(task) if isinstance(task, BoundTask) else _simulated(task)
+            return _bound(task, learned) if isinstance(task, BoundTask) else _simulated(task, learned)
     except Exception as error:
         if lacks_memory(error):
             raise MemoryError(memory_in_words(error)) from None
@@ -51,14 +56,14 @@ def compute(task: Task) -> Outcome:
         task.busy.unlink(missing_ok=True)
 
 
-def _bound(task: BoundTask) -> Outcome:
-    write_bound(task.path, bound_surviving(task.case, task.seed))
+def _bound(task: BoundTask, learned: Learned) -> Outcome:
+    write_bound(task.path, bound_surviving(task.case, task.seed, learned))
     return Outcome(0, {})
 
 
-def _simulated(block: Block) -> Outcome:
+def _simulated(block: Block, learned: Learned) -> Outcome:
     result = simulate_surviving(
-        block.case, block.seed, block.runs, block.case_index, partial(log_failure, block.folder)
+        block.case, block.seed, block.runs, block.case_index, partial(log_failure, block.folder), learned
     )
     write_shard(block.path, result, block.seed, block.filter_ids)
     return Outcome(len(result.failures), headline_figures(result))

@@ -15,6 +15,7 @@ from relnav_sim.results.merge import united_columns
 from relnav_sim.runner.work import with_filters
 from relnav_sim.simulation.block import scoring_rules, simulate_block
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
@@ -29,6 +30,7 @@ def simulate_surviving(
     runs: Sequence[int],
     case_index: int = 0,
     log: Log = lambda heading, traceback: None,
+    learned: Learned | None = None,
 ) -> BlockResult:
     """Return the results of some runs; a run or a filter that fails is recorded as failed, the others are kept.
 
@@ -40,13 +42,15 @@ def simulate_surviving(
         runs: Numbers of the runs, ascending.
         case_index: Number of the case.
         log: Told of every exception that a failed run is due to: whose it is, and its traceback.
+        learned: What is learned already; default: nothing.
 
     Raises:
         MemoryError: There is too little memory: no fault of a run or a filter.
     """
+    learned = learned or Learned()
 
     def again(part: Case, runs: Sequence[int]) -> BlockResult:
-        return simulate_surviving(part, seed, runs, case_index, log)
+        return simulate_surviving(part, seed, runs, case_index, log, learned)
 
     def failed(part: Case, broken: Breakdown, filter: str = "") -> BlockResult:
         whose = f"filter {filter}" if filter else "truth or sensors"
@@ -56,7 +60,7 @@ def simulate_surviving(
 
     names = list(case.config.filters)
     try:
-        outcome = simulate_block(case, seed, runs, case_index)
+        outcome = simulate_block(case, seed, runs, case_index, learned)
     except Exception as error:  # truth or sensors: whatever the cause, it must not end the campaign
         if lacks_memory(error):
             raise

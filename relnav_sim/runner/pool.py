@@ -18,6 +18,7 @@ from relnav_sim.runner.compute import compute
 from relnav_sim.runner.fault_isolation import failed_block, unknown_truth
 from relnav_sim.runner.headline import Figures
 from relnav_sim.runner.worker import Worker
+from relnav_sim.simulation.learned import Learned
 
 Backend = Literal["loky", "sequential"]
 
@@ -143,10 +144,11 @@ class Pool:
         yield from self._here(queue) if self._backend == "sequential" else self._by_workers(queue)
 
     def _here(self, queue: TaskQueue) -> Iterator[Done]:
+        learned = Learned()
         while queue:
             task = queue.take()
             try:
-                outcome = compute(task)
+                outcome = compute(task, learned)
             except MemoryError as error:
                 if queue.lacked_memory(task, alone=True):
                     yield failed_task(task, str(error), retry=True)

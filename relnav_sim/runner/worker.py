@@ -61,10 +61,10 @@ class Worker:
         """Hand over a task; the future has the exception `BrokenProcessPool` if the process dies of it."""
         from joblib.externals.loky.process_executor import BrokenProcessPool
 
-        from relnav_sim.runner.compute import compute
+        from relnav_sim.runner.worker_task import work
 
         try:
-            return self._executor.submit(compute, task)
+            return self._executor.submit(work, task)
         except BrokenProcessPool as error:  # it died while it had nothing to do
             dead: Future[Outcome] = Future()
             dead.set_exception(error)
@@ -107,7 +107,7 @@ def _make_ready() -> None:
     from relnav_sim.runner.worker_process import prepare_worker
 
     prepare_worker()
-    importlib.import_module("relnav_sim.runner.compute")
+    importlib.import_module("relnav_sim.runner.worker_task")
 
 
 def _end_with_parent(parent: int) -> None:

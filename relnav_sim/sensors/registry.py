@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import warnings
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
 from typing import TypeVar
 
-from relnav_sim.containment import Containment
-from relnav_sim.printable import message_of
+from relnav_sim.plugins import load_plugins
 from relnav_sim.sensors.interface import SensorOptions
 
 _BUILT_IN = ("radar", "camera", "lidar", "crosslink", "gnss", "star_tracker", "accelerometer")
@@ -42,18 +38,7 @@ def register_sensor(name: str) -> Callable[[C], C]:
 
 @cache
 def _load_all() -> None:
-    for module in _BUILT_IN:
-        importlib.import_module(f"relnav_sim.sensors.{module}")
-    for entry in entry_points(group="relnav.sensors"):
-        before = dict(_KINDS)
-        # Importing a package runs its code, which may raise anything; it must not take all other sensors with it.
-        with Containment() as contained:
-            entry.load()
-        if contained.error is not None:
-            _KINDS.clear()
-            _KINDS.update(before)
-            package, problem = entry.dist.name if entry.dist else entry.value, message_of(contained.error)
-            warnings.warn(f"the sensors of {package} are left out; importing {entry.value}: {problem}", stacklevel=2)
+    load_plugins(_KINDS, (f"relnav_sim.sensors.{module}" for module in _BUILT_IN), "relnav.sensors")
 
 
 def sensor_kinds() -> dict[str, type[SensorOptions]]:

@@ -6,22 +6,23 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
 from relnav_sim.dynamics.augmentation.kinds import Extension
-from relnav_sim.dynamics.chief_segments import ChiefFollower, NominalChief
-from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.context import DynamicsContext, FedDynamics
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.known_thrust import KnownThrust
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.registry import build_dynamics
 from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.measurements.interface import Measurement
@@ -32,15 +33,14 @@ from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.chief_followers import ChiefFollowers
 from relnav_sim.simulation.chunks import Chunk, chunks
+from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
-from relnav_sim.simulation.training import training_track
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import nominal_chief
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,9 @@ class BlockOutcome:
     broken: dict[str, Breakdown]
 
 
-def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int = 0) -> BlockOutcome:
+def simulate_block(
+    case: Case, seed: int, runs: Sequence[int], case_index: int = 0, learned: Learned | None = None
+) -> BlockOutcome:
     """Return the results of some runs of one case.
 
     A filter that raises an exception is left behind; the others go on. Want of memory is no fault of the filter, and
@@ -72,6 +74,7 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
         seed: The campaign's seed.
         runs: Numbers of the runs, ascending.
         case_index: Number of the case in its campaign, passed on to the result.
+        learned: What is learned already; it saves time and changes no bit. Default: nothing.
     """
     config = case.config
     source = RandomSource(seed, tuple(runs))
@@ -81,7 +84,7 @@ def simulate_block(case: Case, seed: int, runs: Sequence[int], case_index: int =
     for chunk in chunks(config, source):
         if not tracks:
             prior = starting_belief(config, chunk, source)
-            shared = Shared(ThrustInputs(config), ChiefFollowers(config, len(runs)))
+            shared = Shared(ThrustInputs(config), SharedByDynamics(config), learned or Learned())
             tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
         for track in tracks:
             track.add(chunk)
@@ -124,26 +127,22 @@ class CampaignFilter:
     extension: Extension | None
 
 
-def create_campaign_filter(entry: FilterEntry, config: CaseConfig, seed: int) -> CampaignFilter:
+def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: DynamicsContext) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
-    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    extension = extension_of(entry, config)
-    measurement = _measurement(entry, config, extension)
-    if isinstance(entry.dynamics, GpOptions):
-        coasting: Dynamics = _learned(entry, entry.dynamics, config, seed)
-    else:
-        options: Any = entry.dynamics
-        coasting = options.build(orbit, entry.process_noise, step_s)
+    orbit, step_s = context.orbit, context.step_s
+    coasting: Dynamics = read_only(build_dynamics(entry.dynamics, context), ReadOnlyDynamics)
     thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
     motion = coasting if thrust is None else thrust
     factory = filter_kinds()[entry.kind].factory
+    extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s)
+    measurement = _measurement(entry, config, orbit, extension)
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 
 
-def _measurement(entry: FilterEntry, config: CaseConfig, extension: Extension | None) -> Measurement:
+def _measurement(entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, extension: Extension | None) -> Measurement:
     """Return what a filter is told of its sensors."""
-    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    step_s = config.clock.step_s
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
@@ -162,33 +161,19 @@ def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
     return {name: form_taken(options, entry.measurement) for name, options in relative.items()}
 
 
-_LEARNED: dict[tuple[str, str, str, int], Dynamics] = {}
-"""Dynamics learned in this process, by case, options, process noise and seed: learning takes seconds, and every block
-and several filters need them."""
-
-
-def _learned(entry: FilterEntry, options: GpOptions, config: CaseConfig, seed: int) -> Dynamics:
-    case = config.model_copy(update={"filters": {}})
-    noise = entry.process_noise
-    key = (case.model_dump_json(), options.model_dump_json(), noise.model_dump_json(), seed)
-    if key not in _LEARNED:
-        track = training_track(config, options, noise, seed)
-        orbit = nominal_chief(config.truth)
-        _LEARNED[key] = options.build(orbit, noise, config.clock.step_s, track)
-    return _LEARNED[key]
-
-
 @dataclass(frozen=True)
 class Shared:
     """What the filters of a block share.
 
     Attributes:
         thrust: What they are told of thrust.
-        followers: The chief's orbit as they estimate it.
+        by_dynamics: What their dynamics compute once for all of them.
+        learned: What their dynamics have learned.
     """
 
     thrust: ThrustInputs
-    followers: ChiefFollowers
+    by_dynamics: SharedByDynamics
+    learned: Learned
 
 
 class FilterTrack:
@@ -209,11 +194,15 @@ class FilterTrack:
         shared: Shared,
     ) -> None:
         self.name = name
+        self._entry = entry
         self._thrust_inputs = shared.thrust
         self._known = known_thrust(entry, config)
+        self._shared = shared.by_dynamics.by(entry)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: Breakdown | None = None
-        self._package = filter_kinds()[entry.kind].factory.__module__.partition(".")[0]
+        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics))
+        packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
+        self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
         self._forms = sensor_forms(entry, config)
         self._step_s = config.clock.step_s
@@ -221,16 +210,11 @@ class FilterTrack:
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._extra: ExtraTrack | None = None
         self._cpu_s = 0.0
-        self._chief: ChiefFollower | NominalChief | None = None
-        self._chief_before_s = 0.0
         self._steps = 0
         with self._breaking_alone():
-            made = create_campaign_filter(entry, config, source.seed)
-            self._filter = made.filter
-            self._follower = shared.followers.of(made.dynamics, entry)
-            if isinstance(made.dynamics, NonlinearJ2Dynamics):
-                self._chief = self._follower or made.dynamics.nominal
-                self._chief_before_s = self._chief.cpu_s
+            self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
+            made = create_campaign_filter(entry, config, self._context)
+            self._filter, self._dynamics = made.filter, made.dynamics
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
@@ -244,9 +228,9 @@ class FilterTrack:
         if self.broken is not None:
             return
         with self._breaking_alone():
-            begin = time.process_time() - self._chief_s()
+            begin = time.process_time() - self._shared.cpu_s
             history = self._advance(chunk)
-            self._cpu_s += time.process_time() - self._chief_s() - begin
+            self._cpu_s += time.process_time() - self._shared.cpu_s - begin
             self._steps += history.nis.size
             error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
@@ -265,10 +249,6 @@ class FilterTrack:
             if self._extra is not None:
                 self._extra.add(chunk, history, self._errors.failed_epoch)
 
-    def _chief_s(self) -> float:
-        """Return the CPU time spent on the chief's orbit in this block, s; each filter that shares it pays all."""
-        return 0.0 if self._chief is None else self._chief.cpu_s - self._chief_before_s
-
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
         """Keep what a filter of the user's own may raise and undo what it changes: that must not end the campaign."""
@@ -277,7 +257,7 @@ class FilterTrack:
         if contained.error is not None:
             if lacks_memory(contained.error):
                 raise contained.error
-            self.broken = breakdown(contained.error, self._epoch, self._package)
+            self.broken = breakdown(contained.error, self._epoch, self._packages)
 
     def _reached(self, epoch: int) -> None:
         self._epoch = epoch
@@ -288,8 +268,8 @@ class FilterTrack:
         if self._thrust is not None:
             forces, noise = self._thrust_inputs.of(chunk, self._known, self._carries_bias)
             self._thrust.take(forces, chunk.first_epoch, noise)
-        if self._follower is not None:
-            self._follower.take(chunk.z["gnss"], chunk.first_epoch, forces)
+        if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
+            cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
         z = {name: chunk.inputs[name][form] for name, form in self._forms.items()}
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
@@ -301,8 +281,8 @@ class FilterTrack:
         return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
 
     def result(self) -> FilterResult:
-        """Return the statistics and the stored series."""
-        result = self._errors.result(1e6 * (self._cpu_s + self._chief_s()) / self._steps)
+        """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
+        result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
         return result if self._extra is None else replace(result, extra=self._extra.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:

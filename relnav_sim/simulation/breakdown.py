@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,23 +29,23 @@ class Breakdown:
     traceback: str = ""
 
 
-def breakdown(error: BaseException, epoch: int, package: str = "relnav_sim") -> Breakdown:
+def breakdown(error: BaseException, epoch: int, packages: Collection[str] = ("relnav_sim",)) -> Breakdown:
     """Return what is told of an exception.
 
     Args:
         error: The exception.
         epoch: The epoch at which it was raised; -1 where it is not known.
-        package: Whose code is to blame: the line told is the last one in it.
+        packages: Whose code is to blame: the line told is the last one in it.
     """
-    place = _place(error, package)
+    place = _place(error, packages)
     reason = message_of(error, LONGEST_REASON) + (f" ({place})" if place else "")
     return Breakdown(reason, epoch, _traceback(error))
 
 
-def _place(error: BaseException, package: str) -> str:
+def _place(error: BaseException, packages: Collection[str]) -> str:
     place = ""
     for frame, line in traceback.walk_tb(error.__traceback__):
-        if str(frame.f_globals.get("__name__")).partition(".")[0] == package:
+        if str(frame.f_globals.get("__name__")).partition(".")[0] in packages:
             place = f"{printable(Path(frame.f_code.co_filename).name, LONGEST_PLACE)}:{line}"
     return place
 

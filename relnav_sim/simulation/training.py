@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.dynamics.cw import CwOptions
-from relnav_sim.dynamics.gp.dynamics import GpOptions, TrainingTrack
+from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack
 from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import create_filter
@@ -29,16 +29,18 @@ TRAINING_RUN = 2**40
 """Number of the training flight: beyond every run, so that it shares no random numbers with any."""
 
 
-def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOptions, seed: int) -> TrainingTrack:
+def training_track(
+    config: CaseConfig, options: DynamicsOptions, noise: ProcessNoiseOptions, seed: int
+) -> TrainingTrack:
     """Return the states that learned dynamics are trained on, one step apart.
 
-    The nominal flight of the same two craft over the training and calibration spans before the campaign's start, which
-    it reaches. From `smoothed_radar` the states are those of an extended Kalman filter on its radar, with the base
-    dynamics and a process noise, smoothed; from `truth` they are error-free.
+    The nominal flight of the same two craft before the campaign's start, which it reaches. From `smoothed_radar` the
+    states are those of an extended Kalman filter on its radar, with the base dynamics and a process noise, smoothed;
+    from `truth` they are error-free.
 
     Args:
         config: The case.
-        options: What to learn from.
+        options: Those of the dynamics, which say what track they need.
         noise: The process noise of the filter that smooths.
         seed: The campaign's seed.
 
@@ -46,18 +48,18 @@ def training_track(config: CaseConfig, options: GpOptions, noise: ProcessNoiseOp
         ValueError: The radar sees nothing during all that time.
     """
     step_s = config.clock.step_s
-    before_s, learned_s = options.spans_s(2 * math.pi / nominal_chief(config.truth).mean_motion_rad_s)
-    duration_s = step_s * math.ceil((before_s + learned_s) / step_s)
+    request = options.training_request(nominal_chief(config.truth))
+    duration_s = step_s * math.ceil(request.duration_s / step_s)
     clock = config.clock.model_copy(update={"duration_s": duration_s})
     flown = config.model_copy(update={"clock": clock, "truth": begun_earlier(config.truth, duration_s)})
     orbit = nominal_chief(flown.truth)
     flight = list(chunks(flown, RandomSource(seed, (TRAINING_RUN,))))
     time_s = np.concatenate([part.truth.times_s for part in flight]) - duration_s
-    if options.training == "truth":
+    if request.source == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
     name = fix_sensor(config)
     z = np.concatenate([part.inputs[name]["spherical"] for part in flight], axis=1)
-    dynamics = (options.base or CwOptions()).build(orbit, noise, step_s)
+    dynamics = request.base.build(DynamicsContext(orbit, noise, step_s))
     states, first = _smoothed(config, name, dynamics, orbit, z)
     return TrainingTrack(states, time_s[first:], orbit, first)
 

@@ -13,7 +13,6 @@ from relnav_sim.campaign.entries import FilterEntry, entry_from
 from relnav_sim.campaign.models import TuneObjective
 from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
 from relnav_sim.campaign.problems import Path, dotted, no_such, quoted
-from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.options import Options, Tunable
 
 DIGITS = 3
@@ -161,11 +160,9 @@ def value_of(entry: FilterEntry, path: Path) -> float | None:
 
 def _of_use(entry: FilterEntry, objective: TuneObjective) -> Iterator[Scalar]:
     """Yield the declared numbers but those that would only waste candidates."""
-    # The learned process's own variance takes the place of the process noise.
-    learned = isinstance(entry.dynamics, GpOptions) and not entry.dynamics.add_process_noise
     counts_covariance = objective in ("consistency", "both")
     for scalar in declared(entry):
-        if learned and scalar.path[0] == "process_noise":
+        if not entry.dynamics.uses_process_noise and scalar.path[0] == "process_noise":
             continue
         if counts_covariance or not scalar.scales_noise:
             yield scalar

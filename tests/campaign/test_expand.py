@@ -36,13 +36,13 @@ def test_grid_is_a_product_with_the_first_path_slowest(base):
     ]
     last = campaign.cases[-1]
     assert last.variables == {"clock.step_s": 2.0, "sensors.radar.range_sigma_m": 4.5}
-    assert (last.config.clock.step_s, last.config.sensors.radar.range_sigma_m) == (2.0, 4.5)
+    assert (last.config.clock.step_s, last.config.sensors["radar"].range_sigma_m) == (2.0, 4.5)
 
 
 def test_zip_moves_lists_together(base):
     text = base + "zip:\n  clock.step_s: [1, 2, 2]\n  sensors.radar.range_sigma_m: [4, 4, 3]\n"
     cases = parse_campaign(text, ["clock.store_every_s=10"]).cases
-    values = [(case.config.clock.step_s, case.config.sensors.radar.range_sigma_m) for case in cases]
+    values = [(case.config.clock.step_s, case.config.sensors["radar"].range_sigma_m) for case in cases]
     assert values == [(1.0, 4.0), (2.0, 4.0), (2.0, 3.0)]
 
 

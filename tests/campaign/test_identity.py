@@ -119,7 +119,7 @@ def test_content_is_the_file_with_defaults(demo):
     campaign = parse_campaign(demo)
     assert campaign.content["clock"] == {"duration_s": 600.0, "step_s": 1.0, "store_every_s": 5.0}
     assert campaign.content["start"]["velocity_sigma_m_s"] == [0.5, 0.5, 0.5]
-    assert campaign.content["filters"]["ekf"]["measurement"] == "polar"
+    assert campaign.content["filters"]["ekf"]["measurement"] == "spherical"
     assert [value["kind"] for value in campaign.content["grid"]["sensors.radar.noise"]] == ["gaussian", "mixture"]
     assert campaign.content["zip"] == {}
 

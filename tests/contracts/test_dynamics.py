@@ -1,11 +1,10 @@
 """What every registered dynamics promises: shapes, bits, Jacobian, linearity, noise."""
 
-from inspect import signature
-
 import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
@@ -17,17 +16,19 @@ STEP = Step(700, 10.0)
 
 
 # Learned dynamics need a track to learn from; they have tests of their own.
-KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "track" not in signature(options.build).parameters)
+KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "training_track" not in options.needs)
 
 
 @pytest.fixture(params=KINDS)
 def dynamics(request):
-    return dynamics_kinds()[request.param]().build(ORBIT, NOISE, 10.0)
+    return dynamics_kinds()[request.param]().build(DynamicsContext(ORBIT, NOISE, 10.0))
 
 
 @pytest.fixture
 def states():
-    return np.random.default_rng(7).normal(size=(20, 13, 6)) * SIZES
+    states = np.random.default_rng(7).normal(size=(20, 13, 6)) * SIZES
+    states.setflags(write=False)  # what dynamics are given is not theirs to change
+    return states
 
 
 def test_shapes(dynamics, states):
@@ -78,7 +79,7 @@ def test_linear_dynamics_are_linear(dynamics, states):
 
 def test_two_half_steps_make_one(dynamics, states, request):
     kind = request.node.callspec.params["dynamics"]
-    halves = dynamics_kinds()[kind]().build(ORBIT, NOISE, 5.0)
+    halves = dynamics_kinds()[kind]().build(DynamicsContext(ORBIT, NOISE, 5.0))
     x = states[:, 0]
     for epoch in (1399, 1400):
         x = halves.propagate(x, Step(epoch, 5.0))

@@ -1,44 +1,19 @@
 """The example of docs/add-a-filter.md: a filter of another package, found through its entry point alone."""
 
 import json
-import os
 import re
-import subprocess
-import sys
-import tomllib
-from pathlib import Path
 
 import pytest
+from installed_example import ROOT, distribution, example, python
 
-ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "examples" / "filter"
-PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))
-[(NAME, MODULE)] = PROJECT["project"]["entry-points"]["relnav.filters"].items()
-
-
-def distribution(folder, name, version, entries):
-    """Put what pip leaves of a package beside its modules: its metadata and entry points."""
-    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    lines = [f"{entry} = {module}\n" for entry, module in entries.items()]
-    (info / "entry_points.txt").write_text("".join(["[relnav.filters]\n", *lines]))
-
-
-def python(paths, *arguments, cwd=ROOT):
-    """Run a fresh interpreter with `paths` importable, as installed packages are."""
-    search = [*map(str, paths), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(search), "OPENBLAS_NUM_THREADS": "1"}
-    return subprocess.run(
-        [sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, timeout=300
-    )
+EXAMPLE, PROJECT, NAME, MODULE = example("filter", "relnav.filters")
+CONTRACTS = ("tests/contracts/test_filters.py", "tests/contracts/test_readings.py")
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """The example as if installed by `pip install -e`: importable modules and metadata; nothing else points to it."""
     folder = tmp_path_factory.mktemp("site")
-    distribution(folder, PROJECT["project"]["name"], PROJECT["project"]["version"], {NAME: MODULE})
+    distribution(folder, PROJECT["name"], PROJECT["version"], {NAME: MODULE})
     return [folder, EXAMPLE]
 
 
@@ -49,11 +24,11 @@ def test_it_is_unknown_until_it_is_installed():
 
 
 def test_it_passes_the_contract_tests(installed):
-    done = python(installed, "-m", "pytest", "tests/contracts/test_filters.py", "-k", NAME, "-p", "no:cacheprovider")
+    done = python(installed, "-m", "pytest", *CONTRACTS, "-k", NAME, "-p", "no:cacheprovider")
     assert done.returncode == 0, done.stdout[-3000:]
     assert "[100%]" in done.stdout
     dots = sum(line.count(".") for line in re.findall(r"^\.+ +\[", done.stdout, re.MULTILINE))
-    contracts = (ROOT / "tests" / "contracts" / "test_filters.py").read_text(encoding="utf-8").count("def test_")
+    contracts = sum((ROOT / path).read_text(encoding="utf-8").count("def test_") for path in CONTRACTS)
     assert dots >= contracts, "every contract is tried"
 
 

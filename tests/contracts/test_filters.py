@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from every_filter import KINDS, SMALLER, small_options
 from pydantic import ValidationError
 from radar_problem import polar, polar_jacobian, radar_problem
 
@@ -30,16 +31,7 @@ from relnav_sim.filters.run import advance
 from relnav_sim.options import Options
 from relnav_sim.streams import RandomSource
 
-KINDS = sorted(filter_kinds())
 ARRAYS = ("mean", "covariance", "nis", "log_likelihood")
-
-# What it takes to run each filter in a test's time; the algorithm stays the same.
-SMALLER = {"samples": 200, "particles": 200}
-
-
-def small_options(kind):
-    fields = filter_kinds()[kind].options_model.model_fields
-    return {name: value for name, value in SMALLER.items() if name in fields}
 
 
 def build(kind, problem, **options):

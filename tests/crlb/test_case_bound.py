@@ -6,7 +6,7 @@ import numpy as np
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.crlb.case_bound import case_bound, failed_bound
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.process_noise import process_noise_matrix
 from relnav_sim.filters import registry
 from relnav_sim.filters.ekf import ExtendedKalmanFilter
@@ -122,7 +122,7 @@ class _Raising(ExtendedKalmanFilter):
 
 
 def test_a_filter_without_a_model_costs_its_own_bound_only(campaign, tmp_path, monkeypatch):
-    kind = registry.FilterKind("raising", GaussianFilterOptions, _Raising, "polar", 3.0)
+    kind = registry.FilterKind("raising", GaussianFilterOptions, _Raising, "spherical", 3.0)
     monkeypatch.setitem(registry._KINDS, "raising", kind)
     made = campaign(
         "runs=2", ONE, "filters.bad={kind: raising, dynamics: {kind: nonlinear}}", "filters.same={kind: raising}"
@@ -147,7 +147,7 @@ class _Hungry(ExtendedKalmanFilter):
 
 def test_a_bound_that_failed_for_want_of_memory_is_tried_again(campaign, tmp_path, monkeypatch):
     monkeypatch.setitem(
-        registry._KINDS, "hungry", registry.FilterKind("hungry", GaussianFilterOptions, _Hungry, "polar", 3.0)
+        registry._KINDS, "hungry", registry.FilterKind("hungry", GaussianFilterOptions, _Hungry, "spherical", 3.0)
     )
     made = campaign("runs=2", ONE, "filters.big={kind: hungry, dynamics: {kind: nonlinear}}")
 

@@ -8,7 +8,7 @@ import pytest
 from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root, posterior_cramer_rao
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 

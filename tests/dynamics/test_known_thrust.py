@@ -1,13 +1,13 @@
 """Known thrust around any dynamics: against the truth, the exact input matrix, and derivatives."""
 
 import json
-from inspect import signature
 
 import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.known_thrust import KnownThrust, kicks_of
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
@@ -19,13 +19,13 @@ from relnav_sim.truth.thrust import planned, step_forces
 
 ORBIT = ChiefOrbit(7.2e6, 0.02, 0.9, 0.3, 0.4, 0.5, 3.986004418e14, 6378137.0, 1.08262668e-3)
 NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
-KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "track" not in signature(options.build).parameters)
+KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "training_track" not in options.needs)
 SIZES = np.repeat([5e3, 5.0], 3)
 STEP = Step(4, 10.0)
 
 
 def base(kind, orbit=ORBIT, step_s=10.0):
-    return dynamics_kinds()[kind]().build(orbit, NOISE, step_s)
+    return dynamics_kinds()[kind]().build(DynamicsContext(orbit, NOISE, step_s))
 
 
 def forces(runs=20, seed=1, size=0.05):

@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim import ForceModel, LinearDynamics, eci_from_rtn, propagate, rtn_from_eci
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
 
 MU = 398600.4e9

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim import FunctionMeasurement, LinearDynamics
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 
 MEAN_MOTION = 1.078e-3

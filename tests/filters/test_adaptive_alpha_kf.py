@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, multivariate_normal
 
 from relnav_sim import LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.noise_scale import modes, scale_for
 

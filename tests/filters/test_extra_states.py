@@ -9,10 +9,11 @@ from scipy.stats import chi2
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
 from relnav_sim.dynamics.augmentation.kinds import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions, extension
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
+from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 KINDS = sorted(filter_kinds())
@@ -203,6 +204,14 @@ def test_a_bias_added_to_an_angle_is_wrapped_with_it():
     assert np.allclose(measurement.residual(z, predicted), 0.1, atol=1e-12)
 
 
+@dataclass(frozen=True)
+class Radar:
+    """What augmented states know of a sensor."""
+
+    host: str = "chief"
+    channel_names: tuple[str, ...] = ("range", "azimuth", "elevation")
+
+
 def bias_sigmas(psd):
     """Return the stated sigmas (epochs, 3) of azimuth, elevation (deg) and range (m) bias over one revolution.
 
@@ -214,14 +223,18 @@ def bias_sigmas(psd):
     radar = PolarRadar(np.eye(3), RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
     extra = extension(
         [AzimuthBiasOptions(sigma_deg=0.1), ElevationBiasOptions(sigma_deg=0.1), RangeBiasOptions(sigma_m=20)],
-        np.eye(3),
+        {"radar": Radar()},
         step_s,
     )
     dynamics = AugmentedDynamics(LinearDynamics(cw_transition(n, step_s), Q), extra.decay, extra.noise)
     start = np.array([[0, 12000.0, 0, 0, 0, 0, 0, 0, 0]])
     z = np.broadcast_to(radar.predict(start[:, :6], 0)[:, None], (1, epochs, 3))
     cov0 = np.diag(np.concatenate([[30.0] * 3, [1.0] * 3, extra.sigma]) ** 2)
-    filter = create_filter("ekf", dynamics, extra.measurement(radar, np.eye(3)))
+    filter = create_filter(
+        "ekf",
+        dynamics,
+        AugmentedMeasurement(radar, 6, RadarDistortion(radar_errors(extra.channels["radar"], np.zeros((3, 3))))),
+    )
     history = run_filter(filter, z, start, cov0, step_s=step_s)
     found = np.sqrt(np.diagonal(history.covariance[0], axis1=1, axis2=2)[:, 6:])
     return found * np.array([180 / np.pi, 180 / np.pi, 1])

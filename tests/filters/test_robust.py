@@ -8,7 +8,7 @@ from radar_problem import MEAN_MOTION, radar_problem
 from scipy.optimize import minimize
 
 from relnav_sim import LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.gaussian_sum import GaussianSum, reduced
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.two_step_start import start_off_manifold

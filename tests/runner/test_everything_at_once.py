@@ -15,7 +15,7 @@ import yaml
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.dynamics import registry as dynamics_registry
-from relnav_sim.dynamics.cw import CwOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions
 from relnav_sim.filters import registry
 from relnav_sim.filters.alpha_kf import AlphaKalmanFilter
 from relnav_sim.filters.ekf import ExtendedKalmanFilter
@@ -280,8 +280,8 @@ WRONG = {"not_finite": lambda Q: Q * np.nan, "shape": lambda Q: Q[..., :3, :3], 
 def test_a_bad_model_costs_its_own_bound_only(tmp_path, monkeypatch):
     for name, wrong in WRONG.items():
 
-        def build(self, orbit, noise, step_s, wrong=wrong):
-            return _Motion(CwOptions.build(self, orbit, noise, step_s), wrong)
+        def build(self, context, wrong=wrong):
+            return _Motion(CwOptions.build(self, context), wrong)
 
         annotations = {"kind": f"__import__('typing').Literal['{name}']"}
         model = type(f"{name}_options", (CwOptions,), {"__annotations__": annotations, "kind": name, "build": build})

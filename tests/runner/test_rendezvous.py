@@ -7,7 +7,7 @@ import pytest
 
 from relnav_sim import load_campaign
 from relnav_sim.campaign.manoeuvres import manoeuvre_times
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.simulation.block import simulate_block
 from relnav_sim.streams import RandomSource

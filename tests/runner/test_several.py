@@ -103,7 +103,7 @@ def test_the_folder_is_held_until_the_file_is_written_and_lacking_bounds_are_tol
     monkeypatch.setattr(job, "merge_pieces", refused)
     monkeypatch.setattr(several, "Pool", lambda workers: Pool(backend="sequential"))
     bounds = []
-    monkeypatch.setattr(compute, "bound_surviving", lambda case, seed: bounds.append(seed) or no_memory(case, seed))
+    monkeypatch.setattr(compute, "bound_surviving", lambda case, seed, _: bounds.append(seed) or no_memory(case, seed))
     said = []
     run_campaigns(jobs, say=said.append)
     assert sorted(written) == [out for _, out in jobs]

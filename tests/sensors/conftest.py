@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.sensors import SensorsOptions
+from relnav_sim.campaign.file_model import sensors_from
+from relnav_sim.sensors import SensorOptions
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -57,12 +58,12 @@ def truth(relative: Any, epochs: int = 64, first: int = 0) -> Truth:
     )
 
 
-def sensors(**sections: Any) -> SensorsOptions:
+def sensors(**sections: Any) -> dict[str, SensorOptions]:
     """Options as a campaign file would give them; the radar's defaults are filled in."""
     sections = {"radar": {}, **sections}
     if sections["radar"] is not None:
         sections["radar"] = {**RADAR, **sections["radar"]}
-    return SensorsOptions.model_validate_json(json.dumps(sections))
+    return sensors_from(json.loads(json.dumps(sections)))
 
 
 def source(runs: int | tuple[int, ...], seed: int = 11) -> RandomSource:

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from relnav_sim.sensors import SensorSuite
-from relnav_sim.sensors.accelerometer import Accelerometer, AccelerometerOptions
+from relnav_sim.sensors import Sensed, SensorSuite, streams_of
+from relnav_sim.sensors.accelerometer import AccelerometerOptions
 
 
 def options(**values):
@@ -17,7 +17,9 @@ def reading(scene, runs=2, epochs=400, felt=(0.0, 0.0, 0.0), step_s=0.5, **value
     """Return the plain and the weighted means (runs, epochs, 2, 3) of a constant force."""
     times = np.arange(epochs) * step_s
     force = np.broadcast_to(np.array(felt), (1, epochs, 2, 3))
-    z = Accelerometer(options(**values), "deputy", scene.source(runs), step_s).measure(times, force)
+    streams = streams_of("accelerometer", options(**values), "deputy", scene.source(runs), step_s)
+    at_rest = np.zeros((1, epochs, 6))
+    z = options(**values).sample(Sensed(times, at_rest, at_rest, force, step_s), streams)
     return z.reshape(runs, epochs, 2, 3)
 
 
@@ -87,10 +89,12 @@ def test_a_radar_with_latency_looks_where_the_craft_were(scene):
     now, before = drifting(scene), drifting(scene, -0.5)
     plain = SensorSuite(scene.sensors(), scene.source(2), scene.STEP_S).measure(before, 0)["radar"]
     seen = (before.chief, before.deputy)
-    late = SensorSuite(scene.sensors(radar={"latency_s": 0.5}), scene.source(2), scene.STEP_S).measure(now, 0, seen)
+    late = SensorSuite(scene.sensors(radar={"latency_s": 0.5}), scene.source(2), scene.STEP_S).measure(
+        now, 0, lambda latency_s: seen
+    )
     np.testing.assert_array_equal(late["radar"], plain)
     other = scene.sensors(radar={"latency_s": 0.5, "carrier": "deputy"})
-    turned = SensorSuite(other, scene.source(2), scene.STEP_S).measure(now, 0, seen)["radar"]
+    turned = SensorSuite(other, scene.source(2), scene.STEP_S).measure(now, 0, lambda latency_s: seen)["radar"]
     np.testing.assert_allclose(turned[..., 0], plain[..., 0], atol=1e-6)  # the same distance from the other end
 
 

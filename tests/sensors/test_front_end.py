@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.line_of_sight import mounting_matrix, sight_vector
-from relnav_sim.sensors import SensorSuite, attitude_covariance, filter_inputs, measurement_model
+from relnav_sim.sensors import SensorSuite, attitude_covariance, filter_inputs, sensor_measurement
 
 RUNS, EPOCHS = 400, 100
 NO_NOISE = {"range_sigma_m": 1e-6, "angle_sigma_deg": 1e-9}
@@ -16,7 +16,7 @@ def run(scene, relative, runs=RUNS, epochs=EPOCHS, **sections):
     options = scene.sensors(**sections)
     truth = scene.truth(relative, epochs)
     readings = SensorSuite(options, scene.source(runs), scene.STEP_S).measure(truth, 0)
-    return options, filter_inputs(options, readings, truth), readings
+    return options, filter_inputs(options, readings, truth)["radar"], readings
 
 
 def whitened_is_standard(error, covariance, degrees=None):
@@ -31,7 +31,7 @@ def whitened_is_standard(error, covariance, degrees=None):
 
 def test_without_gnss_and_star_tracker_the_attitude_is_perfect(scene):
     _, inputs, readings = run(scene, [100.0, 5000.0, -200.0], runs=3, radar=NO_NOISE)
-    assert inputs["polar"] is readings["radar"]
+    assert inputs["spherical"] is readings["radar"]
     expected = np.broadcast_to([100.0, 5000.0, -200.0], inputs["cartesian"].shape)
     np.testing.assert_allclose(inputs["cartesian"], expected, atol=1e-4)
 
@@ -46,7 +46,7 @@ def test_chain_error_has_the_stated_covariance(scene, links, boresight):
         scene, position, radar={**NO_NOISE, "mounting_deg": [10, 20, 30]}, **{name: chosen[name] for name in links}
     )
     to_nadir = np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]])
-    P = to_nadir.T @ attitude_covariance(options, scene.ORBIT) @ to_nadir
+    P = to_nadir.T @ attitude_covariance(options, scene.ORBIT, "chief") @ to_nadir
     cross = np.array([[0, -position[2], position[1]], [position[2], 0, -position[0]], [-position[1], position[0], 0]])
     error = inputs["cartesian"].reshape(-1, 3) - position
     assert whitened_is_standard(error, cross @ P @ cross.T, degrees=2)
@@ -77,9 +77,9 @@ def test_inputs_have_the_covariance_that_filters_are_told(scene, noise, mounting
         star_tracker=tracker,
     )
     state = np.array([[*position, 0.0, 0.0, 0.0]])
-    for kind in ("polar", "cartesian"):
-        model = measurement_model(kind, "total", options, scene.ORBIT)
-        residual = model.residual(inputs[kind].reshape(-1, 3), model.predict(state, 0))
+    for form in ("spherical", "cartesian"):
+        model = sensor_measurement("radar", options, scene.ORBIT, scene.STEP_S, form)
+        residual = model.residual(inputs[form].reshape(-1, 3), model.predict(state, 0))
         R = model.noise(state, 0)
         assert whitened_is_standard(residual, R[0] if R.ndim == 3 else R)
         assert (np.abs(residual.mean(axis=0)) < 5 * residual.std(axis=0) / np.sqrt(len(residual))).all()
@@ -92,11 +92,11 @@ def test_correlated_attitude_errors_are_not_told(scene):
         star_tracker={**scene.STAR_TRACKER, "noise": parts}, gnss={**scene.GNSS, "noise": {"kind": "gaussian"}}
     )
     gnss = scene.sensors(gnss=scene.GNSS)
-    told = [attitude_covariance(options, scene.ORBIT) for options in (white, shared, gnss)]
+    told = [attitude_covariance(options, scene.ORBIT, "chief") for options in (white, shared, gnss)]
     np.testing.assert_allclose(told[1] - told[2], 0.36 * (told[0] - told[2]))
 
 
-def test_deputy_carrier_gives_polar_only(scene):
+def test_deputy_carrier_gives_spherical_only(scene):
     """The reading in the deputy's measured frame matches the filter's exact model to the attitude's error."""
     relative = [300.0, -371.0, -400.0]
     options, inputs, _ = run(
@@ -106,14 +106,14 @@ def test_deputy_carrier_gives_polar_only(scene):
         gnss=scene.GNSS,
         star_tracker=scene.STAR_TRACKER,
     )
-    assert set(inputs) == {"polar"}
-    model = measurement_model("polar", "total", options, scene.ORBIT)
+    assert set(inputs) == {"spherical"}
+    model = sensor_measurement("radar", options, scene.ORBIT, scene.STEP_S)
     # scene.truth holds the deputy at rest in the chief's frame.
     state = np.array([[*relative, 0.0, 0.0, 0.0]])
-    residual = model.residual(inputs["polar"].reshape(-1, 3), model.predict(state, 0))[:, 1:]
+    residual = model.residual(inputs["spherical"].reshape(-1, 3), model.predict(state, 0))[:, 1:]
     assert whitened_is_standard(residual, model.noise(state, 0)[0, 1:, 1:])
-    with pytest.raises(ValueError, match="take polar"):
-        measurement_model("cartesian", "total", options, scene.ORBIT)
+    with pytest.raises(ValueError, match="take spherical"):
+        sensor_measurement("radar", options, scene.ORBIT, scene.STEP_S, "cartesian")
 
 
 def test_missing_links_are_missing_readings(scene):
@@ -129,8 +129,9 @@ def test_missing_links_are_missing_readings(scene):
     out[10:20] = out[40:45] = True
     assert np.isfinite(readings["radar"]).all()
     assert np.isnan(inputs["cartesian"][:, out]).all()
-    assert np.isnan(inputs["polar"][:, out]).all()
-    assert np.isfinite(inputs["polar"][:, ~out]).all()
+    assert np.isnan(inputs["spherical"][:, out, 1:]).all()
+    np.testing.assert_array_equal(inputs["spherical"][..., 0], readings["radar"][..., 0])  # it needs no direction
+    assert np.isfinite(inputs["spherical"][:, ~out]).all()
 
 
 def test_one_link_alone_needs_the_truth(scene):
@@ -141,8 +142,8 @@ def test_one_link_alone_needs_the_truth(scene):
         filter_inputs(options, readings)
 
 
-def test_polar_and_cartesian_tell_the_same(scene):
-    """Both inputs come from one reading: the Cartesian one is the polar one, enlarged by the unbiasing factors."""
+def test_spherical_and_cartesian_tell_the_same(scene):
+    """Both inputs come from one reading: the Cartesian one is the spherical one, enlarged by the unbiasing factors."""
     mounting = [25, -40, 60]
     _, inputs, _ = run(
         scene,
@@ -152,17 +153,15 @@ def test_polar_and_cartesian_tell_the_same(scene):
         gnss=scene.GNSS,
         star_tracker=scene.STAR_TRACKER,
     )
-    sight = np.stack(sight_vector(*np.moveaxis(inputs["polar"], -1, 0)), axis=-1)
+    sight = np.stack(sight_vector(*np.moveaxis(inputs["spherical"], -1, 0)), axis=-1)
     nadir = sight @ mounting_matrix(*mounting)
     plain = np.stack([-nadir[..., 2], nadir[..., 0], -nadir[..., 1]], axis=-1)
-    chunk = np.linalg.norm(inputs["cartesian"], axis=-1) / np.linalg.norm(plain, axis=-1)
+    stretch = np.linalg.norm(inputs["cartesian"], axis=-1) / np.linalg.norm(plain, axis=-1)
     single = np.exp(np.radians(1.0) ** 2 / 2)
-    assert (chunk > single * (1 - 1e-9)).all()
-    assert (chunk < single**2 * (1 + 1e-9)).all()
+    assert (stretch > single * (1 - 1e-9)).all()
+    assert (stretch < single**2 * (1 + 1e-9)).all()
 
 
 def test_no_radar_no_inputs(scene):
     options = scene.sensors(radar=None)
     assert filter_inputs(options, {}) == {}
-    with pytest.raises(ValueError, match="give the radar"):
-        measurement_model("polar", "total", options, scene.ORBIT)

@@ -9,7 +9,7 @@ from relnav_sim import CampaignError, load_campaign
 from relnav_sim.simulation.augmented_states import extended_prior, extension_of, true_extra
 from relnav_sim.simulation.block import simulate_block
 from relnav_sim.simulation.chunks import chunks
-from relnav_sim.simulation.start import radar_model, starting_belief
+from relnav_sim.simulation.start import starting_belief
 from relnav_sim.streams import RandomSource
 
 BIASES = (
@@ -33,10 +33,10 @@ def test_the_first_fix_is_as_wrong_as_the_biases_make_it(tmp_path):
     source = RandomSource(5, tuple(range(runs)))
     first = next(iter(chunks(config, source)))
     b = extra.sigma * rng.standard_normal((runs, 3))
-    z = first.inputs["polar"].copy()
+    z = first.inputs["radar"]["spherical"].copy()
     z += b[:, None]
-    biased = type(first)(first.first_epoch, first.truth, first.z, {"polar": z}, first.fallen)
-    prior = extended_prior(starting_belief(config, radar_model(config), biased, source), extra, config)
+    biased = type(first)(first.first_epoch, first.truth, first.z, {"radar": {"spherical": z}}, first.fallen)
+    prior = extended_prior(starting_belief(config, biased, source), extra, config)
     truth = np.concatenate([first.truth.relative[:, 0], b], axis=1)
     # The velocity at the start is no random number of the right size here, so position and biases are looked at.
     places = [0, 1, 2, 6, 7, 8]
@@ -141,8 +141,7 @@ def test_true_values_where_they_are_known(tmp_path):
     def true_values(text):
         config = campaign(tmp_path, entry, text).cases[0].config
         first = next(iter(chunks(config, RandomSource(5, (0, 1)))))
-        extra = extension_of(config.filters["ekf"], config)
-        return true_extra(extra, config, first.truth, RandomSource(5, (0, 1))), first.truth, config
+        return true_extra(config.filters["ekf"], config, first.truth, RandomSource(5, (0, 1))), first.truth, config
 
     biased = PLAIN.replace("angle_sigma_deg: 0.1,", "angle_sigma_deg: 0.1, elevation_bias_deg: 0.2,").replace(
         "noise: {kind: gaussian}", "noise: [{kind: gaussian}, {kind: bias, value: [0, 0, 3]}]"

@@ -17,7 +17,7 @@ def test_shapes_and_start(campaign):
         "gnss": (3, 41, 6),
         "star_tracker": (3, 41, 4),
     }
-    assert simulation.inputs["polar"].shape == simulation.inputs["cartesian"].shape == (3, 41, 3)
+    assert simulation.inputs["radar"].shape == simulation.inputs["radar.cartesian"].shape == (3, 41, 3)
     offset = simulation.relative[:, 0, :3] - [0, -2000, 100]
     assert (np.abs(offset) > 0).all() and np.abs(offset).max() < 5 * 50
 

@@ -5,10 +5,10 @@ import pytest
 from small_campaign import assert_same_bits
 
 from relnav_sim import open_results, run_campaign
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions
 from relnav_sim.dynamics.gp.dynamics import GpOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 from relnav_sim.simulation.training import training_track
 
 LEARNED = (

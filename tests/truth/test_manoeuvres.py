@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 from relnav_sim.astro.orbits import elements_from_state
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import TruthOptions, truth_trajectory
 from relnav_sim.truth.manoeuvres import ManoeuvreOptions

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
 from relnav_sim.dynamics.process_noise import van_loan

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import sin, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.cw import CwOptions, cw_system
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions
+from relnav_sim.dynamics.averaged_j2 import SchweighartSedwickOptions
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
+from relnav_sim.dynamics.context import DynamicsContext, Need, TrainingRequest, TrainingTrack
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 from relnav_sim.dynamics.gp.process import GaussianProcess
 from relnav_sim.dynamics.interface import Dynamics, LinearDynamics, Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.dynamics.schweighart_sedwick import SchweighartSedwickOptions
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
-from relnav_sim.options import Options
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
+from relnav_sim.dynamics.registry import register_dynamics
+from relnav_sim.dynamics.two_body import NonlinearOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 Array = NDArray[np.float64]
 Target = Literal["absolute", "difference", "residual"]
@@ -56,6 +59,7 @@ class GpDynamics:
     """
 
     linear = False
+    leaves_arguments_alone = True
 
     def __init__(
         self,
@@ -167,38 +171,15 @@ def phase_clock(orbit: ChiefOrbit, step_s: float) -> PhaseClock:
     return PhaseClock(orbit.argument_of_perigee_rad + orbit.true_anomaly_rad, rate * step_s)
 
 
-@dataclass(frozen=True)
-class TrainingTrack:
-    """A chunk of the relative motion, step by step, to learn from.
-
-    Args:
-        states: (S, 6), RTN m and m/s, one step apart.
-        time_s: Their times after the campaign's start, (S,); negative before it.
-        orbit: The chief's nominal orbit at epoch 0 of the flight that they are from.
-        first_epoch: Epoch of the first of them.
-    """
-
-    states: Array
-    time_s: Array
-    orbit: ChiefOrbit
-    first_epoch: int = 0
-
-    def expected(self, base: BaseOptions, noise: ProcessNoiseOptions, step_s: float) -> Array:
-        """Return what base dynamics make of each state but the last, (S - 1, 6)."""
-        dynamics = base.build(self.orbit, noise, step_s)
-        after = self.first_epoch + 1
-        steps = [
-            dynamics.propagate(state[None], Step(epoch, step_s)) for epoch, state in enumerate(self.states[:-1], after)
-        ]
-        return np.concatenate(steps)
-
-
-class GpOptions(Options):
+@register_dynamics("gp")
+class GpOptions(DynamicsOptions):
     """Learned dynamics: a Gaussian process for one step of the relative motion (Wei, Song and Zhang 2012).
 
     Whoever runs the campaign makes the training track; a process trained on the truth knows what no flight filter
     can know before flight.
     """
+
+    needs: ClassVar[frozenset[Need]] = frozenset({"training_track"})
 
     kind: Literal["gp"] = Field(default="gp", description="Dynamics learned by Gaussian-process regression")
     target: Target = Field(
@@ -268,29 +249,26 @@ class GpOptions(Options):
             raise ValueError(f"base is for the residual target; the {self.target} target learns without one")
         return self
 
-    def spans_s(self, period_s: float) -> tuple[float, float]:
-        """Return how long the flights are that calibrate and that are learned, in this order, for a chief's period."""
-        learned = period_s if self.training_span_s is None else self.training_span_s
-        return learned if self.calibration_span_s is None else self.calibration_span_s, learned
+    @property
+    def uses_process_noise(self) -> bool:
+        """Whether the filter's own process noise is added: the learned variance takes its place otherwise."""
+        return self.add_process_noise
 
-    def build(
-        self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float, track: TrainingTrack | None = None
-    ) -> GpDynamics:
-        """Return the dynamics learned from a track, for steps of `step_s` seconds.
+    def training_request(self, orbit: ChiefOrbit) -> TrainingRequest:
+        """Return the track of both spans."""
+        return TrainingRequest(sum(self._spans_s(orbit)), self.training, self.base or CwOptions())
 
-        Args:
-            orbit: The chief's nominal orbit.
-            noise: What `add_process_noise` adds.
-            step_s: The step.
-            track: States to learn from, the last `training_span_s` of them; those before calibrate the variance.
+    def build(self, context: DynamicsContext) -> GpDynamics:
+        """Return the dynamics learned from the training track.
 
-        Raises:
-            ValueError: There is no track.
+        Its last `training_span_s` are learned; those before calibrate the variance.
         """
-        if track is None:
-            raise ValueError("learned dynamics need a training track")
+        return context.learn(partial(self._fitted, context))
+
+    def _fitted(self, context: DynamicsContext, track: TrainingTrack) -> GpDynamics:
         from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics  # which needs GpDynamics from here
 
+        orbit, noise, step_s = context.orbit, context.process_noise, context.step_s
         clock = phase_clock(orbit, step_s) if self.argument_of_latitude else None
 
         base = (self.base or CwOptions()) if self.target == "residual" else None
@@ -302,14 +280,14 @@ class GpOptions(Options):
                 track.states[rows], track.states[rows + 1], phase, None if expected is None else expected[rows]
             )
 
-        learned, earlier = self._split(track, 2 * np.pi / orbit.mean_motion_rad_s)
+        learned, earlier = self._split(track, orbit)
         training = transitions(learned)
         added = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
         return fit_gp_dynamics(
             training.now,
             training.next,
             step_s,
-            None if base is None else base.build(orbit, noise, step_s),
+            None if base is None else base.build(DynamicsContext(orbit, noise, step_s)),
             self.target,
             variance=self.variance,
             inducing_points=self.inducing_points,
@@ -321,9 +299,14 @@ class GpOptions(Options):
             restarts=self.restarts,
         )
 
-    def _split(self, track: TrainingTrack, period_s: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _spans_s(self, orbit: ChiefOrbit) -> tuple[float, float]:
+        """Return how long the flights are that calibrate and that are learned, in this order."""
+        learned = self.training_span_s or 2 * np.pi / orbit.mean_motion_rad_s
+        return learned if self.calibration_span_s is None else self.calibration_span_s, learned
+
+    def _split(self, track: TrainingTrack, orbit: ChiefOrbit) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the rows to learn from and the rows before them; the row after a row is its next state."""
-        _, span_s = self.spans_s(period_s)
+        _, span_s = self._spans_s(orbit)
         rows = np.arange(len(track.states) - 1)
         is_learned = track.time_s[1:] > track.time_s[-1] - span_s
         within = rows[is_learned]

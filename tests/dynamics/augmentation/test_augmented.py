@@ -1,5 +1,7 @@
 """Extra states behind a model's own: what they do to dynamics and measurement."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -16,12 +18,12 @@ from relnav_sim.dynamics.augmentation.kinds import (
     extension,
     held_acceleration,
 )
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.interface import MeasurementDefaults
-from relnav_sim.measurements.radar_errors import RadarDistortion
+from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 MOUNTING = mounting_matrix(20, 30, 40)
@@ -34,13 +36,37 @@ ALL = (
 )
 
 
+@dataclass(frozen=True)
+class Radar:
+    """What augmented states know of a sensor."""
+
+    host: str = "chief"
+    channel_names: tuple[str, ...] = ("range", "azimuth", "elevation")
+
+    def needs_direction(self) -> tuple[bool, ...]:
+        return (False, True, True)
+
+
+def extended(kinds, step_s=1.0):
+    return extension(kinds, {"radar": Radar()}, step_s)
+
+
+def errors_of(extra):
+    return radar_errors(extra.channels["radar"], MOUNTING @ extra.turns["radar"])
+
+
+def measured(extra, base):
+    rotation = MOUNTING @ NADIR_FROM_RTN if isinstance(base, ConvertedRadar) else None
+    return AugmentedMeasurement(base, 6, RadarDistortion(errors_of(extra), rotation))
+
+
 def radar(kind):
     noise = RadarNoise(np.ones(1), np.array([[4.0, 1e-3, 1e-3]]), np.array([4.0, 1e-3, 1e-3]), 1e-9 * np.eye(3))
-    return PolarRadar(MOUNTING, noise) if kind == "polar" else ConvertedRadar(MOUNTING, noise)
+    return PolarRadar(MOUNTING, noise) if kind == "spherical" else ConvertedRadar(MOUNTING, noise)
 
 
 def test_what_a_campaign_asks_for():
-    extra = extension(ALL, MOUNTING, step_s=2.0)
+    extra = extended(ALL, step_s=2.0)
     assert extra.names == (
         "azimuth_bias",
         "differential_drag",
@@ -55,12 +81,14 @@ def test_what_a_campaign_asks_for():
     degree = np.radians(0.1)
     assert np.allclose(extra.sigma, [degree, 1e-7, *[30 * arcsec] * 3, 5, degree], rtol=1e-14)
     assert extra.considered == (2, 3, 4)
-    assert np.allclose(extra.decay, [1, 1, *[np.exp(-2 / 60)] * 3, np.exp(-2 / 600), 1], rtol=1e-14)
-    assert np.allclose(extra.noise[[0, 1, 6]], [0, 2e-18, 0])
+    decay, noise = np.diagonal(extra.decay), np.diagonal(extra.noise)
+    assert np.array_equal(extra.decay, np.diag(decay)) and np.array_equal(extra.noise, np.diag(noise))
+    assert np.allclose(decay, [1, 1, *[np.exp(-2 / 60)] * 3, np.exp(-2 / 600), 1], rtol=1e-14)
+    assert np.allclose(noise[[0, 1, 6]], [0, 2e-18, 0])
     # A Gauss-Markov process keeps its variance.
     stays = [2, 3, 4, 5]
     variance = extra.sigma[stays] ** 2
-    assert np.allclose(extra.decay[stays] ** 2 * variance + extra.noise[stays], variance, rtol=1e-14)
+    assert np.allclose(decay[stays] ** 2 * variance + noise[stays], variance, rtol=1e-14)
 
 
 def test_a_process_is_a_walk_or_gauss_markov():
@@ -117,10 +145,7 @@ def test_drag_pulls_as_the_secular_drift_of_hill_s_equations():
     """A constant along-track acceleration a moves the deputy by -3/2 a t^2 + (4 a / n^2)(1 - cos nt) along-track."""
     n, step_s, a = 1.1e-3, 5.0, 1e-6
     base = LinearDynamics(cw_transition(n, step_s), np.zeros((6, 6)))
-    G = (
-        held_acceleration(n, step_s)
-        @ extension([DifferentialDragOptions(sigma_m_s2=1.0)], MOUNTING, step_s).acceleration
-    )
+    G = held_acceleration(n, step_s) @ extended([DifferentialDragOptions(sigma_m_s2=1.0)], step_s).acceleration
     dynamics = AugmentedDynamics(base, [1.0], [0.0], G)
     state = np.array([[0, 0, 0, 0, 0, 0, a]])
     for k in range(1000):
@@ -131,11 +156,11 @@ def test_drag_pulls_as_the_secular_drift_of_hill_s_equations():
     assert np.allclose(state[0, :2], [radial, along], rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["polar", "cartesian"])
+@pytest.mark.parametrize("kind", ["spherical", "cartesian"])
 def test_the_jacobian_is_the_derivative(kind):
     rng = np.random.default_rng(2)
-    extra = extension(ALL, MOUNTING, 1.0)
-    measurement = extra.measurement(radar(kind), MOUNTING)
+    extra = extended(ALL)
+    measurement = measured(extra, radar(kind))
     states = np.concatenate([rng.normal(size=(4, 3)) * 3000, rng.normal(size=(4, 3))], axis=1)
     # Errors of half a degree, so that what they do to the derivatives shows.
     states = np.concatenate([states, extra.sigma * rng.normal(size=(4, 7)) * 5], axis=1)
@@ -152,37 +177,37 @@ def test_the_jacobian_is_the_derivative(kind):
 
 def test_both_forms_of_the_measurement_tell_the_same():
     rng = np.random.default_rng(3)
-    extra = extension(ALL, MOUNTING, 1.0)
+    extra = extended(ALL)
     b = extra.sigma * rng.normal(size=(5, 7))
     z = np.array([12000.0, 1.0, -0.3]) + rng.normal(size=(5, 3)) * [100, 0.5, 0.5]
-    plain = radar("polar")
-    by_angles = plain.position(RadarDistortion(extra.errors).apply(z, b))
-    by_position = RadarDistortion(extra.errors, MOUNTING @ NADIR_FROM_RTN).apply(plain.position(z), b)
+    plain = radar("spherical")
+    by_angles = plain.position(RadarDistortion(errors_of(extra)).apply(z, b))
+    by_position = RadarDistortion(errors_of(extra), MOUNTING @ NADIR_FROM_RTN).apply(plain.position(z), b)
     assert np.allclose(by_angles, by_position, rtol=0, atol=1e-8)
     assert np.abs(by_angles - plain.position(z)).max() > 1
 
 
 def test_an_attitude_error_moves_the_sight_as_the_attitude_noise_does():
     """The derivative by the three angles is the G of the white attitude error in R: G P G^T."""
-    extra = extension([AttitudeErrorOptions(sigma_arcsec=10)], MOUNTING, 1.0)
+    extra = extended([AttitudeErrorOptions(sigma_arcsec=10)])
     state = np.zeros((1, 9))
     state[0, :3] = [300.0, 9000.0, 2000.0]
     P = np.diag([1.0, 2.0, 3.0]) * 1e-9
     sigmas = np.array([4.0, 1e-3, 1e-3])
     noise = RadarNoise(np.ones(1), sigmas[None], sigmas, MOUNTING @ P @ MOUNTING.T)
     polar = PolarRadar(MOUNTING, noise)
-    G = extra.measurement(polar, MOUNTING).jacobian(state, 0)[0, :, 6:]
+    G = measured(extra, polar).jacobian(state, 0)[0, :, 6:]
     attitude_part = polar.noise(state, 0)[0] - np.diag(sigmas**2)
     assert np.allclose(G @ P @ G.T, attitude_part, rtol=1e-10, atol=1e-20)
-    cartesian = extra.measurement(ConvertedRadar(MOUNTING, noise), MOUNTING).jacobian(state, 0)[0, :, 6:]
+    cartesian = measured(extra, ConvertedRadar(MOUNTING, noise)).jacobian(state, 0)[0, :, 6:]
     r = MOUNTING.T @ MOUNTING @ NADIR_FROM_RTN @ state[0, :3]
     expected = NADIR_FROM_RTN.T @ np.stack([np.cross(r, axis) for axis in np.eye(3)], axis=1)
     assert np.allclose(cartesian, expected, rtol=1e-12, atol=1e-9)
 
 
 def test_states_that_the_reading_depends_on():
-    extra = extension(ALL, MOUNTING, 1.0)
-    measurement = extra.measurement(radar("polar"), MOUNTING)
+    extra = extended(ALL)
+    measurement = measured(extra, radar("spherical"))
     assert measurement.depends_on == (0, 1, 2, 6, 8, 9, 10, 11, 12)
     linear = AugmentedMeasurement(LinearMeasurement(np.eye(2, 3), np.eye(2)), 3, AdditiveBias([[0, 1], [0, 0]]))
     assert linear.depends_on == (0, 1, 4)

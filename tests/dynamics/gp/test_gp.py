@@ -18,13 +18,14 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from relnav_sim import LinearDynamics
-from relnav_sim.dynamics.gp.dynamics import GpOptions, PhaseClock, TrainingTrack, phase_clock
+from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack, learning_from
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
+from relnav_sim.dynamics.gp.dynamics import GpOptions, PhaseClock, phase_clock
 from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
 from relnav_sim.dynamics.gp.process import GaussianProcess, Kernel, condition, most_informative
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 STEP = Step(1, STEP_S)
 SECOND = slice(STEPS_PER_REVOLUTION, 2 * STEPS_PER_REVOLUTION)
@@ -273,16 +274,17 @@ def test_campaign_options():
     track = TrainingTrack(x[: 2 * STEPS_PER_REVOLUTION], STEP_S * np.arange(-2.0 * STEPS_PER_REVOLUTION, 0), ORBIT)
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     options = GpOptions(restarts=0)
-    dynamics = options.build(ORBIT, noise, STEP_S, track)
+    context = DynamicsContext(ORBIT, noise, STEP_S, learn=learning_from(track))
+    dynamics = options.build(context)
     assert len(dynamics.process.inputs) == 500
     error = x[1:][THIRD] - dynamics.propagate(x[:-1][THIRD][None], STEP)[0]
     assert position_and_velocity_rms(error)[0] < 2e-6
     first = GpOptions(restarts=0, selection="consecutive", training_points=60, argument_of_latitude=True)
-    assert first.build(ORBIT, noise, STEP_S, track).process.inputs.shape == (60, 8)
-    noisy = GpOptions(restarts=0, training_points=60, add_process_noise=True).build(ORBIT, noise, STEP_S, track)
+    assert first.build(context).process.inputs.shape == (60, 8)
+    noisy = GpOptions(restarts=0, training_points=60, add_process_noise=True).build(context)
     assert noisy.process_noise(x[:1], STEP)[0, 3, 3] > 9e-9
     with pytest.raises(ValueError, match="training track"):
-        options.build(ORBIT, noise, STEP_S)
+        options.build(DynamicsContext(ORBIT, noise, STEP_S))
     with pytest.raises(ValidationError, match="residual target"):
         GpOptions.model_validate({"target": "absolute", "base": {"kind": "cw"}})
 
@@ -291,10 +293,11 @@ def test_the_latest_span_is_learned_and_the_one_before_calibrates():
     track = TrainingTrack(flight()[:101], STEP_S * np.arange(-100.0, 1.0), ORBIT)
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     options = GpOptions(restarts=0, training_points=50, training_span_s=500.0)
-    process = options.build(ORBIT, noise, STEP_S, track).process
+    process = options.build(DynamicsContext(ORBIT, noise, STEP_S, learn=learning_from(track))).process
     np.testing.assert_allclose(process.inputs, process.kernel.scaled(flight()[50:100]), atol=1e-12)
-    assert options.spans_s(5800.0) == (500.0, 500.0)
-    assert GpOptions(calibration_span_s=0.0).spans_s(5800.0) == (0.0, 5800.0)
+    assert options.training_request(ORBIT).duration_s == 1000.0
+    period = 2 * np.pi / ORBIT.mean_motion_rad_s
+    assert GpOptions(calibration_span_s=0.0).training_request(ORBIT).duration_s == pytest.approx(period)
 
 
 @pytest.mark.parametrize("base", [NonlinearJ2Options(), YamanakaAnkersenOptions()])
@@ -302,7 +305,7 @@ def test_a_base_that_depends_on_the_epoch_is_taken_at_each_row_s_own(base):
     """Under J2 the exact dynamics leave nothing over; an elliptic one at the wrong epoch leaves much."""
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     orbit = ORBIT if isinstance(base, NonlinearJ2Options) else replace(ORBIT, eccentricity=0.1)
-    dynamics = base.build(orbit, noise, STEP_S)
+    dynamics = base.build(DynamicsContext(orbit, noise, STEP_S))
     states = [flight()[0]]
     for epoch in range(1, 200):
         states.append(dynamics.propagate(states[-1][None], Step(epoch, STEP_S))[0])
@@ -311,7 +314,7 @@ def test_a_base_that_depends_on_the_epoch_is_taken_at_each_row_s_own(base):
     leftover = track.expected(base, noise, STEP_S) - track.states[1:]
     assert np.abs(leftover).max() < 1e-9
     learned = GpOptions(base=base, restarts=0, training_points=60, calibration_span_s=0.0)
-    built = learned.build(orbit, noise, STEP_S, track)
+    built = learned.build(DynamicsContext(orbit, noise, STEP_S, learn=learning_from(track)))
     np.testing.assert_allclose(built.propagate(track.states[:1], Step(first + 1, STEP_S))[0], states[first + 1])
 
 

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
+from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions, elliptic_transition
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.yamanaka_ankersen import YamanakaAnkersenOptions, elliptic_transition
 
 
 def numerical_transition(orbit, start_s, end_s):
@@ -58,7 +59,7 @@ def test_one_period_against_the_truth(scene, e, i_deg):
     step, steps = s.period_s / 300, 300
     x0 = np.concatenate([s.deputies(100.0), s.deputies(50.0)])
     truth = s.truth(x0, np.arange(steps + 1) * step)[1][:, -1]
-    dynamics, x = YamanakaAnkersenOptions().build(s.orbit, s.noise, step), x0
+    dynamics, x = YamanakaAnkersenOptions().build(DynamicsContext(s.orbit, s.noise, step)), x0
     for k in range(1, steps + 1):
         x = dynamics.propagate(x, Step(k))
     # What a linear model leaves out is of second order.

@@ -3,9 +3,10 @@ import pytest
 
 from relnav_sim.astro.constants import J2, MU_M3_S2, RADIUS_M
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.cw import cw_transition
+from relnav_sim.dynamics.averaged_j2 import AveragedJ2, SchweighartSedwickOptions
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.schweighart_sedwick import AveragedJ2, SchweighartSedwickOptions
 
 
 def test_without_j2_it_is_clohessy_and_wiltshire(scene):
@@ -44,7 +45,7 @@ def test_growth_across_the_orbit_is_the_true_one(scene, i_deg):
     across = tilt * np.array([np.sin(u) - np.cos(u), s.orbit.mean_motion_rad_s * (np.cos(u) + np.sin(u))])
     x0 = np.array([[0, 0, across[0], 0, 0, across[1]]])
     truth = s.truth(x0, times, zonals=(J2,))[1][0, :, 2]
-    dynamics, x, z = SchweighartSedwickOptions().build(s.orbit, s.noise, times[1]), x0, [x0[0, 2]]
+    dynamics, x, z = SchweighartSedwickOptions().build(DynamicsContext(s.orbit, s.noise, times[1])), x0, [x0[0, 2]]
     for k in range(1, len(times)):
         x = dynamics.propagate(x, Step(k))
         z.append(x[0, 2])

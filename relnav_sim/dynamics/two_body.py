@@ -12,29 +12,57 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import PerChunk
-from relnav_sim.dynamics.cw import cw_system
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
+from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.relative_flow import Segment, divide, flow, linear_flow, turning_frame
-from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
 
 
-class NonlinearOptions(Options):
+@register_dynamics("nonlinear")
+class NonlinearOptions(DynamicsOptions):
     """Exact two-body relative motion about the chief's nominal orbit, of any eccentricity below 1; no J2, no drag."""
 
     step_cost_us: ClassVar[float] = 2.0
-    """Rough CPU time that a filter's step takes longer than with `cw`, us; for the plan of a campaign."""
     step_overhead_us: ClassVar[float] = 150.0
-    """The same of a step however few the runs, us."""
 
     kind: Literal["nonlinear"] = Field(default="nonlinear", description="Exact two-body relative motion")
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> NonlinearDynamics:
-        """Return the dynamics for steps of `step_s` seconds; epoch k is k steps after the nominal orbit's own epoch."""
-        Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
-        return NonlinearDynamics(orbit, Q, step_s)
+    def build(self, context: DynamicsContext) -> NonlinearDynamics:
+        """Return the dynamics; epoch k is k steps after the nominal orbit's own epoch."""
+        Q = process_noise_matrix(context.process_noise, cw_system(context.orbit.mean_motion_rad_s), context.step_s)
+        return NonlinearDynamics(context.orbit, Q, context.step_s)
+
+
+def nonlinear(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> NonlinearDynamics:
+    """Return the exact relative motion of two point masses, integrated to rounding error for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). Epoch k is k steps
+    after the nominal orbit's own epoch, at which it has its true anomaly.
+
+    Args:
+        orbit: The chief's nominal orbit.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.02, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.nonlinear(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return NonlinearOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 class NonlinearDynamics:
@@ -51,6 +79,7 @@ class NonlinearDynamics:
 
     dimension = 6
     linear = False
+    leaves_arguments_alone = True
 
     def __init__(self, orbit: ChiefOrbit, process_noise: Array, step_s: float) -> None:
         self._orbit = orbit

@@ -9,19 +9,22 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.collocation import gauss_rule
-from relnav_sim.dynamics.cw import cw_system, cw_transition
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
+from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.linalg import product, runs_first, runs_last
-from relnav_sim.options import Options
 
 Array = NDArray[np.float64]
 _NODES = 8
 """Gauss nodes over a step: rounding error for steps up to a tenth of a revolution."""
 
 
-class CwSecondOrderOptions(Options):
+@register_dynamics("cw_second_order")
+class CwSecondOrderOptions(DynamicsOptions):
     """Clohessy-Wiltshire with the quadratic terms of gravity (London, AIAA J. 1(7), 1963): circular chief, point mass.
 
     At 12 km separation the quadratic terms are 3.6e-5 m/s^2 and what is left out of curvature is 6e-8 m/s^2.
@@ -31,10 +34,36 @@ class CwSecondOrderOptions(Options):
         default="cw_second_order", description="Clohessy-Wiltshire dynamics with quadratic terms"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> CwSecondOrderDynamics:
-        """Return the dynamics for steps of `step_s` seconds about a circle with the nominal semi-major axis."""
-        Q = process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s)
-        return CwSecondOrderDynamics(orbit, Q, step_s)
+    def build(self, context: DynamicsContext) -> CwSecondOrderDynamics:
+        """Return the dynamics about a circle with the nominal semi-major axis."""
+        Q = process_noise_matrix(context.process_noise, cw_system(context.orbit.mean_motion_rad_s), context.step_s)
+        return CwSecondOrderDynamics(context.orbit, Q, context.step_s)
+
+
+def cw_second_order(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> CwSecondOrderDynamics:
+    """Return Clohessy-Wiltshire with gravity's quadratic terms (London, AIAA J. 1(7), 1963) for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). The chief's orbit is taken as a circle.
+
+    Args:
+        orbit: The chief's nominal orbit; its semi-major axis counts.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.cw_second_order(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return CwSecondOrderOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 def quadratic_acceleration(n: float, radius_m: float) -> Array:
@@ -64,6 +93,7 @@ class CwSecondOrderDynamics:
 
     dimension = 6
     linear = False
+    leaves_arguments_alone = True
 
     def __init__(self, orbit: ChiefOrbit, process_noise: Array, step_s: float) -> None:
         n = orbit.mean_motion_rad_s

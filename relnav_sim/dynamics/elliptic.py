@@ -11,9 +11,11 @@ from pydantic import Field
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
-from relnav_sim.dynamics.cw import cw_system
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.options import Options
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
+from relnav_sim.dynamics.registry import register_dynamics
 
 Array = NDArray[np.float64]
 _PLACES = np.array([1, 2, 0, 4, 5, 3])
@@ -22,7 +24,8 @@ _SIGNS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 _IN_PLANE = np.array([0, 2, 3, 5])
 
 
-class YamanakaAnkersenOptions(Options):
+@register_dynamics("yamanaka_ankersen")
+class YamanakaAnkersenOptions(DynamicsOptions):
     """Yamanaka and Ankersen's transition matrix (J. Guidance 25(1), 2002): linear, elliptic chief, point mass.
 
     The nominal orbit gives the true anomaly; on a circular orbit it equals `cw`.
@@ -32,16 +35,45 @@ class YamanakaAnkersenOptions(Options):
         default="yamanaka_ankersen", description="Linear dynamics about an elliptic orbit"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> LinearByEpoch:
-        """Return the dynamics for steps of `step_s` seconds; epoch k is k steps after the nominal orbit's own epoch.
+    def build(self, context: DynamicsContext) -> LinearByEpoch:
+        """Return the dynamics; epoch k is k steps after the nominal orbit's own epoch.
 
         Q is that of white acceleration about a circular orbit, right to leading order in the step's share of a turn.
         """
+        orbit, step_s = context.orbit, context.step_s
 
         def transitions(epochs: Array) -> Array:
             return elliptic_transition(orbit, (epochs - 1) * step_s, step_s)
 
-        return LinearByEpoch(transitions, process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s))
+        Q = process_noise_matrix(context.process_noise, cw_system(orbit.mean_motion_rad_s), step_s)
+        return LinearByEpoch(transitions, Q)
+
+
+def yamanaka_ankersen(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> LinearByEpoch:
+    """Return Yamanaka and Ankersen's dynamics (J. Guidance 25(1), 2002): linear, elliptic chief for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). Epoch k is k steps
+    after the nominal orbit's own epoch, at which it has its true anomaly.
+
+    Args:
+        orbit: The chief's nominal orbit.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.02, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.yamanaka_ankersen(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return YamanakaAnkersenOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 def elliptic_transition(orbit: ChiefOrbit, times_s: Array, duration_s: float) -> Array:

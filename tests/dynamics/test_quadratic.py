@@ -4,10 +4,11 @@ from scipy.integrate import solve_ivp
 
 from relnav_sim.astro.constants import MU_M3_S2
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.cw import CwOptions, cw_system
-from relnav_sim.dynamics.cw_second_order import CwSecondOrderOptions, quadratic_acceleration
+from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
+from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
+from relnav_sim.dynamics.quadratic import CwSecondOrderOptions, quadratic_acceleration
+from relnav_sim.dynamics.two_body import NonlinearOptions
 
 RADIUS = 7e6
 RATE = np.sqrt(MU_M3_S2 / RADIUS**3)
@@ -45,7 +46,9 @@ def test_what_is_left_out_is_of_third_order():
 @pytest.mark.parametrize("step_s", [1.0, 60.0, 300.0])
 def test_error_falls_with_the_cube_of_the_separation(scene, step_s):
     s = scene(0.0)
-    second, exact = (o().build(s.orbit, s.noise, step_s) for o in (CwSecondOrderOptions, NonlinearOptions))
+    second, exact = (
+        o().build(DynamicsContext(s.orbit, s.noise, step_s)) for o in (CwSecondOrderOptions, NonlinearOptions)
+    )
     errors = []
     for separation in (10e3, 20e3):
         x = s.deputies(separation)
@@ -68,7 +71,7 @@ def test_map_solves_the_quadratic_equations(scene):
         return A @ x + np.concatenate([np.zeros(3), bend])
 
     expected = solve_ivp(slope, (0, 3000.0), x0, method="DOP853", rtol=1e-13, atol=1e-10).y[:, -1]
-    dynamics, x = CwSecondOrderOptions().build(s.orbit, s.noise, 1.0), x0[None]
+    dynamics, x = CwSecondOrderOptions().build(DynamicsContext(s.orbit, s.noise, 1.0)), x0[None]
     for k in range(1, 3001):
         x = dynamics.propagate(x, Step(k))
     np.testing.assert_allclose(x[0, :3], expected[:3], atol=1e-5)
@@ -84,7 +87,7 @@ def test_one_period(scene, separation, tolerance, i_deg):
     truth = s.truth(x0, np.arange(steps + 1) * step)[1][:, -1]
     errors = {}
     for options in (CwOptions(), CwSecondOrderOptions()):
-        dynamics, x = options.build(s.orbit, s.noise, step), x0
+        dynamics, x = options.build(DynamicsContext(s.orbit, s.noise, step)), x0
         for k in range(1, steps + 1):
             x = dynamics.propagate(x, Step(k))
         errors[options.kind] = np.linalg.norm((x - truth)[:, :3], axis=1).max()

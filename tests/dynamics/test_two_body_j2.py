@@ -2,13 +2,12 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.constants import J2, J3, J4
-from relnav_sim.astro.gravity import Gravity
-from relnav_sim.dynamics.chief_segments import ChiefSegments, NominalChief
+from relnav_sim.dynamics.chief_segments import NominalChief
+from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.dynamics.nonlinear import NonlinearOptions
-from relnav_sim.dynamics.nonlinear_j2 import NonlinearJ2Options
 from relnav_sim.dynamics.orbit_filter import OrbitFilter, OrbitFilterOptions
-from relnav_sim.dynamics.relative_flow import divide
+from relnav_sim.dynamics.two_body import NonlinearOptions
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 
 def predicted(dynamics, x, steps):
@@ -28,7 +27,7 @@ def test_one_period_against_the_truth(scene, e, i_deg, separation, zonals):
     step = s.period_s / steps
     x0 = s.deputies(separation)
     _, truth = s.truth(x0, np.arange(steps + 1) * step, zonals=(J2, J3, J4)[: zonals - 1])
-    x = predicted(NonlinearJ2Options(zonals=zonals).build(s.orbit, s.noise, step), x0, steps)
+    x = predicted(NonlinearJ2Options(zonals=zonals).build(DynamicsContext(s.orbit, s.noise, step)), x0, steps)
     # The truth is the difference of two orbits, each good to 1e-6 m, and the nominal chief is no better.
     assert np.abs(x - truth)[..., :3].max() < 2e-5
 
@@ -44,12 +43,12 @@ def test_with_the_chief_estimated_from_fixes(scene):
     sigmas = np.repeat([30.0, 0.15], 3)
     fixes = chief + np.random.default_rng(0).normal(size=(runs, len(times), 6)) * sigmas
     estimates = OrbitFilter(OrbitFilterOptions(), s.orbit, sigmas, step, runs).advance(fixes)
-    dynamics = NonlinearJ2Options().build(s.orbit, s.noise, step).with_chief(estimates[:, before:], 0)
+    dynamics = NonlinearJ2Options().build(DynamicsContext(s.orbit, s.noise, step)).with_chief(estimates[:, before:], 0)
     x = predicted(dynamics, truth[:, before], steps)
     error = np.linalg.norm((x - truth[:, before:])[..., :3], axis=-1).max(axis=1)
     # J3 and J4 alone leave 1.5 m here; point masses about the nominal orbit leave 100 m.
     assert error.max() < 5
-    without = predicted(NonlinearOptions().build(s.orbit, s.noise, step), x0, steps)
+    without = predicted(NonlinearOptions().build(DynamicsContext(s.orbit, s.noise, step)), x0, steps)
     assert np.linalg.norm((without - truth[:, : steps + 1])[..., :3], axis=-1).max() > 50
 
 
@@ -58,7 +57,7 @@ def test_propagate_after_transition_keeps_its_bits(scene, zonals):
     """The Jacobian's own path serves the mean at the same states, and no others."""
     s = scene(0.1, zonals=4)
     x = s.deputies(12e3, 3)
-    warm, cold = (NonlinearJ2Options(zonals=zonals).build(s.orbit, s.noise, 10.0) for _ in range(2))
+    warm, cold = (NonlinearJ2Options(zonals=zonals).build(DynamicsContext(s.orbit, s.noise, 10.0)) for _ in range(2))
     for states in (x, x[:1], x + 1.0):
         warm.transition(x, Step(3))
         assert np.array_equal(warm.propagate(states, Step(3)), cold.propagate(states, Step(3)))
@@ -71,7 +70,7 @@ def test_runs_have_their_own_chief(scene):
     x = s.deputies(12e3, 3)
     chief = np.repeat(s.truth(x, np.array([0.0, 10.0]), zonals=(J2,))[0], 3, axis=0)
     chief[1] += np.array([1e3, 0, 0, 0, 0, 0])
-    dynamics = NonlinearJ2Options().build(s.orbit, s.noise, 10.0)
+    dynamics = NonlinearJ2Options().build(DynamicsContext(s.orbit, s.noise, 10.0))
     together = dynamics.with_chief(chief, 4)
     for run in range(3):
         alone = dynamics.with_chief(chief[run : run + 1], 4)
@@ -81,19 +80,18 @@ def test_runs_have_their_own_chief(scene):
             assert np.array_equal(alone.transition(x[mine], Step(epoch))[0], together.transition(x, Step(epoch))[run])
 
 
-def test_following_the_chief_chunk_by_chunk(scene):
+def test_a_step_depends_on_the_chief_at_its_start_alone(scene):
     s = scene(0.0)
     x = s.deputies(12e3, 2)
     chief = np.repeat(s.truth(x, np.arange(9) * 10.0, zonals=(J2,))[0], 2, axis=0)
-    dynamics = NonlinearJ2Options().build(s.orbit, s.noise, 10.0)
-    whole = dynamics.with_chief(chief, 0)
+    whole = NonlinearJ2Options().build(DynamicsContext(s.orbit, s.noise, 10.0)).with_chief(chief, 0)
     for first, last in ((0, 5), (4, 9)):
-        dynamics.follow_chief(ChiefSegments(chief[:, first:last], first, divide(s.orbit, 10.0), Gravity.of(s.orbit)))
+        dynamics = whole.with_chief(chief[:, first:last], first)
         for epoch in range(first + 1, last + 1):
             assert np.array_equal(dynamics.propagate(x, Step(epoch)), whole.propagate(x, Step(epoch)))
 
 
-def test_follower_supplies_the_estimates(scene):
+def test_it_goes_by_the_fixes_that_it_is_fed(scene):
     s = scene(0.0)
     x = s.deputies(12e3, 2)
     sigmas = np.repeat([30.0, 0.15], 3)
@@ -101,12 +99,10 @@ def test_follower_supplies_the_estimates(scene):
     fixes = chief + np.random.default_rng(0).normal(size=(2, 9, 6)) * sigmas
     options = NonlinearJ2Options()
     estimates = OrbitFilter(options.chief_orbit, s.orbit, sigmas, 10.0, 2).advance(fixes)
-    whole = options.build(s.orbit, s.noise, 10.0).with_chief(estimates, 0)
-    dynamics = options.build(s.orbit, s.noise, 10.0)
-    follower = options.follower(s.orbit, sigmas, 10.0, 2)
-    follower.supply(dynamics)
+    whole = options.build(DynamicsContext(s.orbit, s.noise, 10.0)).with_chief(estimates, 0)
+    dynamics = options.build(DynamicsContext(s.orbit, s.noise, 10.0, ChiefFixes(sigmas, 2)))
     for first, last in ((0, 5), (5, 9)):
-        follower.take(fixes[:, first:last], first)
+        dynamics.feed(Arrival(first, fixes[:, first:last]))
         for epoch in range(max(first, 1), last):
             assert np.array_equal(dynamics.propagate(x, Step(epoch)), whole.propagate(x, Step(epoch)))
 
@@ -114,7 +110,7 @@ def test_follower_supplies_the_estimates(scene):
 def test_an_epoch_without_the_chief_is_refused(scene):
     s = scene(0.0)
     x = s.deputies(100.0, 2)
-    dynamics = NonlinearJ2Options().build(s.orbit, s.noise, 1.0).with_chief(np.zeros((2, 3, 6)), 10)
+    dynamics = NonlinearJ2Options().build(DynamicsContext(s.orbit, s.noise, 1.0)).with_chief(np.zeros((2, 3, 6)), 10)
     with pytest.raises(ValueError, match="needs the chief's state at epoch 13; there are those of epochs 10 to 12"):
         dynamics.propagate(x, Step(14))
 

@@ -12,15 +12,18 @@ from scipy.linalg import expm
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
-from relnav_sim.dynamics.cw import cw_system
-from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix
-from relnav_sim.options import Options
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.dynamics.options import DynamicsOptions
+from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
+from relnav_sim.dynamics.registry import register_dynamics
 
 Array = NDArray[np.float64]
 _IN_PLANE, _ACROSS = np.array([0, 1, 3, 4]), np.array([2, 5])
 
 
-class SchweighartSedwickOptions(Options):
+@register_dynamics("schweighart_sedwick")
+class SchweighartSedwickOptions(DynamicsOptions):
     """Schweighart and Sedwick's dynamics (J. Guidance 25(6), 2002): linear, circular chief, J2's gradient averaged.
 
     It has the secular effects of differential J2; what varies twice a revolution, of the same size, it leaves out.
@@ -30,14 +33,43 @@ class SchweighartSedwickOptions(Options):
         default="schweighart_sedwick", description="Linear dynamics about a circular orbit with averaged J2"
     )
 
-    def build(self, orbit: ChiefOrbit, noise: ProcessNoiseOptions, step_s: float) -> LinearByEpoch:
-        """Return the dynamics for steps of `step_s` seconds; epoch k is k steps after the nominal orbit's own epoch."""
+    def build(self, context: DynamicsContext) -> LinearByEpoch:
+        """Return the dynamics; epoch k is k steps after the nominal orbit's own epoch."""
+        orbit, step_s = context.orbit, context.step_s
         motion = AveragedJ2(orbit)
 
         def transitions(epochs: Array) -> Array:
             return motion.transition((epochs - 1) * step_s, step_s)
 
-        return LinearByEpoch(transitions, process_noise_matrix(noise, cw_system(orbit.mean_motion_rad_s), step_s))
+        Q = process_noise_matrix(context.process_noise, cw_system(orbit.mean_motion_rad_s), step_s)
+        return LinearByEpoch(transitions, Q)
+
+
+def schweighart_sedwick(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float) -> LinearByEpoch:
+    """Return Schweighart and Sedwick's dynamics (J. Guidance 25(6), 2002): linear, averaged J2 for `create_filter`.
+
+    The state is the deputy's position and velocity relative to the chief, (6,), m and m/s, in the chief's RTN frame
+    (see `cw`). Epoch k is k steps
+    after the nominal orbit's own epoch, at which it has its true anomaly.
+
+    Args:
+        orbit: The chief's nominal orbit, taken as a circle.
+        step_s: Time between epochs, s; give `run_filter` the same.
+        acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
+            discretised about a circular orbit.
+
+    Raises:
+        ValueError: The density is negative.
+
+    Example:
+        >>> import numpy as np
+        >>> from relnav_sim import Step, dynamics
+        >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)
+        >>> motion = dynamics.schweighart_sedwick(orbit=orbit, step_s=10.0, acceleration_psd_m2_s3=1e-8)
+        >>> motion.propagate(np.array([[0.0, -1000.0, 0.0, 0.0, 0.0, 0.0]]), Step(0)).shape
+        (1, 6)
+    """
+    return SchweighartSedwickOptions().build(DynamicsContext(orbit, white_acceleration(acceleration_psd_m2_s3), step_s))
 
 
 class AveragedJ2:
