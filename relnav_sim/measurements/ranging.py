@@ -93,6 +93,12 @@ class GrowingRangeNoise(MeasurementDefaults):
         self.dimension = base.dimension
         self.angles = getattr(base, "angles", ())
         self.depends_on = getattr(base, "depends_on", None)
+        self.whole = getattr(base, "whole", False)
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return what the base makes of the readings."""
+        take = getattr(self.base, "take", None)
+        return z if take is None else np.asarray(take(z, first_epoch))
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the base's h(states)."""
@@ -163,8 +169,9 @@ def lidar(
 
     Example:
         >>> import numpy as np
+        >>> from relnav_sim import measurements
         >>> state = np.array([[3.0, 400.0, 0.0, 0.0, -0.1, 0.0]])
-        >>> rangefinder = lidar(range_sigma_m=0.02, range_sigma_m_per_km=0.1)
+        >>> rangefinder = measurements.lidar(range_sigma_m=0.02, range_sigma_m_per_km=0.1)
         >>> rangefinder.predict(state, 0).round(3), np.sqrt(rangefinder.noise(state, 0)).round(3)
         (array([[400.011]]), array([[[0.06]]]))
     """
@@ -194,7 +201,8 @@ def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float) -> Ranging:
 
     Example:
         >>> import numpy as np
-        >>> link = crosslink(range_sigma_m=0.5, range_rate_sigma_m_s=1e-3)
+        >>> from relnav_sim import measurements
+        >>> link = measurements.crosslink(range_sigma_m=0.5, range_rate_sigma_m_s=1e-3)
         >>> link.predict(np.array([[0.0, 300.0, 400.0, 0.0, 0.1, 0.2]]), 0).round(3).tolist()
         [[500.0, 0.22]]
     """

@@ -1,12 +1,9 @@
 """Range, range rate and a range noise that grows with the distance, as filters see them."""
 
-import doctest
-
 import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.measurements import ranging
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging, crosslink, lidar
@@ -109,8 +106,3 @@ def test_a_mixture_is_told_to_who_asks():
 def test_what_makes_no_sense_is_refused_with_a_sentence(make, sentence):
     with pytest.raises(ValueError, match=sentence):
         make()
-
-
-def test_the_examples_run():
-    results = doctest.testmod(ranging)
-    assert results.attempted >= 6 and results.failed == 0

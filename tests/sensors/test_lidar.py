@@ -13,6 +13,7 @@ from relnav_sim.sensors.suite import streams_of
 
 RANGE = {"kind": "lidar", "range_sigma_m": 0.05, "range_sigma_m_per_km": 2.0}
 SIGHT = {**RANGE, "angle_sigma_deg": 0.1}
+TANGENT = {**SIGHT, "form": "tangent"}
 AHEAD = [20.0, 400.0, -30.0]
 
 
@@ -40,9 +41,10 @@ def test_noise_has_the_sigma_of_the_distance(scene, ahead, options):
     assert (np.abs(error.var(axis=(0, 1)) - 1) < 4 * np.sqrt(2 / 30000)).all()
 
 
+@pytest.mark.parametrize("form", ["spherical", "tangent"])
 @pytest.mark.parametrize("host", ["chief", "deputy"])
-def test_without_growth_it_reads_as_a_radar_of_the_same_name_does(scene, host):
-    same = {"range_sigma_m": 0.05, "angle_sigma_deg": 0.1, "host": host, "mounting_deg": [10, 20, 30]}
+def test_without_growth_it_reads_as_a_radar_of_the_same_name_does(scene, host, form):
+    same = {"range_sigma_m": 0.05, "angle_sigma_deg": 0.1, "host": host, "mounting_deg": [10, 20, 30], "form": form}
     as_radar = read(scene, AHEAD, {"kind": "radar", **same})
     assert np.array_equal(read(scene, AHEAD, {"kind": "lidar", **same}), as_radar)
     grown = read(scene, AHEAD, {"kind": "lidar", "range_sigma_m_per_km": 2.0, **same})
@@ -87,7 +89,7 @@ def test_a_constant_error_in_sigmas_grows_with_the_distance(scene):
 
 
 @pytest.mark.parametrize("host", ["chief", "deputy"])
-@pytest.mark.parametrize("options", [RANGE, SIGHT], ids=["range", "sight"])
+@pytest.mark.parametrize("options", [RANGE, SIGHT, TANGENT], ids=["range", "sight", "tangent"])
 def test_residuals_of_the_true_state_have_the_covariance_that_filters_are_told(scene, host, options):
     """Through the whole chain, with GNSS and star tracker in it."""
     others = {"gnss": scene.GNSS, "star_tracker": scene.STAR_TRACKER}
@@ -98,11 +100,13 @@ def test_residuals_of_the_true_state_have_the_covariance_that_filters_are_told(s
     raw = SensorSuite(sensors, scene.source(runs), scene.STEP_S).measure(truth, 0)
     z = filter_inputs(sensors, raw, truth)["eye"]["spherical"]
     model = sensor_measurement("eye", sensors, scene.ORBIT, scene.STEP_S)
-    state = np.array([[*relative, 0.0, 0.0, 0.0]])
-    nu = model.residual(z, model.predict(state, 0)[:, None])
-    R = np.broadcast_to(model.noise(state, 0), (1, nu.shape[-1], nu.shape[-1]))[0]
-    squared = np.einsum("bki,ij,bkj->", nu, np.linalg.inv(R), nu)
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], nu.size)
+    state = np.tile([*relative, 0.0, 0.0, 0.0], (runs, 1))
+    z, squared = model.take(z, 0), 0.0
+    for k in range(epochs):
+        nu = model.residual(z[:, k], model.predict(state, k))
+        R = np.broadcast_to(model.noise(state, k), (runs, *nu.shape[1:] * 2))
+        squared += np.einsum("bi,bij,bj->", nu, np.linalg.inv(R), nu)
+    low, high = chi2.ppf([1e-4, 1 - 1e-4], z.size)
     assert low < squared < high
 
 
@@ -115,9 +119,10 @@ def test_without_attitude_the_range_stays(scene):
     assert np.isnan(z[:, lost, 1:]).all() and np.isfinite(z[..., 0]).all() and np.isfinite(z[:, ~lost]).all()
 
 
-def test_a_fix_needs_angles_and_has_the_noise_of_its_distance(scene):
+@pytest.mark.parametrize("options", [SIGHT, TANGENT], ids=["sight", "tangent"])
+def test_a_fix_needs_angles_and_has_the_noise_of_its_distance(scene, options):
     assert not made(scene, RANGE)["eye"].gives_fix and made(scene, RANGE)["eye"].first_fix(None, None) is None
-    sensors = made(scene, SIGHT)
+    sensors = made(scene, options)
     assert sensors["eye"].gives_fix
     model = sensor_measurement("eye", sensors, scene.ORBIT, scene.STEP_S)
     position, covariance = sensors["eye"].first_fix(model, np.array([[400.0, 0.0, 0.0]]))
