@@ -18,7 +18,7 @@ from relnav_sim.astro.line_of_sight import Vector, cross, dot
 
 Array = NDArray[np.float64]
 Axes = tuple[Vector, Vector]
-_TINY = 1e-300
+_TINY = 1e-280
 _BESIDE = 1e-12
 """What stands straight behind the centre is moved this far, in units of its distance, to have a bearing."""
 
@@ -35,6 +35,9 @@ def across(direction: Vector) -> Axes:
     The turn from x to the direction takes y and -z there: e_a = y - y_u (x + u) / (1 + x_u), e_b alike.
     """
     x, y, z = direction
+    behind = (x < 0) & (y * y + z * z < _TINY)
+    if np.any(behind):  # every way round is as good; this one is about z
+        y, z = np.where(behind, np.sqrt(_TINY), y), np.where(behind, 0.0, z)
     # 1 / (1 + x), without loss of digits where x is near -1.
     inverse = np.where(x < 0, (1 - x) / np.maximum(y * y + z * z, _TINY), 1 / (1 + np.abs(x)))
     yz = y * z * inverse

@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     from relnav_sim.measurements.ranging import lidar as lidar
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
+    from relnav_sim.measurements.tangent_sight import camera as camera
 
 # No module here may have one of these names: once imported, it would take the function's place.
 _HOME = {
+    "camera": "relnav_sim.measurements.tangent_sight",
     "crosslink": "relnav_sim.measurements.ranging",
     "first_fix": "relnav_sim.measurements.spherical_radar",
     "lidar": "relnav_sim.measurements.ranging",

@@ -137,14 +137,6 @@ class PolarRadar(MeasurementDefaults):
         return R
 
 
-class Locating(Measurement, Protocol):
-    """A measurement whose reading gives a position."""
-
-    def position(self, z: Array) -> Array:
-        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at."""
-        ...
-
-
 def radar(
     *,
     range_sigma_m: float,
@@ -187,6 +179,14 @@ def radar(
     attitude = np.square(np.radians(attitude_sigma_deg)) * np.eye(3)
     noise = RadarNoise(np.ones(1), sigmas[None], sigmas, attitude)
     return PolarRadar(mounting_matrix(*mounting_deg), noise, carrier, chief_orbit)
+
+
+class Locating(Measurement, Protocol):
+    """A measurement whose reading gives a position."""
+
+    def position(self, z: Array) -> Array:
+        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at."""
+        ...
 
 
 def first_fix(

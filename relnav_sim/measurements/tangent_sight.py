@@ -11,11 +11,13 @@ noise of the angles the density of h(x) at the true state is that of the noise e
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.astro.line_of_sight import Vector, dot, rows, sight_vector, times
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import Vector, dot, mounting_matrix, rows, sight_vector, times
 from relnav_sim.astro.tangent_plane import deflection, deflection_by_turn, deflection_gradients, unit
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
@@ -148,3 +150,47 @@ class TangentSight(MeasurementDefaults):
 
 def _product(a: Vector, b: Sequence[Array]) -> Array:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def camera(
+    *,
+    angle_sigma_deg: float,
+    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    host: Literal["chief", "deputy"] = "chief",
+    chief_orbit: ChiefOrbit | None = None,
+) -> TangentSight:
+    """Return what a filter believes of a camera: the direction of the other craft, with no pole.
+
+    Readings for `run_filter` are azimuth and elevation in the camera's frame, rad, (runs, T, 2): azimuth from its x
+    axis towards y, elevation towards minus z. The state begins with the deputy's position and velocity relative to the
+    chief, RTN (m, m/s). The filter compares directions by two small angles across the line of sight, so its NIS has
+    two degrees of freedom and no direction is special.
+
+    Args:
+        angle_sigma_deg: Noise of each of the two angles, 1 sigma, deg.
+        mounting_deg: Yaw, pitch and roll from the host's nadir frame (x along-track, y minus orbit normal, z nadir) to
+            the camera's frame, deg.
+        host: Craft that carries it.
+        chief_orbit: The chief's nominal orbit; needed where the host is the deputy.
+
+    Raises:
+        ValueError: A sigma that is not between 0 and 90 deg, or no chief orbit with the deputy as host.
+
+    Example:
+        The deputy ahead and above, seen along the camera's x axis:
+
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, create_filter, run_filter
+        >>> standing = LinearDynamics(np.eye(6), 1e-6 * np.eye(6))
+        >>> filter = create_filter("ekf", standing, camera(angle_sigma_deg=0.01))
+        >>> z = np.full((1, 50, 2), [0.0, 0.1])
+        >>> history = run_filter(filter, z, [0.0, 1000.0, 0.0, 0.0, 0.0, 0.0], np.diag([100.0] * 3 + [1e-4] * 3))
+        >>> x, y, _ = history.mean[0, -1, :3]
+        >>> round(float(np.arctan2(x, y)), 4)
+        0.1
+    """
+    if not 0 < angle_sigma_deg < 90:
+        raise ValueError(f"angle_sigma_deg is {angle_sigma_deg:g}; it must be between 0 and 90")
+    sigmas = np.full(2, np.radians(angle_sigma_deg))
+    sight = Sight(mounting_matrix(*mounting_deg), host, chief_orbit)
+    return TangentSight(sight, RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
