@@ -72,8 +72,8 @@ class FilterEntry(Options):
 
     augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(
         default=(),
-        description="Extra states that the filter carries behind position and velocity: biases of the radar, errors "
-        "of the attitude, drag, bias of the accelerometer; each estimated or only accounted for. Default: none",
+        description="Extra states that the filter carries behind position and velocity: biases of sensors, errors "
+        "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
     )
 
     @field_validator("sensors")

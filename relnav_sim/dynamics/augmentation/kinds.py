@@ -134,32 +134,32 @@ class _AngleBiasOptions(SeparateStateOptions):
 
 
 class AzimuthBiasOptions(_AngleBiasOptions):
-    """Bias of the radar's azimuth."""
+    """Bias of a sensor's azimuth."""
 
     names: ClassVar[tuple[str, ...]] = ("azimuth_bias",)
     channels: ClassVar[tuple[str, ...]] = ("azimuth",)
 
-    kind: Literal["azimuth_bias"] = Field(default="azimuth_bias", description="Bias of the radar's azimuth")
+    kind: Literal["azimuth_bias"] = Field(default="azimuth_bias", description="Bias of a sensor's azimuth")
 
 
 class ElevationBiasOptions(_AngleBiasOptions):
-    """Bias of the radar's elevation."""
+    """Bias of a sensor's elevation."""
 
     names: ClassVar[tuple[str, ...]] = ("elevation_bias",)
     channels: ClassVar[tuple[str, ...]] = ("elevation",)
 
-    kind: Literal["elevation_bias"] = Field(default="elevation_bias", description="Bias of the radar's elevation")
+    kind: Literal["elevation_bias"] = Field(default="elevation_bias", description="Bias of a sensor's elevation")
 
 
 class RangeBiasOptions(SeparateStateOptions):
-    """Bias of the radar's range."""
+    """Bias of a sensor's range."""
 
     names: ClassVar[tuple[str, ...]] = ("range_bias",)
     units: ClassVar[tuple[str, ...]] = ("m",)
     key_unit: ClassVar[str] = "m"
     channels: ClassVar[tuple[str, ...]] = ("range",)
 
-    kind: Literal["range_bias"] = Field(default="range_bias", description="Bias of the radar's range")
+    kind: Literal["range_bias"] = Field(default="range_bias", description="Bias of a sensor's range")
     sigma_m: float = Field(gt=0, description="Standard deviation of the bias at the start, m")
     walk_m_per_sqrt_s: float = Field(
         default=0.0, ge=0, description="Random walk: standard deviation gained in one second, m; default 0: constant"

@@ -7,11 +7,13 @@ from scipy.linalg import expm
 from relnav_sim import LinearDynamics
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
 from relnav_sim.dynamics.augmentation.kinds import ClockOptions, RangeBiasOptions, extension, sensor_of
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.measurements.augmented import AugmentedMeasurement
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.ranging import crosslink
+from relnav_sim.measurements.tangent_sight import camera as cameras
 from relnav_sim.sensors import ErrorShares
 from relnav_sim.sensors.crosslink import CrosslinkOptions
 from relnav_sim.sensors.lidar import LidarOptions
@@ -113,3 +115,31 @@ def test_the_sensor_is_the_first_that_can_have_the_error():
 def test_a_clock_has_no_correlation_time():
     with pytest.raises(ValueError, match="tau_s"):
         ClockOptions(sigma_m=30, drift_sigma_m_s=0.2, tau_s=60)
+
+
+def test_at_rest_behind_the_chief_a_clock_s_bias_is_a_distance():
+    """A null direction of the link and of a camera beside it, for ever; on an ellipse there is none."""
+    n, step_s = 1.1e-3, 60.0
+    F = np.zeros((8, 8))
+    F[:6, :6], F[6:, 6:] = cw_transition(n, step_s), CLOCK.motion(step_s)[0]
+    link, camera = crosslink(range_sigma_m=1.0, range_rate_sigma_m_s=1e-2), cameras(angle_sigma_deg=0.1)
+
+    def information(x):
+        """Return the Gramian over one revolution in units of 10 m, 10 n m/s, 10 m and 1 cm/s."""
+        state, moved, total = np.array(x, dtype=float), np.eye(8), np.zeros((8, 8))
+        scale = np.array([10.0, 10, 10, 10 * n, 10 * n, 10 * n, 10, 1e-2])
+        for _ in range(96):
+            H = np.zeros((4, 8))
+            H[:2, :6], H[2:, :6] = link.jacobian(state[None], 0)[0], camera.jacobian(state[None], 0)[0]
+            H[0, 6] = H[1, 7] = 1.0
+            H = H / [[1.0], [1e-2], [np.radians(0.1)], [np.radians(0.1)]] @ moved * scale
+            total += H.T @ H
+            state, moved = F[:6, :6] @ state, F @ moved
+        return total
+
+    at_rest = information([0, -2000, 0, 0, 0, 0])
+    values, vectors = np.linalg.eigh(at_rest)
+    assert values[0] < 1e-10 * values[1]
+    np.testing.assert_allclose(np.abs(vectors[:, 0]), np.eye(8)[[1, 6]].sum(axis=0) / np.sqrt(2), rtol=0, atol=1e-6)
+    assert vectors[1, 0] * vectors[6, 0] > 0  # nearer by as much as the bias adds
+    assert np.linalg.eigvalsh(information([500, -2000, 400, 0.2, -2 * n * 500, 0.3]))[0] > 1
