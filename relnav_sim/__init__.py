@@ -27,6 +27,7 @@ _HOME = {
     "create_filter": "filters.registry",
     "register_dynamics": "dynamics.registry",
     "register_filter": "filters.registry",
+    "register_sensor": "sensors.registry",
     "run_filter": "filters.run",
     "FilterHistory": "filters.run",
     "smooth": "filters.smoother",

@@ -12,6 +12,7 @@ from relnav_sim.dynamics.augmentation.kinds import sensor_of
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
+from relnav_sim.sensors.conformity import complaints
 from relnav_sim.truth import TruthOptions
 
 MOST_EPOCHS = 10_000_000
@@ -48,6 +49,11 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_manoeuvres(parts.truth, parts.clock)
     if parts.sensors is not None:
         yield from _check_sensors(parts.sensors, parts.start)
+        if parts.clock is not None:
+            for name in parts.sensors:
+                yield from (
+                    Problem(("sensors", name), said) for said in complaints(name, parts.sensors, parts.clock.step_s)
+                )
     for name, entry in parts.filters.items():
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")

@@ -192,8 +192,10 @@ class CloudFilter:
 
         As in `predict` the kernel takes the place of the process noise; after a prediction there are no copies.
         """
+        if not self._several or self._bandwidth == 0:
+            return belief
         rows = np.flatnonzero(np.isfinite(belief.parents))
-        if not len(rows) or self._bandwidth == 0:
+        if not len(rows):
             return belief
         assert belief.centres is not None and belief.noise is not None and belief.root is not None
         observed = np.broadcast_to(channel_count(self.measurement), len(belief.mean))[rows]

@@ -108,7 +108,10 @@ class Innovations:
     def add(self, place: int, k: int, innovation: Innovation) -> None:
         """Take down the innovation of the sensor in that place at column k."""
         self._nis[place][:, k] = innovation.nis
-        self.log_likelihood[:, k] += innovation.log_likelihood
+        if place == 0:
+            self.log_likelihood[:, k] = innovation.log_likelihood
+        else:
+            self.log_likelihood[:, k] += innovation.log_likelihood
         extras = self._extras[place]
         for name, value in innovation.extras.items():
             if name not in extras:

@@ -60,19 +60,25 @@ class Readings:
         measurement: The filter's.
         z: Readings (runs, K, m), or by sensor; NaN where a channel is absent.
         first_epoch: Number of the chunk's first epoch.
+
+    Attributes:
+        sensors: The readings by sensor, in the order in which they are processed.
+        several: Whether there are several sensors.
     """
 
     def __init__(self, measurement: Measurement, z: Array | Mapping[str, Array], first_epoch: int) -> None:
         self._measurement = measurement
         given = z if isinstance(z, Mapping) else {"": z}
         self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors_of(measurement))
-        self._several = len(self.sensors) > 1
+        self.several = len(self.sensors) > 1
+        self._plain = not self.several and not self.sensors[0].partial.any()
         self._attends = False
-        self._attend(None)
 
     def begin(self, k: int) -> None:
         """Let the measurement attend to all that is read at column k, for the prediction to that epoch."""
-        if not self._several:
+        if self._plain:
+            return
+        if not self.several:
             one = self.sensors[0]
             self._attend(one.mask(k) if one.partial[k] else None)
             return
@@ -89,11 +95,11 @@ class Readings:
             log-likelihood lacks because absent channels count in its constant, (runs,), or None where none is absent.
         """
         z = one.z[:, k]
-        if not self._several and not one.partial[k]:
+        if self._plain or not (self.several or one.partial[k]):
             return z, None
         mask = one.mask(k)
         filled = np.where(mask, z, 0.0)
-        if self._several:
+        if self.several:
             channels, (runs, m) = one.sensor.channels, (len(z), self._measurement.dimension)
             own, mask = mask, np.zeros((runs, m), dtype=bool)
             own_filled, filled = filled, np.zeros((runs, m))

@@ -37,7 +37,9 @@ def run_filter(
 
     Args:
         filter: From `create_filter`, or any object of the same interface.
-        z: Measurements (runs, T, m). Any NaN, or masked entry, in a row means that the row is missing: predict only.
+        z: Measurements (runs, T, m), or {sensor: (runs, T, m)} where the filter was made with measurements by name.
+            NaN in a channel, or a masked entry, is that channel missing: the others are used as they are. A row of NaN
+            is a missing measurement: predict only. Within an epoch sensors are processed in the order of the filter's.
         mean0: State estimate one step before the first measurement, (runs, n) or (n,).
         cov0: Its covariance, (runs, n, n) or (n, n); zeros are states that are known.
         seed: Seed of the filter's random numbers.
@@ -47,10 +49,26 @@ def run_filter(
 
     Raises:
         ValueError: Shapes do not fit together, something given is no array of real numbers, a reading is infinite, the
-            prior is not finite or its covariance none, or a function of the models writes into its argument.
+            prior is not finite or its covariance none, a function of the models writes into its argument, the readings
+            are not those of the filter's sensors, or one has channels missing for which the measurement's own
+            log_likelihood has no density.
 
     Warns:
         RuntimeWarning: Runs failed; it names them, with epoch and reason, as the history's `failures` do.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
+        >>> dynamics = LinearDynamics(np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2))
+        >>> position = LinearMeasurement(np.array([[1.0, 0.0]]), np.eye(1))
+        >>> rate = LinearMeasurement(np.array([[0.0, 1.0]]), 0.1 * np.eye(1))
+        >>> filter = create_filter("kf", dynamics, {"radar": position, "doppler": rate})
+        >>> z = {"radar": np.array([[[1.1], [2.2], [2.9]]]), "doppler": np.array([[[0.9], [np.nan], [1.0]]])}
+        >>> history = run_filter(filter, z, mean0=np.zeros(2), cov0=np.eye(2))
+        >>> history.dof.tolist()
+        [[2, 1, 2]]
+        >>> history.nis_by["doppler"].round(2).tolist()
+        [[0.37, nan, 0.09]]
     """
     readings = checked_readings(z, filter.measurement)
     count = len(readings[0])
@@ -111,7 +129,7 @@ def advance(
             for place, one in enumerate(readings.sensors):
                 read = one.read[:, k]
                 if filter.stochastic or read.any():
-                    if len(readings.sensors) > 1:
+                    if readings.several:
                         belief = in_c_order(belief)
                     z_k, lacking = readings.attend(one, k)
                     belief, innovation = _update_read(filter, belief, z_k, read, step, returned)

@@ -73,6 +73,10 @@ def has_own_density(measurement: Measurement) -> bool:
     return getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood
 
 
+_MASKED = ("predict", "jacobian", "noise", "mixture", "residual")
+"""The functions of a measurement that absent channels change."""
+
+
 class PartialMeasurement(MeasurementDefaults):
     """A measurement whose channels may be absent, run by run.
 
@@ -84,7 +88,7 @@ class PartialMeasurement(MeasurementDefaults):
 
     Attributes:
         complete: The base.
-        present: The channels (runs, m) that are present; None: all, and then every function is the base's.
+        present: The channels (runs, m) that are present; None: all, and then its functions are the base's own.
         sensors: The one sensor.
     """
 
@@ -95,7 +99,7 @@ class PartialMeasurement(MeasurementDefaults):
         self.depends_on = getattr(base, "depends_on", None)
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
-        self.present: Mask | None = None
+        self.attend(None)
         self.sensors = (_sensor(name, base, self.whole),)
         if has_own_density(base):
             self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
@@ -108,33 +112,42 @@ class PartialMeasurement(MeasurementDefaults):
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
         self.present = present
+        if present is None:
+            # The functions of the base themselves: a filter calls them so often that looking would show.
+            vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
+            return
+        for name in _MASKED:
+            vars(self).pop(name, None)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states), zero in absent channels."""
-        predicted = self.complete.predict(states, epoch)
-        return predicted if self.present is None else zero_absent(predicted, self.present)
+        return zero_absent(self.complete.predict(states, epoch), self._mask)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return dh/dx, rows of zeros for absent channels."""
-        H = self.complete.jacobian(states, epoch)
-        return H if self.present is None else zero_absent_rows(H, self.present, states.shape[:-1])
+        return zero_absent_rows(self.complete.jacobian(states, epoch), self._mask, states.shape[:-1])
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R, with a variance of 1 and no correlation for absent channels."""
-        R = self.complete.noise(mean, epoch)
-        return R if self.present is None else unit_where_absent(R, self.present)
+        return unit_where_absent(self.complete.noise(mean, epoch), self._mask)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the components of the noise, each with a variance of 1 for absent channels."""
         mixture = self.complete.mixture(mean, epoch)
-        if mixture is None or self.present is None:
-            return mixture
-        return Mixture(mixture.weights, unit_where_absent(mixture.covariances, self.present[:, None]), mixture.shared)
+        if mixture is None:
+            return None
+        return Mixture(mixture.weights, unit_where_absent(mixture.covariances, self._mask[:, None]), mixture.shared)
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the base's residual, zero in absent channels."""
-        residual = self.complete.residual(z, predicted)
-        return residual if self.present is None else zero_absent(residual, self.present)
+        return zero_absent(self.complete.residual(z, predicted), self._mask)
+
+    @property
+    def _mask(self) -> Mask:
+        assert self.present is not None, (
+            "with all channels present the base's own functions stand in the place of these"
+        )
+        return self.present
 
     def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
         if self.present is not None and (self.present.any(axis=1) & ~self.present.all(axis=1)).any():

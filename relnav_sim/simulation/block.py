@@ -135,7 +135,7 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: Dyna
     motion = coasting if thrust is None else thrust
     factory = filter_kinds()[entry.kind].factory
     extension = extension_of(entry, config)
-    dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s)
+    dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
     measurement = _measurement(entry, config, orbit, extension)
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.dynamics.chief_segments import NominalChief
+from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, TrainingTrack, learning_from
 from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
-from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.dynamics.registry import build_dynamics, dynamics_kinds
 
 ORBIT = ChiefOrbit(7.2e6, 0.02, 0.9, 0.3, 0.4, 0.5, 3.986004418e14, 6378137.0, 1.08262668e-3)
 NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
@@ -15,8 +17,10 @@ SIZES = np.repeat([5e3, 5.0], 3)
 STEP = Step(700, 10.0)
 
 
-# Learned dynamics need a track to learn from; they have tests of their own.
-KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "training_track" not in options.needs)
+# What is learned of a track is no closed motion: its Jacobian, linearity and steps have tests of their own.
+LEARNED = sorted(kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs)
+KINDS = sorted(dynamics_kinds().keys() - set(LEARNED))
+ABOUT_CHIEF = sorted(kind for kind, options in dynamics_kinds().items() if "chief_fixes" in options.needs)
 
 
 @pytest.fixture(params=KINDS)
@@ -86,3 +90,77 @@ def test_two_half_steps_make_one(dynamics, states, request):
     # The quadratic map leaves out third-order terms of the flow, 1e-8 m at 12 km.
     tolerance = 1e-6 if kind == "cw_second_order" else 1e-9
     assert np.abs(x - dynamics.propagate(states[:, 0], STEP))[:, :3].max() < tolerance
+
+
+@pytest.mark.parametrize("kind", dynamics_kinds())
+def test_the_options_say_what_they_are(kind):
+    options = dynamics_kinds()[kind]
+    assert issubclass(options, DynamicsOptions) and options().kind == kind
+    assert options.__doc__ and all(field.description for field in options.model_fields.values())
+    costs = options.step_cost_us, options.step_overhead_us, options.shared_overhead_us, options.shared_epoch_bytes
+    assert min(costs) >= 0
+
+
+@pytest.mark.parametrize("kind", ABOUT_CHIEF)
+def test_fed_with_fixes_a_run_does_not_depend_on_its_block(kind, states):
+    nominal = NominalChief(ORBIT, 10.0)
+    chief = np.stack([nominal.at(epoch)[0] for epoch in range(8)])
+    sigmas = np.repeat([30.0, 0.1], 3)
+    fixes = chief + np.random.default_rng(2).normal(size=(3, 8, 6)) * sigmas
+    fixes[1, 3:5] = np.nan
+
+    def moved(runs):
+        context = DynamicsContext(ORBIT, NOISE, 10.0, ChiefFixes(sigmas, len(runs)))
+        fed, x, ends = build_dynamics(dynamics_kinds()[kind](), context), states[[0] * len(runs), 0], []
+        for first in (0, 4):
+            fed.feed(Arrival(first, fixes[runs, first : first + 4]))
+            ends += [fed.propagate(x, Step(epoch, 10.0)) for epoch in range(max(first, 1), first + 4)]
+        return np.stack(ends, axis=1)
+
+    together = moved([0, 1, 2])
+    assert together.shape == (3, 7, 6) and np.isfinite(together).all()
+    for run in range(3):
+        assert np.array_equal(moved([run])[0], together[run])
+    assert not np.array_equal(together[0], together[1])  # the same state about another estimate of the chief
+
+
+@pytest.mark.parametrize("kind", ABOUT_CHIEF)
+def test_about_given_states_of_the_chief_each_run_has_its_own(kind, states):
+    nominal = NominalChief(ORBIT, 10.0)
+    chief = np.stack([nominal.at(epoch) for epoch in range(20)])
+    given = build_dynamics(dynamics_kinds()[kind](), DynamicsContext(ORBIT, NOISE, 10.0))
+    mean = states[:, 0]
+    F = given.with_chief(chief, first_epoch=0).transition(mean, Step(1, 10.0))
+    for epoch in (0, 7, 19):
+        alone = given.with_chief(chief[epoch : epoch + 1], first_epoch=epoch)
+        expected = alone.transition(mean[epoch : epoch + 1], Step(epoch + 1, 10.0))[0]
+        assert np.array_equal(F[epoch], expected)
+
+
+@pytest.fixture(scope="module", params=LEARNED)
+def learned(request):
+    options = dynamics_kinds()[request.param]()
+    wanted = options.training_request(ORBIT)
+    motion = dynamics_kinds()["nonlinear"]().build(DynamicsContext(ORBIT, NOISE, 10.0))
+    track = [np.array([50.0, -2000.0, 100.0, 0.05, -0.1, 0.02])]
+    for epoch in range(1, int(np.ceil(wanted.duration_s / 10.0)) + 1):
+        track.append(motion.propagate(track[-1][None], Step(epoch, 10.0))[0])
+    times = 10.0 * np.arange(1.0 - len(track), 1.0)
+    learn = learning_from(TrainingTrack(np.array(track), times, ORBIT))
+    return build_dynamics(options, DynamicsContext(ORBIT, NOISE, 10.0, learn=learn)), np.array(track[::100])
+
+
+@pytest.mark.slow  # the fit takes seconds
+def test_learned_dynamics_have_the_shapes_and_bits_of_the_others(learned):
+    dynamics, mean = learned
+    mean.setflags(write=False)
+    runs = len(mean)
+    cloud = np.repeat(mean[:, None], 3, axis=1)
+    assert dynamics.propagate(cloud, STEP).shape == cloud.shape
+    end, Q = dynamics.propagate(mean, STEP), dynamics.process_noise(mean, STEP)
+    F = np.broadcast_to(dynamics.transition(mean, STEP), (runs, 6, 6))
+    assert end.shape == mean.shape and Q.shape in {(6, 6), (runs, 6, 6)}
+    for run in range(runs):
+        alone = mean[run : run + 1]
+        assert np.array_equal(dynamics.propagate(alone, STEP)[0], end[run])
+        assert np.array_equal(dynamics.transition(alone, STEP).reshape(6, 6), F[run])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from every_filter import KINDS, small_options
 from radar_problem import SIGMAS, polar, polar_jacobian, radar_problem
-from scipy.stats import chi2
+from scipy.stats import binom, chi2
 
 from relnav_sim import (
     FunctionMeasurement,
@@ -16,6 +16,7 @@ from relnav_sim import (
     create_filter,
     run_filter,
 )
+from relnav_sim.measurements.several import JoinedMeasurement
 
 ARRAYS = ("mean", "covariance", "nis", "log_likelihood", "dof")
 
@@ -35,7 +36,8 @@ every_way = pytest.mark.parametrize(
 
 
 def build(kind, dynamics, measurement, **options):
-    return create_filter(kind, dynamics, measurement, **{**small_options(kind), **options})
+    fewer = {"skf": {"samples": 64, "iterations": 5}, "gaussian_sum": {"components": 2}}.get(kind, {})
+    return create_filter(kind, dynamics, measurement, **{**small_options(kind), **fewer, **options})
 
 
 def apart(one, other):
@@ -159,23 +161,43 @@ def linear():
     return LinearDynamics(F, 0.05 * np.eye(4)), H, R, z
 
 
-def two_sensors(kind, options, noise=None, rows=slice(None), runs=None):
-    dynamics, H, R, z = linear()
-    noise = R if noise is None else noise
-    sensors = {"a": LinearMeasurement(H[:1], noise[:1, :1]), "b": LinearMeasurement(H[1:], noise[1:, 1:])}
-    readings = {"a": z[rows, :, :1], "b": z[rows, :, 1:]}
-    return run_filter(build(kind, dynamics, sensors, **options), readings, np.zeros(4), np.eye(4), seed=2, runs=runs)
+GLINT = np.stack([np.diag([1.0, 0.5, 2.0]), np.diag([9.0, 8.0, 18.0])])
+
+
+def sensors(noise):
+    """Two sensors whose noises are independent: Gaussian, or mixtures with one switch a sensor or one a channel."""
+    _, H, R, _ = linear()
+    if noise == "gaussian":
+        return {"a": LinearMeasurement(H[:1], R[:1, :1]), "b": LinearMeasurement(H[1:], R[1:, 1:])}
+    weights, shared = np.array([0.8, 0.2]), noise == "one switch"
+    return {
+        "a": LinearMeasurement(H[:1], MixtureNoise(weights, GLINT[:, :1, :1], shared)),
+        "b": LinearMeasurement(H[1:], MixtureNoise(weights, GLINT[:, 1:, 1:], shared)),
+    }
+
+
+def two_sensors(kind, options, noise="gaussian", rows=slice(None), epochs=slice(None), runs=None):
+    """The filter of both sensors on the linear problem, or some of its runs and epochs."""
+    dynamics, z = linear()[0], linear()[3][rows][:, epochs]
+    filter = build(kind, dynamics, sensors(noise), **options)
+    return run_filter(filter, {"a": z[..., :1], "b": z[..., 1:]}, np.zeros(4), np.eye(4), seed=2, runs=runs)
 
 
 def one_sensor(kind, options):
+    """The filter of all channels at once on the linear problem."""
     dynamics, H, R, z = linear()
     filter = build(kind, dynamics, LinearMeasurement(H, R), **options)
     return run_filter(filter, z, np.zeros(4), np.eye(4), seed=2)
 
 
 @cache
+def both_ways(kind, options):
+    """All at once, and one after the other; options as items."""
+    return one_sensor(kind, dict(options)), two_sensors(kind, dict(options))
+
+
 def kalman():
-    return one_sensor("kf", {})
+    return both_ways("kf", ())[0]
 
 
 def distance_to_kalman(history):
@@ -188,7 +210,7 @@ def test_one_after_the_other_is_all_at_once(kind, options):
     """To rounding where the filter is linear; where it is not, as near to the optimum, which is the Kalman filter."""
     if "gate_probability" in options:
         pytest.skip("a gate judges each sensor by itself")
-    at_once, in_turn = one_sensor(kind, options), two_sensors(kind, options)
+    at_once, in_turn = both_ways(kind, tuple(options.items()))
     assert np.array_equal(in_turn.dof, at_once.dof)
     if apart(at_once, kalman()) < 1e-10 or kind in ("kf", "two_step"):
         assert apart(in_turn, at_once) < 1e-12
@@ -198,14 +220,14 @@ def test_one_after_the_other_is_all_at_once(kind, options):
 @every_way
 def test_the_mean_nis_is_the_number_of_channels_read(kind, options):
     z = linear()[3]
-    history = two_sensors(kind, options)
+    at_once, history = both_ways(kind, tuple(options.items()))
     assert np.array_equal(history.dof, (~np.isnan(z)).sum(axis=2))
     assert np.array_equal(history.dof_by["a"], (~np.isnan(z[..., :1])).sum(axis=2))
     assert np.array_equal(history.dof_by["b"], (~np.isnan(z[..., 1:])).sum(axis=2))
     for nis, dof in ((history.nis, history.dof), *((history.nis_by[name], history.dof_by[name]) for name in "ab")):
         assert np.array_equal(np.isnan(nis), dof == 0)
         channels, total = dof.sum(), np.nansum(nis)
-        if apart(one_sensor(kind, options), kalman()) < 1e-10:
+        if apart(at_once, kalman()) < 1e-10:
             low, high = chi2.ppf([0.0005, 0.9995], channels)
             assert low < total < high
         else:
@@ -215,9 +237,42 @@ def test_the_mean_nis_is_the_number_of_channels_read(kind, options):
 
 
 @every_way
-def test_same_bits_of_several_sensors_whatever_the_block(kind, options):
-    whole = two_sensors(kind, options)
-    for rows in ([3], [0, 17, 31]):
-        part = two_sensors(kind, options, rows=rows, runs=rows)
+@pytest.mark.parametrize("noise", ["gaussian", "one switch", "switch by channel"])
+def test_same_bits_of_several_sensors_whatever_the_block(kind, options, noise):
+    block, epochs = [0, 3, 17, 31], slice(4, 12)
+    whole = two_sensors(kind, options, noise, block, epochs, block)
+    for places in ([1], [0, 2, 3]):
+        rows = [block[place] for place in places]
+        part = two_sensors(kind, options, noise, rows, epochs, rows)
         for name in ARRAYS:
-            assert np.array_equal(getattr(part, name), getattr(whole, name)[rows], equal_nan=True), name
+            assert np.array_equal(getattr(part, name), getattr(whole, name)[places], equal_nan=True), name
+
+
+@pytest.mark.parametrize("noise", ["one switch", "switch by channel"])
+@pytest.mark.parametrize("kind, options, epochs", [("imm", {}, 30), ("gaussian_sum", {"components": 16}, 1)])
+def test_mixtures_one_after_the_other_are_all_at_once(kind, options, epochs, noise):
+    """Exact for the bank of models, and for the Gaussian sum until it has to merge."""
+    dynamics, z = linear()[0], linear()[3][:, :epochs]
+    in_turn = two_sensors(kind, options, noise, epochs=slice(epochs))
+    joined = build(kind, dynamics, JoinedMeasurement(list(sensors(noise).values())), **options)
+    at_once = run_filter(joined, z, np.zeros(4), np.eye(4))
+    assert np.allclose(in_turn.mean, at_once.mean, rtol=0, atol=1e-12)
+    assert np.allclose(in_turn.covariance, at_once.covariance, rtol=0, atol=1e-12)
+    assert np.allclose(in_turn.log_likelihood, at_once.log_likelihood, rtol=0, atol=1e-12)
+
+
+def test_gates_are_as_wide_as_the_channels_read():
+    """Under the filter's own model each gate rejects its share, whichever channels are there."""
+    share = 0.1
+    history = two_sensors("kf", {"gate_probability": 1 - share})
+    three = one_sensor("kf", {"gate_probability": 1 - share})
+    for rejected, dof in (
+        *((history.extras_by[name]["rejected"], history.dof_by[name]) for name in "ab"),
+        (three.extras["rejected"], three.dof),
+    ):
+        for channels in range(1, dof.max() + 1):
+            taken = rejected[dof == channels]
+            assert len(taken) > 50
+            # A gate that rejects good readings makes the next ones a little larger.
+            low, high = binom.ppf([0.0005, 0.9995], len(taken), share) / len(taken)
+            assert low - 0.02 < taken.mean() < high + 0.02

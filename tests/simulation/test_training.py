@@ -9,6 +9,8 @@ from relnav_sim.dynamics.gp.dynamics import GpOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
 from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
+from relnav_sim.simulation.block import simulate_block
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.training import training_track
 
 LEARNED = (
@@ -53,3 +55,35 @@ def test_learned_dynamics_give_the_same_bits_in_every_block(campaign, tmp_path):
     assert_same_bits(one, many)
     with open_results(one) as results:
         assert not results.failures()
+
+
+def test_a_worker_trains_once_for_all_its_blocks_filters_and_bounds(campaign, tmp_path, monkeypatch):
+    trained = counted_training(monkeypatch)
+    again = LEARNED.replace("filters.learned", "filters.again")
+    parsed = campaign(LEARNED, again, "runs=3", "block_runs=1")
+    run_campaign(parsed, tmp_path / "out.h5", backend="sequential")
+    assert len(trained) == len(parsed.cases)
+
+
+def test_a_block_keeps_nothing_that_it_was_not_given(campaign, monkeypatch):
+    trained = counted_training(monkeypatch)
+    parsed = campaign(LEARNED, "runs=1")
+    learned = Learned()
+    found = [
+        simulate_block(parsed.cases[0], parsed.seed, [0], learned=given).result.filters["learned"]
+        for given in (None, None, learned, learned)
+    ]
+    assert len(trained) == 3
+    for other in found[1:]:
+        assert np.array_equal(other.error, found[0].error)
+
+
+def counted_training(monkeypatch):
+    trained = []
+
+    def counted(*args):
+        trained.append(args)
+        return training_track(*args)
+
+    monkeypatch.setattr("relnav_sim.simulation.learned.training_track", counted)
+    return trained

@@ -311,18 +311,24 @@ class Extension:
     turns: Mapping[str, Array]
     acceleration: Array
 
-    def dynamics(self, base: Dynamics, orbit: ChiefOrbit, step_s: float) -> AugmentedDynamics:
+    def dynamics(
+        self, base: Dynamics, orbit: ChiefOrbit, step_s: float, thrust: KnownThrust | None = None
+    ) -> AugmentedDynamics:
         """Return the dynamics of [x; b]; an acceleration acts as on a circular orbit over one step.
 
-        An accelerometer's bias acts in steps in which the base is told of a force.
+        Args:
+            base: How x moves.
+            orbit: The chief's nominal orbit.
+            step_s: Time between epochs, s.
+            thrust: What is told of forces: an accelerometer's bias acts in steps with a force; None: in all.
         """
         inputs: Array | Callable[[Step], Array] | None = None
         if self.acceleration.any():
             G = held_acceleration(orbit.mean_motion_rad_s, step_s) @ self.acceleration
             measured = np.array([name.startswith("accelerometer_bias") for name in self.names])
             inputs = G
-            if measured.any() and isinstance(base, KnownThrust):
-                inputs = _while_pushed(base, G, measured)
+            if measured.any() and thrust is not None:
+                inputs = _while_pushed(thrust, G, measured)
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered)
 
 

@@ -1,0 +1,94 @@
+"""Whether a sensor keeps to its protocol: shapes of what it returns, tried on a chunk of three epochs and two runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.containment import Containment
+from relnav_sim.printable import message_of
+from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
+from relnav_sim.sensors.host_frame import HostFrame
+from relnav_sim.sensors.interface import Craft, MeasurementContext, RelativeSensorOptions, Role, Sensed, SensorOptions
+from relnav_sim.sensors.suite import streams_of
+from relnav_sim.streams import RandomSource
+
+Array = NDArray[np.float64]
+_RUNS, _EPOCHS = 2, 3
+_ORBIT = ChiefOrbit(7.0e6, 0.0, 0.0, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 0.0)
+_OWN_CHANNELS: dict[Role, int] = {"orbit": 6, "attitude": 4, "force": 6}
+"""Numbers of a reading of a host's own state: an ECI state, a quaternion, two means of the specific force."""
+
+
+def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
+    """Yield in a sentence each what a sensor does not keep to, with what is expected and what was found.
+
+    Args:
+        name: The sensor's name in the campaign.
+        sensors: All sensors of the campaign.
+        step_s: Time between epochs, s.
+    """
+    options = sensors[name]
+    found: list[str] = []
+    with Containment() as contained:  # it may be another package's
+        found += _readings(name, options, hosts_of(sensors, options)[0], step_s)
+    yield from found
+    if contained.error is not None:
+        yield f"the {options.kind} sensor raises {type(contained.error).__name__}: {message_of(contained.error)}"
+
+
+def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> Iterator[str]:
+    m = _OWN_CHANNELS.get(options.role, len(options.channels))
+    streams = streams_of(name, options, host, RandomSource(0, tuple(range(_RUNS))), step_s)
+    z = np.asarray(options.sample(_sensed(host, step_s), streams))
+    if z.shape != (_RUNS, _EPOCHS, m):
+        yield _shape(options, "sample", z, f"(runs, K, {m}), here {(_RUNS, _EPOCHS, m)}, for its channels")
+    elif isinstance(options, RelativeSensorOptions):
+        yield from _told(options, z, step_s)
+
+
+def _told(options: RelativeSensorOptions, z: Array, step_s: float) -> Iterator[str]:
+    """Yield what is wrong with what filters are told."""
+    inputs = options.inputs(z, HostFrame())
+    states = np.zeros((_RUNS, 6))
+    states[:, 1] = _AWAY_M
+    for form in options.forms:
+        if form not in inputs:
+            continue
+        model = options.measurement(MeasurementContext(_ORBIT, np.zeros((3, 3)), "total", form, step_s))
+        m = model.dimension
+        if np.shape(inputs[form]) != (_RUNS, _EPOCHS, m):
+            expected = f"(runs, K, {m}), here {(_RUNS, _EPOCHS, m)}, for its measurement"
+            yield _shape(options, f"inputs[{form!r}]", inputs[form], expected)
+        checks = (
+            ("predict", np.asarray(model.predict(states, 0)), ((_RUNS, m),)),
+            ("jacobian", np.asarray(model.jacobian(states, 0)), ((_RUNS, m, 6), (m, 6))),
+            ("noise", np.asarray(model.noise(states, 0)), ((_RUNS, m, m), (m, m))),
+        )
+        for what, found, shapes in checks:
+            if found.shape not in shapes:
+                yield _shape(options, f"measurement().{what}", found, " or ".join(map(str, shapes)))
+
+
+_AWAY_M = 100.0
+
+
+def _shape(options: SensorOptions, what: str, found: Array, expected: str) -> str:
+    return f"{what} of the {options.kind} sensor returned shape {np.shape(found)}; expected {expected}"
+
+
+def _sensed(host: Craft, step_s: float) -> Sensed:
+    """Return two craft on a circular orbit, the deputy ahead."""
+    times_s = np.arange(_EPOCHS, dtype=float) * step_s
+    speed, radius = _ORBIT.mean_motion_rad_s * _ORBIT.semi_major_axis_m, _ORBIT.semi_major_axis_m
+    angle = _ORBIT.mean_motion_rad_s * times_s
+    craft = []
+    for ahead in (0.0, _AWAY_M / radius):
+        c, s, zero = np.cos(angle + ahead), np.sin(angle + ahead), np.zeros(_EPOCHS)
+        craft.append(np.stack([radius * c, radius * s, zero, -speed * s, speed * c, zero], axis=-1)[None])
+    chief, deputy = craft
+    states = (chief, deputy) if host == "chief" else (deputy, chief)
+    return Sensed(times_s, *states, np.zeros((1, _EPOCHS, 2, 3)), step_s)
