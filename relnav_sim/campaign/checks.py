@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
-from relnav_sim.dynamics.augmentation.kinds import sensor_of
+from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
-from relnav_sim.sensors import Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
+from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.sensors.conformity import complaints
 from relnav_sim.truth import TruthOptions
 
@@ -62,6 +62,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
             yield from _check_sensor_errors(name, entry, parts.sensors)
+            yield from _check_distortions(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             yield Problem(
                 ("filters", name, "dynamics"),
@@ -206,6 +207,24 @@ def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Ite
                 other = taken[sensor, channel]
                 yield Problem(path, f"{other} is an error of {sensor}'s {channel} too, and no reading tells them apart")
             taken[sensor, channel] = option.kind
+
+
+def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
+    """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
+    if not entry.augment or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # a sensor that is not there is said already
+    known = relative_sensors(sensors, entry.sensors)
+    try:
+        extra = extension(entry.augment, known, step_s=1.0)
+    except ValueError:
+        return  # an error of no sensor here is said already
+    for each, options in known.items():
+        try:
+            options.distortion(
+                ErrorShares(extra.channels[each], extra.turns[each]), form_taken(options, entry.measurement)
+            )
+        except ValueError as error:
+            yield Problem(("filters", name, "augment"), str(error))
 
 
 def _check_clock(clock: Clock) -> Iterator[Problem]:

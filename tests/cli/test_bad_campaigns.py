@@ -29,6 +29,8 @@ def without(key):
 RADAR = "radar: {range_sigma_m: 2, angle_sigma_deg: 0.1}"
 ORBIT = "a_km: 6878, e: 0.001, i_deg: 51.6"
 START = "start: {kind: first_fix, velocity_sigma_m_s: 0.5}"
+DISPERSED = "start: {kind: dispersed, position_sigma_m: 10, velocity_sigma_m_s: 0.1}"
+CAMERA = "camera: {angle_sigma_deg: 0.1}"
 KF = "kind: kf # takes the radar fix converted to a position"
 
 # name: (file, what one of the problems must say)
@@ -159,6 +161,18 @@ BAD = {
     "a negative period": (edit(RADAR, RADAR[:-1] + ", period_s: -1}"), "period_s: must be greater than 0, not -1"),
     "a period off the grid": (edit(RADAR, RADAR[:-1] + ", period_s: 1.5}"), "radar.period_s: 1.5 s is no whole"),
     "a misspelt sigma": (edit("range_sigma_m: 2", "range_sigma: 2"), "did you mean 'range_sigma_m'?"),
+    "a camera alone at the first fix": (edit(RADAR, CAMERA).partition("grid:")[0], "no sensor here gives a position by itself"),
+    "a linear filter with a camera": (
+        edit(RADAR, CAMERA).replace(START, DISPERSED).partition("grid:")[0],
+        "the kf filter needs a linear measurement, and camera gives none as spherical: leave camera out",
+    ),
+    "sunlit without a Sun": (edit(RADAR, CAMERA[:-1] + ", sunlit: true}"), "sunlit needs the Sun's direction"),
+    "tangent biases of a converted position": (
+        edit(RADAR, RADAR[:-1] + ", form: tangent}").replace(
+            KF, "kind: kf\n    augment: [{kind: azimuth_bias, sigma_deg: 0.1}]"
+        ),
+        "take measurement: spherical, or form: spherical on the radar",
+    ),
     "no radar": (edit(RADAR, "# no radar").partition("grid:")[0], "the filters have nothing to go by"),
     "an unknown noise": (edit("{kind: gaussian}", "{kind: gausian}"), "'gausian'; did you mean 'gaussian'?"),
     "a fraction above one": (edit("fraction: 0.1", "fraction: 1.1"), "fraction: must be at most 1"),
