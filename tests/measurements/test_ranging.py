@@ -7,6 +7,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging, crosslink, lidar
+from relnav_sim.measurements.several import JoinedMeasurement
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 
 ORBIT = ChiefOrbit(7.0e6, 0.0, 0.7, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)
@@ -106,3 +107,17 @@ def test_a_mixture_is_told_to_who_asks():
 def test_what_makes_no_sense_is_refused_with_a_sentence(make, sentence):
     with pytest.raises(ValueError, match=sentence):
         make()
+
+
+@pytest.mark.parametrize("order", [("lidar", "link"), ("link", "lidar")])
+def test_components_of_a_state_s_own_go_with_constant_ones(order):
+    """A lidar's components move with the state and a link's don't: joined, every pair of them, in either order."""
+    x = states(3)
+    noise = MixtureNoise(np.array([0.7, 0.3]), np.array([[[1.0]], [[9.0]]]))
+    models = {"lidar": GrowingRangeNoise(Ranging(noise), 0.01), "link": Ranging(noise)}
+    joined = JoinedMeasurement([models[name] for name in order]).mixture(x, 0)
+    assert np.allclose(joined.weights, [0.49, 0.21, 0.21, 0.09])
+    growth = np.square(1 + 0.01 * np.linalg.norm(x[:, :3], axis=1))
+    scale = np.stack([growth if name == "lidar" else np.ones(3) for name in order], axis=-1)
+    pairs = np.array([[1, 1], [1, 9], [9, 1], [9, 9]])
+    assert np.allclose(joined.covariances, (pairs * scale[:, None])[..., None] * np.eye(2), rtol=1e-12)
