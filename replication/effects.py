@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval, wilson_interval
 from relnav_sim.statistics.verdicts import (
-    LEVEL,
     Outcome,
     Verdict,
     difference_of_means,
@@ -81,7 +81,7 @@ def judge(rule: Rule, measured: Measured) -> Judgement:
     evidence, missing = [], []
     outcomes: dict[bool, list[Outcome]] = {True: [], False: []}
     for main, readings in ((True, rule.main), (False, rule.others)):
-        level = LEVEL if main else shared_level(len(readings))
+        level = CONFIDENCE if main else shared_level(len(readings))
         for reading in readings:
             if not _known(reading, measured):
                 missing.append(reading.name)
@@ -105,7 +105,7 @@ def _evidence(rule: Rule, reading: Reading, main: bool, measured: Measured, leve
     return Evidence(reading, main, tuple(effects), together(item.outcome for item in effects))
 
 
-def effect(part: Part, reading: Reading, measured: Measured, level: float = LEVEL) -> Interval:
+def effect(part: Part, reading: Reading, measured: Measured, level: float = CONFIDENCE) -> Interval:
     """Return a part's figure with its interval, in the part's unit.
 
     Filters are compared on the runs that both have. A time to converge that a run never reached is infinite.

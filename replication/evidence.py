@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from relnav_sim.report.tables import MISSING, Column, Number, Row, Table, Words, decimals_for, shown_number
+from relnav_sim.report.tables import Column, Number, Row, Table, Words, decimals_for
 from relnav_sim.statistics.intervals import Interval
+from relnav_sim.wording import MISSING, shown_number
 from replication.effects import Effect, Evidence, Judgement
 
 OUTCOMES = {"holds": "holds", "fails": "fails", "open": "undecided"}

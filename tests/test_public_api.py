@@ -25,6 +25,7 @@ SIGNATURES = {
     "MixtureNoise": ["weights", "covariances", "shared"],
     "run_filter": ["filter", "z", "mean0", "cov0", "seed", "runs"],
     "register_filter": ["name", "options_model"],
+    "register_dynamics": ["name", "options_model"],
     "smooth": ["history", "dynamics", "step_s"],
     "fit_gp_dynamics": ["now", "next", "step_s", "base", "target"],
 }

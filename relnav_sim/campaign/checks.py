@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
@@ -18,8 +20,6 @@ from relnav_sim.truth import TruthOptions
 MOST_EPOCHS = 10_000_000
 LINEAR_ONLY = frozenset({"kf"})
 """Filters whose measurement must be linear in the state."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
-"""Names that stand beside the filters' in a results file."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,10 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_sensor_errors(name, entry, parts.sensors)
             yield from _check_distortions(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
+            learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
                 ("filters", name, "dynamics"),
-                f"the {entry.kind} filter needs learned dynamics: gp (or leave this key out)",
+                f"the {entry.kind} filter needs learned dynamics: {' or '.join(learned)} (or leave this key out)",
             )
 
 

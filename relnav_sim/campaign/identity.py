@@ -15,9 +15,14 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 """Keys that change how much is computed and in which pieces, but no number that is."""
 
 
+def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
+    return former_content(content, sensor_kinds(), FilterEntry)
+
+
 def campaign_hash(content: Mapping[str, Any]) -> str:
     """Return the hash of a campaign's content, 64 hexadecimal digits."""
-    first = former_content(content, sensor_kinds(), FilterEntry)
+    first = in_first_spelling(content)
     return _digest({key: value for key, value in first.items() if key not in OUTSIDE_HASH})
 
 
@@ -32,7 +37,7 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
         variables: The values of the varied paths.
     """
     varied = {path: [value] for path, value in variables.items() if path.split(".")[0] == "filters"}
-    first = former_content({**content, "grid": varied}, sensor_kinds(), FilterEntry)
+    first = in_first_spelling({**content, "grid": varied})
     own = {key: value for key, value in first.items() if key not in ("filters", "grid")}
     own["filters"] = {path: values[0] for path, values in first["grid"].items()}
     return _digest(own)[:12]

@@ -21,7 +21,7 @@ from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
-from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement
+from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement, NisRequirement
 from relnav_sim.sensors import sensor_kinds
 
 
@@ -142,6 +142,8 @@ def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | No
     if unmeant := [*_unknown_filters(settings, names), *_too_late(settings, cases)]:
         raise _error(unmeant, source)
     content = _content(settings, valid, cases)
+    if unknown := _unknown_sensors(settings, content):
+        raise _error(unknown, source)
     return Campaign(
         name=settings.name,
         seed=settings.seed,
@@ -204,6 +206,16 @@ def _unknown_filters(settings: Settings, filters: Iterable[str]) -> list[Problem
         for name, requirement in settings.requirements.items()
         for one in requirement.filters or ()
         if one not in known
+    ]
+
+
+def _unknown_sensors(settings: Settings, content: Mapping[str, Any]) -> list[Problem]:
+    """Return the sensors that requirements ask for and the campaign does not have."""
+    known = [name for name, entry in content["sensors"].items() if entry is not None]
+    return [
+        Problem(("requirements", name, "sensor"), no_such("sensor", requirement.sensor or "", known))
+        for name, requirement in settings.requirements.items()
+        if isinstance(requirement, NisRequirement) and requirement.sensor not in (None, *known)
     ]
 
 

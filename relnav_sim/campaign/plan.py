@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from relnav_sim.campaign.blocks import filter_cost_us, filter_groups, sample_count
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.filters.registry import filter_kinds
 
@@ -21,8 +22,6 @@ _SIMULATION_OVERHEAD_US, _STATISTICS_OVERHEAD_US = 15.0, 20.0
 
 Blocks are cut by the larger, safer figures of `blocks`, which change no estimate.
 """
-STRETCH = 512
-"""Epochs that a block holds at once."""
 
 _PROGRAM_BYTES = 150e6
 """The interpreter with NumPy and SciPy, resident."""
@@ -116,7 +115,7 @@ def _stored_bytes(config: CaseConfig) -> float:
 
 def _held_bytes(config: CaseConfig) -> float:
     """Return what one run of a case holds in memory while its block is computed, bytes."""
-    chunk = min(STRETCH, config.clock.epochs)
+    chunk = min(CHUNK_EPOCHS, config.clock.epochs)
     samples = max(map(sample_count, config.filters.values()))
     distinct: list[DynamicsOptions] = []
     for entry in config.filters.values():

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.options import Options
 
 Quantity = Literal["r", "v", "x", "y", "z", "vx", "vy", "vz"]
@@ -29,7 +30,7 @@ class Requirement(Options):
         default=None, min_length=1, description="Names of the filters that must meet it; default: every filter"
     )
     confidence: float = Field(
-        default=0.95,
+        default=CONFIDENCE,
         ge=0.5,
         lt=1,
         description="Pass or fail is said once the interval of this confidence over runs lies on one side of the "
@@ -95,6 +96,23 @@ class NeesRequirement(Requirement):
     span: Span = Field(default="settled", description=_SPAN)
 
 
+class NisRequirement(Requirement):
+    """The filter's innovations are consistent: their sigmas are right within a margin, by the mean NIS."""
+
+    kind: Literal["nis"] = Field(description="nis: consistency of the innovations")
+    sensor: str | None = Field(
+        default=None, min_length=1, description="Name of the sensor whose readings count; default: all of the filter's"
+    )
+    sigma_margin: float = Field(
+        default=0.1,
+        gt=0,
+        lt=1,
+        description="How far the ratio of true to formal sigma of the innovations, the square root of the NIS per "
+        "degree of freedom, may be from 1; default 0.1",
+    )
+    span: Span = Field(default="settled", description=_SPAN)
+
+
 class ConvergedRequirement(Requirement):
     """A share of the runs converges in time; a run that fails or never converges does not."""
 
@@ -125,6 +143,7 @@ AnyRequirement = Annotated[
     ErrorsRequirement
     | RmsRequirement
     | NeesRequirement
+    | NisRequirement
     | ConvergedRequirement
     | FailedRequirement
     | DivergedRequirement,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
@@ -20,7 +21,6 @@ from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors, sensor_measurement
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
-from relnav_sim.simulation.chunks import CHUNK_EPOCHS
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor

@@ -9,22 +9,21 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.dynamics.interface import Step
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-EPOCHS = 512
-"""Epochs of a chunk: enough to spread NumPy's overhead thin, few enough to cost no memory to speak of."""
 
 
 class PerChunk(Generic[T]):
-    """What a function gives for 512 epochs at a time, for callers that go from epoch to epoch.
+    """What a function gives for a chunk of epochs at a time, for callers that go from epoch to epoch.
 
     The chunks lie on a fixed grid of epochs, so the numbers of an epoch do not depend on the order of the calls.
-    The two latest chunks are kept: callers that take turns of 512 epochs ask for the end of the one before.
+    The two latest chunks are kept: callers that take turns of a chunk ask for the end of the one before.
 
     Args:
-        compute: Maps epochs (512,), the first of them a multiple of 512, to what is wanted of them.
+        compute: Maps the epochs of a chunk (CHUNK_EPOCHS,), the first a multiple of that, to what is wanted of them.
     """
 
     def __init__(self, compute: Callable[[Array], T]) -> None:
@@ -33,9 +32,9 @@ class PerChunk(Generic[T]):
 
     def at(self, epoch: int) -> tuple[T, int]:
         """Return the chunk with this epoch, and the epoch's place in it."""
-        chunk, place = divmod(epoch, EPOCHS)
+        chunk, place = divmod(epoch, CHUNK_EPOCHS)
         if chunk not in self._held:
-            computed = self._compute(np.arange(chunk * EPOCHS, (chunk + 1) * EPOCHS, dtype=float))
+            computed = self._compute(np.arange(chunk * CHUNK_EPOCHS, (chunk + 1) * CHUNK_EPOCHS, dtype=float))
             self._held = dict([*self._held.items(), (chunk, computed)][-2:])
         return self._held[chunk], place
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
-from relnav_sim.dynamics.by_epoch import EPOCHS, PerChunk
+from relnav_sim.conventions import CHUNK_EPOCHS
+from relnav_sim.dynamics.by_epoch import PerChunk
 from relnav_sim.dynamics.orbit_filter import OrbitFilter
 from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame
 from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning_frame
@@ -155,9 +156,9 @@ class NominalChief:
         return segments[place]
 
     def _segments(self, epochs: Array) -> tuple[Array, Segment]:
-        """Return the states of a chunk, (512, 1, 6), and the segments that begin there."""
+        """Return the states of a chunk, (CHUNK_EPOCHS, 1, 6), and the segments that begin there."""
         begin = time.process_time()
-        chunk = int(epochs[0]) // EPOCHS
+        chunk = int(epochs[0]) // CHUNK_EPOCHS
         while len(self._starts) <= chunk:
             self._starts.append(self._walk(self._starts[-1])[1])
         states, following = self._walk(self._starts[chunk])
@@ -168,8 +169,8 @@ class NominalChief:
         return states, segments
 
     def _walk(self, state: Array) -> tuple[Array, Array]:
-        """Return the states of a chunk from its first one (6, 1), (512, 1, 6), and the first one after it."""
-        states = np.empty((EPOCHS, 1, 6))
+        """Return the states of a chunk from its first one (6, 1), (CHUNK_EPOCHS, 1, 6), and the first one after it."""
+        states = np.empty((CHUNK_EPOCHS, 1, 6))
         for place in states:
             place[:] = state.T
             state, _ = advance_orbit(state, self._division, self._gravity)

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
-from relnav_sim.filters.kalman import GaussianFilter, joseph_update
+from relnav_sim.filters.kalman import GaussianFilter, joseph_update, reading_size
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import Whitener, semidefinite_solve
+from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve
+from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 
@@ -44,28 +45,31 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
         residual = measurement.residual(z, measurement.predict(m, epoch))
         H = jacobian_of_runs(measurement, m, epoch)
         _, innovation = joseph_update(belief, residual, H, R)
-        misfit = _ExactMisfit(noise, H @ P @ transpose(H), innovation) if noise.has_exact else None
+        exact = _ExactReading(noise, belief, H, R, residual, innovation) if noise.has_exact else None
 
         # All in deviations from m: a tight prior needs their digits.
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             residual = measurement.residual(z, measurement.predict(m + deviation, epoch))
             cost = prior.squared(deviation) + noise.squared(residual)
-            return cost if misfit is None else cost + misfit.penalty(residual), residual
+            return cost if exact is None else cost + exact.penalty(residual), residual
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
             H = jacobian_of_runs(measurement, m + deviation, epoch)
             HP = H @ P
             nu = residual + times(H, deviation)
             w = semidefinite_solve(symmetric(HP @ transpose(H)) + R, nu[:, :, None])[:, :, 0]
-            move = times(transpose(HP), w) - deviation
+            goal = times(transpose(HP), w)
+            if exact is not None:
+                goal[exact.rows] = exact.goal(deviation, H, nu)
+            move = goal - deviation
             return move, prior.squared(move) + noise.squared(times(H, move))
 
         deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(m), self._options)
         linearised, _ = joseph_update(belief, residual, measurement.jacobian(m + deviation, epoch), R)
         failed = dict(innovation.failed)
-        if misfit is not None:
+        if exact is not None:
             reached = measurement.residual(z, measurement.predict(m + deviation, epoch))
-            failed |= dict.fromkeys(np.flatnonzero(misfit.remains(reached)).tolist(), NOT_REACHED)
+            failed |= dict.fromkeys(np.flatnonzero(exact.remains(reached)).tolist(), NOT_REACHED)
         return (
             Gaussian(m + deviation, linearised.covariance),
             replace(innovation, extras={"iterations": iterations}, failed=failed),
@@ -76,24 +80,58 @@ NOT_REACHED = "the search did not reach a state that explains the noise-free mea
 _REACHED = 1e-6
 
 
-class _ExactMisfit:
-    """What is left of a residual in the directions without noise, which a state must explain altogether.
+class _ExactReading:
+    """A reading with directions without noise, which a state must explain altogether.
 
-    An exact penalty joins the cost: with a weight above the constraint's multiplier, Gauss-Newton steps go down it
-    (Nocedal and Wright, Numerical Optimization, 2006, section 18.3). The multiplier at the start is the whitened
-    innovation; ten times that leaves room for the curvature.
+    What is left of the residual there, the misfit, joins the cost as an exact penalty: with a weight above the
+    constraint's multiplier, Gauss-Newton steps go down it (Nocedal and Wright, Numerical Optimization, 2006, section
+    18.3). The multiplier at the start is the whitened innovation; ten times that leaves room for the curvature.
+
+    What `root_update` counts as rounding is no misfit here either, and a direction that it counts as known gives
+    neither a step nor a unit: the covariance holds nothing but rounding there.
 
     Args:
         noise: The whitener of R.
-        HPH: Covariance of the predicted reading, (runs, m, m), which gives the misfit its unit.
+        belief: The prediction.
+        H: Jacobian there (runs, m, n).
+        R: Noise (runs, m, m) or (m, m).
+        residual: That of the prediction, (runs, m).
         innovation: That of the linearisation at the start.
+
+    Attributes:
+        rows: The runs that have such directions.
     """
 
-    def __init__(self, noise: Whitener, HPH: Array, innovation: Innovation) -> None:
-        self._noise = noise
-        variance = np.einsum("bij,bjk,bik->bi", noise.exact, HPH, noise.exact)
-        self._unit = np.sqrt(np.where(variance > 0, variance, 1.0))
+    def __init__(
+        self, noise: Whitener, belief: Gaussian, H: Array, R: Array, residual: Array, innovation: Innovation
+    ) -> None:
+        self._exact, m = noise.exact, residual.shape[1]
+        self.rows = np.flatnonzero(noise.exact.any(axis=(1, 2)))
+        self._belief = Gaussian(belief.mean[self.rows], belief.covariance[self.rows])
+        self._noise_root = semidefinite_root(np.broadcast_to(R, (len(residual), m, m))[self.rows])
+        root = semidefinite_root(belief.covariance)
+        self._root = root[self.rows]
+        size = reading_size(belief, H) + np.abs(residual).max(axis=1, keepdims=True)
+        size = times(np.abs(noise.exact), size)
+        sd = np.sqrt(np.square(noise.exact @ H @ root).sum(axis=2))
+        known = sd <= rounding_of(size)
+        self._rounding = np.where(known, REPEATED * size, rounding_of(size))
+        unit = np.where(known, self._rounding, sd)
+        self._unit = np.where(unit > 0, unit, 1.0)
         self._weight = 10 * (1 + np.sqrt(np.where(np.isfinite(innovation.nis), innovation.nis, 0.0)))
+
+    def goal(self, deviation: Array, H: Array, nu: Array) -> Array:
+        """Return the deviation (rows, n) that the linearisation at another (runs, n) leads to.
+
+        Args:
+            deviation: From the prediction, (runs, n).
+            H: Jacobian there (runs, m, n).
+            nu: Residual of the linearisation at the prediction, (runs, m).
+        """
+        rows, X = self.rows, self._root
+        there = Gaussian(self._belief.mean + deviation[rows], self._belief.covariance)
+        update = root_update(X, H[rows] @ X, self._noise_root, nu[rows], reading_size(there, H[rows]))
+        return times(update.gain, update.white)
 
     def penalty(self, residual: Array) -> Array:
         """Return the penalty of a residual (runs, m): (runs,)."""
@@ -105,4 +143,4 @@ class _ExactMisfit:
         return np.asarray((self._misfit(residual) > _REACHED).any(axis=1))
 
     def _misfit(self, residual: Array) -> Array:
-        return np.abs(times(self._noise.exact, residual)) / self._unit
+        return np.maximum(np.abs(times(self._exact, residual)) - self._rounding, 0.0) / self._unit

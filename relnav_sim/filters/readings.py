@@ -54,7 +54,8 @@ class SensorReadings:
 class Readings:
     """The readings of a filter's sensors over a chunk of epochs.
 
-    Where every reading of the only sensor has all its channels, nothing is done but looking.
+    Where every reading of the only sensor has all its channels, nothing is done but looking. It is a context, at whose
+    end the measurement counts every channel as present again.
 
     Args:
         measurement: The filter's.
@@ -68,8 +69,9 @@ class Readings:
 
     def __init__(self, measurement: Measurement, z: Array | Mapping[str, Array], first_epoch: int) -> None:
         self._measurement = measurement
-        given = z if isinstance(z, Mapping) else {"": z}
-        self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors_of(measurement))
+        sensors = sensors_of(measurement)
+        given = z if isinstance(z, Mapping) else {sensors[0].name: z}
+        self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors)
         self.several = len(self.sensors) > 1
         self._plain = not self.several and not self.sensors[0].partial.any()
         self._attends = False
@@ -107,8 +109,11 @@ class Readings:
             self._attend(mask)
         return filled, 0.5 * LOG_TWO_PI * (~mask).sum(axis=1)
 
-    def end(self) -> None:
-        """Let the measurement count every channel as present again."""
+    def __enter__(self) -> Readings:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Let the measurement count every channel as present again, whatever has happened."""
         self._attend(None)
 
     def _attend(self, present: Mask | None) -> None:

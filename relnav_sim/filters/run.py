@@ -120,7 +120,7 @@ def advance(
     belief = returned.belief(belief, "start")
     stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), readings:
         for k in range(K):
             step = Step(first_epoch + k, step_s)
             reached(step.epoch)
@@ -140,7 +140,6 @@ def advance(
                         stated.add(k, innovation.failed, read)
             mean[:, k] = returned.moment(belief, "mean")
             covariance[:, k] = returned.moment(belief, "covariance")
-    readings.end()
     first = Step(first_epoch, step_s)
     history = innovations.history(mean, covariance)
     failures = failures_of(stated, filter, before, first, mean, covariance, history.nis, history.log_likelihood)

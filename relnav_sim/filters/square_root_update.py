@@ -22,7 +22,7 @@ TOO_WIDE = (
 _EPS = float(np.finfo(float).eps)
 # A measurement that repeats what is known exactly may differ by this share of its size: rounding, its own and that
 # of the epochs that led to the prediction.
-_REPEATED = 1e-9
+REPEATED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
     bottom = np.concatenate([X, np.zeros((runs, n, noise_root.shape[2]))], axis=2)
     array = triangular_root(np.concatenate([top, bottom], axis=1))
     gain, root, L = array[:, m:, :m].copy(), array[:, m:, m:].copy(), array[:, :m, :m].copy()
-    rounding = 16 * m * _EPS * (_row_norms(top) + reading)
+    rounding = rounding_of(_row_norms(top) + reading)
     pivots = np.einsum("bii->bi", L)
     # Written so that what is not a number is left alone.
     dead, contradicts = (pivots <= rounding).any(axis=1), np.zeros(runs, dtype=bool)
     live = np.ones((runs, m), dtype=bool)
     for run in np.flatnonzero(dead):
-        most = _REPEATED * (reading[run] + np.abs(nu[run]).max()) + rounding[run]
+        most = REPEATED * (reading[run] + np.abs(nu[run]).max()) + rounding[run]
         kept, T, contradicts[run] = _informative(top[run], bottom[run], nu[run], rounding[run], most)
         r = len(kept)
         live[run] = False
@@ -89,6 +89,11 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
         failed=dict.fromkeys(np.flatnonzero(contradicts).tolist(), CONTRADICTION),
     )
     return RootUpdate(gain, root, L, white, innovation)
+
+
+def rounding_of(size: Array) -> Array:
+    """Return the standard deviation that rounding alone leaves to readings made of numbers of a size (runs, m)."""
+    return 16 * size.shape[1] * _EPS * size
 
 
 def _informative(top: Array, bottom: Array, nu: Array, rounding: Array, most: Array) -> tuple[list[int], Array, bool]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from relnav_sim.measurements.ranging import crosslink as crosslink
     from relnav_sim.measurements.ranging import lidar as lidar
+    from relnav_sim.measurements.relative_state import relative_gnss as relative_gnss
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
     from relnav_sim.measurements.tangent_sight import camera as camera
@@ -22,6 +23,7 @@ _HOME = {
     "first_fix": "relnav_sim.measurements.spherical_radar",
     "lidar": "relnav_sim.measurements.ranging",
     "radar": "relnav_sim.measurements.spherical_radar",
+    "relative_gnss": "relnav_sim.measurements.relative_state",
 }
 
 __all__ = sorted(_HOME)

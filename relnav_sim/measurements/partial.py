@@ -69,8 +69,8 @@ def all_channels(measurement: Measurement) -> Measurement:
 
 def has_own_density(measurement: Measurement) -> bool:
     """Whether a measurement brings a log_likelihood of its own instead of the one that follows from its noise."""
-    own = measurement.log_likelihood
-    return getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood
+    own = getattr(measurement, "log_likelihood", None)
+    return own is not None and getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood
 
 
 _MASKED = ("predict", "jacobian", "noise", "mixture", "residual")

@@ -170,7 +170,8 @@ class SeveralMeasurements(JoinedMeasurement):
         active = []
         for part, one in zip(self._parts, self._partial, strict=True):
             own = present[:, part.channels]
-            if own.any():
+            some = bool(own.any())
+            one.attend(own if some and not own.all() else None)
+            if some:
                 active.append(part)
-                one.attend(None if own.all() else own)
         self._active = tuple(active)

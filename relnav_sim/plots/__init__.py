@@ -1,10 +1,11 @@
 """The figures of a report: one function each, all callable on an opened result, and all kinds by name.
 
-Every function returns a ``matplotlib.figure.Figure`` in the house style; captions are in ``report.captions``. A case
-is given by its number, label or id, or by its facts where they have been read already. Failed runs are left
-out of every figure.
+Every function returns a ``matplotlib.figure.Figure`` in the house style; captions stand beside them, and
+``FigureKind.words`` gives them. A case is given by its number, label or id, or by its facts where they have been read
+already. Failed runs are left out of every figure.
 """
 
+from relnav_sim.plots.availability import availability_over_time
 from relnav_sim.plots.choice import cost_against_accuracy, worst_runs
 from relnav_sim.plots.conditions import error_against_range, error_around_events
 from relnav_sim.plots.data import FigureError
@@ -20,6 +21,7 @@ __all__ = [
     "FigureError",
     "FigureKind",
     "accuracy_by_case",
+    "availability_over_time",
     "axis_errors",
     "box_plots",
     "consistency_over_time",

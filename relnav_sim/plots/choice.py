@@ -18,6 +18,7 @@ from relnav_sim.plots.data import (
     sizes,
     window,
 )
+from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import log_axis, say, time_axis
 from relnav_sim.plots.style import (
     BOUND,
@@ -34,7 +35,9 @@ from relnav_sim.plots.style import (
     shown_name,
 )
 from relnav_sim.plots.sweeps import settled_bound
+from relnav_sim.plots.words import BOUND_NOTE, FigureWords
 from relnav_sim.statistics.intervals import mean_interval
+from relnav_sim.wording import significant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,6 +101,17 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
     return figure
 
 
+def cost_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `cost_against_accuracy`."""
+    timed = [item for item in case.filters if np.isfinite(item.cpu_us[item.ok]).any()]
+    costs = [f"{item.name} {significant(float(np.nanmean(item.cpu_us[item.ok])))} µs" for item in timed]
+    return FigureWords(
+        f"Position RMS ({case.when}, with its 95 % interval) against CPU time per filter step: down and left is "
+        f"better. Grey line: filters that no other beats in both. {BOUND_NOTE}",
+        f"Position RMS against CPU time per filter step. {', '.join(costs) or 'No time is known'}.",
+    )
+
+
 def pareto_front(costs: Array, values: Array) -> NDArray[np.int64]:
     """Return which points no other beats in both, by rising cost; points with a missing figure never belong."""
     order = [place for place in np.lexsort((values, costs)) if np.isfinite(costs[place] + values[place])]
@@ -155,3 +169,15 @@ def worst_runs(results: Results, case: Case = 0, filter: str | None = None, coun
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         legend_above(figure, [key(colour, "-", 0.9) for colour in _RUN_COLOURS[: len(worst)]], labels)
     return figure
+
+
+def worst_words(case: CaseFacts, filter: str) -> FigureWords:
+    """Return the words of `worst_runs`."""
+    item = case.filter(filter)
+    rms = item.errors("rms", case.span, "r")
+    runs = [f"run {item.runs[row]} with {significant(float(rms[row]))} m" for row in item.worst_rows(case.span, 3)]
+    return FigureWords(
+        f"{filter}: the runs to look at, those with the largest position RMS ({case.when}), before all others in grey. "
+        "Below: their NEES. Where it is large too, the filter does not know of its error.",
+        f"Two panels, position error and NEES against time of {filter}. Largest position RMS: {', '.join(runs)}.",
+    )

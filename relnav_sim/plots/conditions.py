@@ -22,7 +22,7 @@ from relnav_sim.plots.data import (
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say
 from relnav_sim.plots.style import (
-    CLAIMED,
+    FORMAL,
     INK,
     house_style,
     key,
@@ -34,6 +34,7 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.settings import case_setting
 
@@ -49,6 +50,7 @@ _LOG_FROM_RATIO = 8.0
 _KM_FROM_M = 5000.0
 _GAP = 3.0  # a gap between readings this many times the usual one is an outage
 _MOST_EVENTS = 20_000
+_MANOEUVRE = "manoeuvre"
 
 
 def error_against_range(results: Results, case: Case = 0, filters: Sequence[str] | None = None) -> Figure:
@@ -101,8 +103,16 @@ def error_against_range(results: Results, case: Case = 0, filters: Sequence[str]
         panels[-1].set_xlabel(f"true range [{unit}]")
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        legend_above(figure, [*handles, key(CLAIMED, (0, (4, 1.5)), 0.8)], labels)
+        legend_above(figure, [*handles, key(FORMAL, (0, (4, 1.5)), 0.8)], labels)
     return figure
+
+
+def range_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_against_range`."""
+    return FigureWords(
+        f"Size of the errors against the true range, {case.when}. Solid: RMS over epochs and runs; dashed: 95 %.",
+        "Two panels, position and velocity error of every filter against the true range.",
+    )
 
 
 def error_around_events(
@@ -110,9 +120,9 @@ def error_around_events(
 ) -> Figure:
     """Draw the RMS position error over runs and events against the time since the event, a panel per kind.
 
-    Kinds: the radar's measurements are lost (outage), they begin or come back (acquisition), a manoeuvre. The first
-    two are read off the stored NIS, which has no value where nothing was measured: an outage shorter than the
-    storage interval is not seen. Manoeuvres are those of the campaign.
+    Kinds: readings are lost (outage), they begin or come back (acquisition), of each sensor by itself where a filter
+    has several; a manoeuvre. The first two are read off the stored series: an outage shorter than the storage interval
+    is not seen. Manoeuvres are those of the campaign.
 
     Args:
         results: An opened result.
@@ -127,15 +137,16 @@ def error_around_events(
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     offsets = np.arange(-round(span / step), round(span / step) + 1)
     found = {item.name: events_of(results, facts, item) for item in items}
-    kinds = [kind for kind in ("outage", "acquisition", "manoeuvre") if any(len(each[kind]) for each in found.values())]
+    found_kinds = dict.fromkeys(kind for each in found.values() for kind, rows in each.items() if len(rows))
+    kinds = sorted(found_kinds, key=lambda kind: kind == _MANOEUVRE)
     styles = line_styles(facts.all_filters)
-    labels = [*(shown_name(item.name) for item in items), "claimed"]
+    labels = [*(shown_name(item.name) for item in items), "formal"]
     with house_style():
         figure = new_figure(0.55 + 1.2 * max(1, len(kinds)) + legend_height(labels))
         panels = figure.subplots(max(1, len(kinds)), 1, sharex=True, squeeze=False)[:, 0]
         for panel, kind in zip(panels, kinds, strict=False):
             for place, item in enumerate(items):
-                at = found[item.name][kind]
+                at = found[item.name].get(kind, np.empty((0, 2), dtype=np.int64))
                 for read, dashes, width in (
                     (errors_of, styles[item.name].dashes, nested_width(place, len(items), 2.0)),
                     (sigmas_of, ":", 0.9),
@@ -145,7 +156,7 @@ def error_around_events(
                         offsets * step, _aligned(squares, at, offsets), color=styles[item.name].colour,
                         linestyle=dashes, linewidth=width,
                     )  # fmt: skip
-            count = max(len(each[kind]) for each in found.values())
+            count = max(len(each.get(kind, ())) for each in found.values())
             panel.axvline(0.0, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
             heading(panel, f"{kind} ({count} in all runs)")
             log_axis(panel, "y")
@@ -157,13 +168,39 @@ def error_around_events(
         panels[-1].set_xlim(offsets[0] * step, offsets[-1] * step)
         margins(figure, 0.55, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.1)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        legend_above(figure, [*handles, key(CLAIMED, ":", 0.9)], labels)
+        legend_above(figure, [*handles, key(FORMAL, ":", 0.9)], labels)
     return figure
+
+
+def events_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `error_around_events`."""
+    return FigureWords(
+        "RMS position error over runs and events against the time since the event. Dotted: formal sigma. Outages "
+        "and acquisitions are those that show at the stored epochs.",
+        "Position RMS of every filter before and after outages, acquisitions and manoeuvres, a panel for each kind.",
+    )
 
 
 def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:
     """Return the events of a filter's completed runs by kind: rows of (run, stored epoch), at most 20 000 of a kind."""
-    known = np.isfinite(results.nis(case.index, item.name)[item.ok])
+    events: dict[str, list[tuple[int, int]]] = {}
+    if item.by_sensor is not None and len(item.sensors) > 1:
+        for place, sensor in enumerate(item.sensors):
+            lost, begun = _lost_and_begun(item.by_sensor.readings[item.ok][..., place] > 0)
+            events |= {f"outage of {shown_name(sensor)}": lost, f"acquisition of {shown_name(sensor)}": begun}
+    else:
+        lost, begun = _lost_and_begun(np.isfinite(results.nis(case.index, item.name)[item.ok]))
+        events |= {"outage": lost, "acquisition": begun}
+    events[_MANOEUVRE] = [
+        (run, int(np.searchsorted(case.times_s, time)))
+        for time in manoeuvre_times(results, case)
+        for run in range(item.completed)
+    ]
+    return {kind: np.array(rows[:_MOST_EVENTS], dtype=np.int64).reshape(-1, 2) for kind, rows in events.items()}
+
+
+def _lost_and_begun(known: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Return where readings are lost and where they begin or come back, from the epochs with one (runs, K)."""
     if known.shape[1] > 1:
         known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
     steps = [np.diff(np.flatnonzero(row)) for row in known]
@@ -178,15 +215,7 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
         begun += [(run, seen[place + 1]) for place in gaps]
         begun += [(run, seen[0])] if seen[0] > 0 else []
         lost += [(run, seen[-1] + 1)] if len(row) - 1 - seen[-1] >= max(2.0, _GAP * usual) else []
-    burns = [
-        (run, int(np.searchsorted(case.times_s, time)))
-        for time in manoeuvre_times(results, case)
-        for run in range(len(known))
-    ]
-    return {
-        kind: np.array(rows[:_MOST_EVENTS], dtype=np.int64).reshape(-1, 2)
-        for kind, rows in (("outage", lost), ("acquisition", begun), ("manoeuvre", burns))
-    }
+    return lost, begun
 
 
 def manoeuvre_times(results: Results, case: CaseFacts) -> list[float]:

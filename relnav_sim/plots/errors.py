@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names, describe_axes
 from relnav_sim.plots.data import (
     Case,
     bound_of,
@@ -22,13 +22,13 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import FilterFacts
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, say, time_axis
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
     BOUND,
-    CLAIMED,
+    FORMAL,
     house_style,
     legend_above,
     legend_height,
@@ -37,6 +37,8 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords, left_out, thinned
+from relnav_sim.wording import significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -60,7 +62,7 @@ def errors_with_envelope(
     """Draw the error of one filter against time, per axis, with the filter's own 3-sigma envelope and the bound.
 
     The grey band is mean +- 3 standard deviations of the error over the runs: what the filter does. The
-    dashed lines are 3 times the root mean over runs of its covariance diagonal: what it claims. A consistent
+    dashed lines are 3 times the root mean over runs of its covariance diagonal: its formal sigma. A consistent
     filter's band fills its envelope. The thin line is one run, for the look of one flight; with fewer than three
     runs there is no band. Dotted, where it is stored: 3 times the posterior Cramer-Rao bound.
 
@@ -90,13 +92,13 @@ def errors_with_envelope(
             panel, velocity = panels[index % 3, index // 3], index >= 3
             factor, unit_of = 1.0, "m"
             if item.completed:
-                error, claimed = errors[..., index], np.sqrt(np.mean(sigmas[..., index] ** 2, axis=0))
-                reach = _reach(error, claimed, view.settled)
+                error, formal = errors[..., index], np.sqrt(np.mean(sigmas[..., index] ** 2, axis=0))
+                reach = _reach(error, formal, view.settled)
                 if velocity:
                     factor, unit_of = speed_unit(reach)
                 limit = None if bound is None else factor * bound[:, index]
                 handles = _envelope(
-                    panel, view.times, factor * error, factor * claimed, limit, row, factor * reach, colour
+                    panel, view.times, factor * error, factor * formal, limit, row, factor * reach, colour
                 )
             else:
                 say(panel, "every run failed")
@@ -109,6 +111,29 @@ def errors_with_envelope(
         if handles:
             legend_above(figure, handles, labels)
     return figure
+
+
+def errors_words(case: CaseFacts, filter: str) -> FigureWords:
+    """Return the words of `errors_with_envelope`."""
+    item = case.filter(filter)
+    if not item.completed:
+        caption = f"{filter}: every run failed; there is no error to draw."
+        return FigureWords(caption, f"Empty panels: every run of {filter} failed.")
+    run = f"run {item.median_run(case.span)}"
+    parts = [f"{filter}: error (estimate minus truth) per axis."]
+    if item.completed > 2:
+        parts.append(f"Grey band: mean ± 3 standard deviations over {item.completed} runs.")
+        parts.append(f"Thin line: {run}, the run with the median position RMS.")
+    else:
+        parts.append(f"Line: {run}.")
+    parts.append("Dashed: ± 3 formal sigma (root mean over runs); dotted, where stored: of the bound.")
+    if case.times_s[0] < case.settle_s <= case.times_s[-1]:
+        parts.append(f"Scaled to t ≥ {case.settle_s:g} s; the start may leave the panel.")
+    return FigureWords(
+        " ".join([*parts, *thinned(case), *left_out([item])]),
+        f"Six panels, error of {filter} against time in position and velocity ({describe_axes(case.axes)}) between the "
+        f"filter's 3-sigma lines; position RMS {significant(item.mean_rms(case.span))} m for {case.when}.",
+    )
 
 
 def axis_errors(
@@ -194,14 +219,14 @@ def _envelope_labels(item: FilterFacts, row: int, bound: bool) -> list[str]:
 
 
 def _envelope(
-    panel: Panel, times: Array, error: Array, claimed: Array, bound: Array | None, row: int, reach: float, colour: str
+    panel: Panel, times: Array, error: Array, formal: Array, bound: Array | None, row: int, reach: float, colour: str
 ) -> list[Any]:
     handles: list[Any] = []
     if len(error) > 2:
         mean, spread = error.mean(axis=0), 3 * error.std(axis=0, ddof=1)
         handles.append(panel.fill_between(times, mean - spread, mean + spread, color=BAND, linewidth=0))
-    (dashed,) = panel.plot(times, 3 * claimed, color=CLAIMED, linewidth=0.9, linestyle=(0, (4, 1.5)))
-    panel.plot(times, -3 * claimed, color=CLAIMED, linewidth=0.9, linestyle=(0, (4, 1.5)))
+    (dashed,) = panel.plot(times, 3 * formal, color=FORMAL, linewidth=0.9, linestyle=(0, (4, 1.5)))
+    panel.plot(times, -3 * formal, color=FORMAL, linewidth=0.9, linestyle=(0, (4, 1.5)))
     (line,) = panel.plot(times, error[row], color=colour, linewidth=0.6)
     handles += [dashed, line]
     if bound is not None:
@@ -214,9 +239,9 @@ def _envelope(
     return handles
 
 
-def _reach(error: Array, claimed: Array, settled: NDArray[np.bool_]) -> float:
+def _reach(error: Array, formal: Array, settled: NDArray[np.bool_]) -> float:
     """Return the half height of a panel: everything after settling, with a little air."""
     done = np.abs(error).max(axis=0)
     if len(error) > 2:
         done = np.abs(error.mean(axis=0)) + 3 * error.std(axis=0, ddof=1)
-    return 1.08 * largest(np.maximum(done, 3 * claimed)[settled])
+    return 1.08 * largest(np.maximum(done, 3 * formal)[settled])

@@ -6,7 +6,7 @@ names the axes in the same way.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates, BySensor
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
-from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.intervals import Interval, mean_interval
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -57,6 +57,8 @@ class FilterFacts:
         convergence_s: Time from which the position error stays small (n,), s; NaN where it never does.
         anees: NEES / 6 over time (n, 2 spans).
         nis: Mean NIS over time (n, 2 spans).
+        nis_sum: Sum of the NIS over the updates (n, 2 spans).
+        dof: Its degrees of freedom, the channels that were present (n, 2 spans).
         cpu_us: CPU time per filter step (n,), microseconds.
         stored: Every dataset of `layout.SUMMARY` as it is stored.
         diagnostics: What the filter reports of its own working, by name (n,).
@@ -65,9 +67,10 @@ class FilterFacts:
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
             the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
         times_own_bound: The same of the bound of the filter's own model.
-        extra: What it found out about its extra states; None where it has none.
-        nis_is_chi_square: Whether its NIS would be chi-square were its model right; not where it assumes a mixture of
-            Gaussians as noise, under which only the mean of the NIS is known.
+        augmented: What it found out about its augmented states; None where it has none.
+        by_sensor: What came of each of its sensors; None where the result does not tell them apart.
+        mixture_sensors: Sensors whose noise it believes to be a mixture of Gaussians, under which only the mean of the
+            NIS is known.
     """
 
     name: str
@@ -77,6 +80,8 @@ class FilterFacts:
     convergence_s: Array
     anees: Array
     nis: Array
+    nis_sum: Array
+    dof: NDArray[np.int64]
     cpu_us: Array
     stored: Mapping[str, NDArray[Any]]
     diagnostics: Mapping[str, Array]
@@ -84,8 +89,31 @@ class FilterFacts:
     nees_time_s: float
     times_bound: Mapping[Span, Interval]
     times_own_bound: Mapping[Span, Interval]
-    extra: ExtraStates | None = None
-    nis_is_chi_square: bool = True
+    augmented: AugmentedStates | None = None
+    by_sensor: BySensor | None = None
+    mixture_sensors: tuple[str, ...] = ()
+
+    @property
+    def nis_is_chi_square(self) -> bool:
+        """Whether its NIS would be chi-square were its model right."""
+        return not self.mixture_sensors
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of its sensors, as far as the result tells them apart."""
+        return () if self.by_sensor is None else self.by_sensor.names
+
+    def dimensions(self) -> set[int]:
+        """Return how many channels its updates had; 0 stands for a number that differs within a run."""
+        updates, dof = (np.asarray(part)[self.ok, 0].astype(int) for part in (self.stored["updates"], self.dof))
+        sizes = {
+            0 if total % count else int(total // count) for count, total in zip(updates, dof, strict=True) if count
+        }
+        if self.by_sensor is None or not sizes:
+            return sizes
+        # As many in the mean may still be a mix of more and fewer.
+        found = self.by_sensor.dof.sum(axis=-1)
+        return sizes | set(np.unique(found[found > 0]).tolist())
 
     @property
     def failed(self) -> int:
@@ -120,9 +148,25 @@ class FilterFacts:
         """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
         return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
 
-    def figure(self, name: str, *place: int) -> Array:
-        """Return one figure per completed run of a stored dataset, for example ``figure("coverage", 1, 0, 2)``."""
+    def per_run(self, name: str, *place: int) -> Array:
+        """Return one figure per completed run of a stored dataset, for example ``per_run("coverage", 1, 0, 2)``."""
         return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
+
+    def mean_rms(self, span: Span, component: str = "r") -> float:
+        """Return the RMS of one component, mean over the completed runs that have one; NaN where none has."""
+        return mean_interval(self.errors("rms", span, component)[self.ok]).estimate
+
+    def nis_per_dof(self, span: Span) -> Array:
+        """Return the NIS per degree of freedom over a span, 1 when consistent, for each computed run (n,)."""
+        total, dof = self.nis_sum[:, _SPANS[span]], self.dof[:, _SPANS[span]]
+        return np.asarray(total / np.where(dof > 0, dof, np.nan))
+
+    def of_sensor(self, sensor: str, name: str, span: Span) -> Array:
+        """Return one of the statistics of `BySensor` over a span, for each completed run; NaN without the sensor."""
+        if self.by_sensor is None or sensor not in self.sensors:
+            return np.full(self.completed, np.nan)
+        values = getattr(self.by_sensor, name)[self.ok, _SPANS[span], self.sensors.index(sensor)]
+        return np.asarray(values, dtype=float)
 
     def worst_rows(self, span: Span, count: int) -> NDArray[np.intp]:
         """Return which of all rows are the completed runs with the largest position RMS, the largest first."""
@@ -187,6 +231,22 @@ class CaseFacts:
     failures: tuple[FailedRun, ...]
     command: str
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors of its filters, as far as the result tells them apart."""
+        return tuple(dict.fromkeys(name for item in self.filters for name in item.sensors))
+
+    @property
+    def dimension(self) -> int | None:
+        """How many channels every update of every filter had; None where that varies, or there was no update."""
+        found = set().union(*(item.dimensions() for item in self.filters))
+        return found.pop() if len(found) == 1 and 0 not in found else None
+
+    @property
+    def mixes_dimensions(self) -> bool:
+        """Whether updates had different numbers of channels, so that only the NIS per degree of freedom compares."""
+        return self.dimension is None and any(item.dimensions() for item in self.filters)
+
     def trace_command(self, run: int) -> str:
         """Return the command that computes one run of the case again and stores every step."""
         return f"{self.command} --only {self.index}:{run} --trace"
@@ -201,6 +261,19 @@ class CaseFacts:
     def shows_convergence(self) -> bool:
         """Whether a run is long enough to converge at all."""
         return not self.convergence_until_s <= 0
+
+    @property
+    def not_judged(self) -> str:
+        """Why convergence cannot be judged, where a run is too short for it."""
+        return f"Convergence cannot be judged: it is to last {self.hold_s:g} s, and no run is longer than that."
+
+    @property
+    def by_accuracy(self) -> tuple[FilterFacts, ...]:
+        """The filters with a completed run, the smallest position RMS first."""
+        span = self.span
+        held = [(item.mean_rms(span), item) for item in self.filters if item.completed]
+        # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
+        return tuple(item for size, item in sorted(held, key=lambda pair: (not np.isfinite(pair[0]), pair[0])))
 
     @property
     def when(self) -> str:
@@ -275,7 +348,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     def statistic(which: str) -> Array:
         return np.asarray(stored[which], dtype=float)
 
-    times_s = results.time_s(index)
+    times_s, by_sensor = results.time_s(index), results.by_sensor(index, name)
     whole_state = layout.BLOCKS.index("full")
     ok = statistic("failed") == 0
     bounds = results.bound(index), results.bound(index, name)
@@ -295,6 +368,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         convergence_s=statistic("convergence"),
         anees=statistic("anees")[..., whole_state],
         nis=statistic("nis_mean"),
+        nis_sum=results.nis_sum(index, name),
+        dof=results.dof_sum(index, name),
         cpu_us=statistic("cpu_per_step"),
         stored=stored,
         diagnostics=results.diagnostics(index, name),
@@ -302,20 +377,26 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         nees_time_s=_correlation_time(results.nees(index, name), times_s, settled),
         times_bound=_ratios_to_bound(r, bounds[0], spans),
         times_own_bound=_ratios_to_bound(r, bounds[1], spans),
-        extra=results.extra(index, name),
-        nis_is_chi_square=not _assumes_mixture(results, index, name),
+        augmented=results.augmented(index, name),
+        by_sensor=by_sensor,
+        mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
     )
 
 
-def _assumes_mixture(results: Results, index: int, name: str) -> bool:
-    """Return whether a filter is told of the components of the radar's noise, and there are some in this case."""
+def _mixture_sensors(results: Results, index: int, name: str, used: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the sensors whose noise is a mixture that the filter is told of; of all sensors where none are named."""
     told = results.headers[index].variables.get(f"filters.{name}.assumed_noise")
     told = told or filter_settings(results, index, name).get("assumed_noise")
     if told != "mixture":
-        return False
-    parts = case_setting(results, index, "sensors.radar.noise", None)
+        return ()
+    sensors = results.campaign_content.get("sensors", {}) if used is None else used
+    return tuple(sensor for sensor in sensors if _is_mixture(results, index, sensor))
+
+
+def _is_mixture(results: Results, index: int, sensor: str) -> bool:
+    parts = case_setting(results, index, f"sensors.{sensor}.noise", None)
     kinds = [part.get("kind") for part in parts] if isinstance(parts, list | tuple) else []
-    return "mixture" in [*kinds, case_setting(results, index, "sensors.radar.noise.kind", None)]
+    return "mixture" in [*kinds, case_setting(results, index, f"sensors.{sensor}.noise.kind", None)]
 
 
 def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, NDArray[np.bool_]]) -> dict[Span, Interval]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array, Axes, axis_names, turned_states
+from relnav_sim.plots.axes import Array, Axes, axis_names, describe_axes, turned_states
 from relnav_sim.plots.data import (
     Case,
     FigureError,
@@ -24,7 +24,7 @@ from relnav_sim.plots.data import (
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import heading, say
 from relnav_sim.plots.style import (
-    CLAIMED,
+    FORMAL,
     INK,
     house_style,
     key,
@@ -35,6 +35,7 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import FigureWords
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -104,6 +105,16 @@ def trajectory(
     return figure
 
 
+def trajectory_words(case: CaseFacts, filters: Sequence[str]) -> FigureWords:
+    """Return the words of `trajectory` for one filter."""
+    (name,) = filters
+    run = case.filter(name).median_run(case.span)
+    return FigureWords(
+        f"True relative trajectory of run {run} and its estimate by {name}. {describe_axes(case.axes)}.",
+        f"Relative trajectory in space and in three planes, the truth and the estimate of {name}.",
+    )
+
+
 def plane(
     results: Results,
     case: Case = 0,
@@ -160,7 +171,7 @@ def error_ellipses(
 ) -> Figure:
     """Draw the position errors of all runs at one epoch in the three planes, with 95 % ellipses.
 
-    Solid: the ellipse of the errors' mean and covariance over runs. Dashed: what the filter claims, from its
+    Solid: the ellipse of the errors' mean and covariance over runs. Dashed: what the filter states, from its
     sigmas alone: correlations are not stored, so its axes are those of the panel.
 
     Args:
@@ -177,25 +188,25 @@ def error_ellipses(
     errors = errors_of(results, facts, item, rows)[:, 0, :3]
     known = np.isfinite(errors).all(axis=1)
     errors, sigmas = errors[known], sigmas_of(results, facts, item, rows)[known, 0, :3]
-    claimed = np.sqrt(np.mean(sigmas**2, axis=0)) if len(errors) else None
+    formal = np.sqrt(np.mean(sigmas**2, axis=0)) if len(errors) else None
     colour = line_styles(facts.all_filters)[item.name].colour
     with house_style():
         figure = new_figure(3.3)
         panels = figure.subplots(2, 2)
         for panel, (across, up) in zip(panels.flat, _PLANES, strict=False):
-            if claimed is None:
+            if formal is None:
                 say(panel, "no error is known" if item.completed else "every run failed")
             else:
-                _ellipse_panel(panel, errors[:, [across, up]], claimed[[across, up]], colour)
+                _ellipse_panel(panel, errors[:, [across, up]], formal[[across, up]], colour)
             panel.set_xlabel(f"{'xyz'[across]} error [m]")
             panel.set_ylabel(f"{'xyz'[up]} error [m]")
         panels[1, 1].axis("off")
         handles = [
-            key(colour, "none", 0.0), key(colour, "-", 1.2), key(CLAIMED, (0, (4, 1.5)), 1.0), key(INK, "none", 0.0),
+            key(colour, "none", 0.0), key(colour, "-", 1.2), key(FORMAL, (0, (4, 1.5)), 1.0), key(INK, "none", 0.0),
         ]  # fmt: skip
         handles[0].set(marker=".", markersize=4)
         handles[3].set(marker="+", markersize=6)
-        words = [f"{len(errors)} runs", "95 % of the runs", "95 % claimed", "no error"]
+        words = [f"{len(errors)} runs", "95 % of the runs", "95 % formal", "no error"]
         panels[1, 1].legend(
             handles, words, loc="center left", title=f"{shown_name(item.name)}, t = {facts.times_s[epoch]:g} s",
             alignment="left",
@@ -213,10 +224,10 @@ def ellipse(covariance: Array, centre: Array) -> Array:
     return outline
 
 
-def _ellipse_panel(panel: Panel, errors: Array, claimed: Array, colour: str) -> None:
+def _ellipse_panel(panel: Panel, errors: Array, formal: Array, colour: str) -> None:
     panel.plot(*errors.T, ".", color=colour, markersize=3, mew=0, alpha=0.5, rasterized=len(errors) > 500)
-    outlines = [ellipse(np.diag(claimed**2), np.zeros(2))]
-    panel.plot(*outlines[0].T, color=CLAIMED, linewidth=1.0, linestyle=(0, (4, 1.5)))
+    outlines = [ellipse(np.diag(formal**2), np.zeros(2))]
+    panel.plot(*outlines[0].T, color=FORMAL, linewidth=1.0, linestyle=(0, (4, 1.5)))
     if len(errors) > 2:
         outlines.append(ellipse(np.cov(errors.T), errors.mean(axis=0)))
         panel.plot(*outlines[1].T, color=colour, linewidth=1.2)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names
 from relnav_sim.plots.data import (
@@ -20,13 +21,13 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import FilterFacts
+from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say, time_axis
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
     BOUND,
-    CLAIMED,
+    FORMAL,
     INK,
     house_style,
     key,
@@ -38,7 +39,10 @@ from relnav_sim.plots.style import (
     new_figure,
     shown_name,
 )
+from relnav_sim.plots.words import NO_ERROR, FigureWords, left_out, thinned
+from relnav_sim.results import layout
 from relnav_sim.statistics.intervals import chi_square_band
+from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -47,9 +51,10 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 Which = Literal["nees", "nis"]
-_STATE, _MEASUREMENT = 6, 3  # dimensions of the error and of a radar reading
+_STATE = layout.BLOCK_SIZES[0]  # dimension of the error
 _ZERO_RATIO = 1e-5
 _NEAR_TOP = 5.0
+_NO_NIS_BAND = " The band of the NIS does not hold for filters that assume a mixture as noise; its mean does."
 
 
 def rms_over_time(
@@ -63,7 +68,7 @@ def rms_over_time(
 ) -> Figure:
     """Draw the RMS over runs of position and velocity error against time, a line per filter, log axis, with the bound.
 
-    Dotted lines of a filter's colour are what it claims: the root mean over runs of its covariance's trace. The black
+    Dotted lines of a filter's colour are its formal sigma: the root mean over runs of its covariance's trace. The black
     dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model.
 
     Args:
@@ -84,7 +89,7 @@ def rms_over_time(
     styles = line_styles(facts.all_filters)
     bound = bound_of(results, facts, view.rows)
     with house_style():
-        labels = [shown_name(item.name) for item in items] + ["claimed"] + (["bound"] if bound is not None else [])
+        labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
         figure = new_figure(2.8 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
         handles: list[Any] = []
@@ -119,12 +124,41 @@ def rms_over_time(
         bottom, top = panels[0].get_ylim()
         if at_start and bottom < facts.convergence_m < _NEAR_TOP * top:
             panels[0].set_ylim(bottom, max(top, 1.25 * facts.convergence_m))
-            panels[0].axhline(facts.convergence_m, color=CLAIMED, linewidth=0.8, linestyle=(0, (1, 2)))
+            panels[0].axhline(facts.convergence_m, color=FORMAL, linewidth=0.8, linestyle=(0, (1, 2)))
         time_axis(panels[-1], view.times, view.unit)
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
-        handles.append(key(CLAIMED, ":", 0.9))
+        handles.append(key(FORMAL, ":", 0.9))
         legend_above(figure, [*handles, key(BOUND, "-.", 1.0)] if bound is not None else handles, labels)
     return figure
+
+
+def rms_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `rms_over_time`."""
+    count = max((item.completed for item in case.filters), default=0)
+    sizes = ", ".join(f"{item.name} {significant(item.mean_rms(case.span))} m" for item in case.by_accuracy)
+    alt = "Two panels, position and velocity RMS against time on logarithmic axes. "
+    alt += f"Position RMS for {case.when}: {sizes}."
+    if not count:
+        return FigureWords(NO_ERROR, alt)
+    what = f"RMS over {count} runs" if count > 1 else "Size in the one run"
+    what += " of the position and velocity error against time."
+    formal = (
+        "Dotted: formal sigma, the root mean trace of each filter's covariance; dash-dotted, where stored: the bound."
+    )
+    return FigureWords(" ".join([what, formal, *thinned(case), *left_out(case.filters)]), alt)
+
+
+def start_words(case: CaseFacts, until_s: float) -> FigureWords:
+    """Return the words of `rms_over_time` for the start."""
+    level = (
+        f" Dotted line across, where errors are of its size: {case.convergence_m:g} m, which counts as converged."
+        if case.convergence_m > 0
+        else ""
+    )
+    return FigureWords(
+        f"The first {until_s:g} s of the RMS over runs, at the stored epochs.{level}",
+        f"Two panels, position and velocity RMS of all filters against time over the first {until_s:g} s.",
+    )
 
 
 def covariance_against_error(
@@ -135,7 +169,7 @@ def covariance_against_error(
     from_s: float | None = None,
     until_s: float | None = None,
 ) -> Figure:
-    """Draw per axis what each filter claims against what it does: sigma and RMS error over runs, log axis.
+    """Draw per axis the formal sigma of each filter against its error: sigma and RMS error over runs, log axis.
 
     Solid: RMS of the error over runs. Dotted, in the same colour: the sigma that the filter states (root mean of
     its covariance's diagonal over runs). Where the two coincide the filter knows how good it is.
@@ -153,7 +187,7 @@ def covariance_against_error(
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     styles = line_styles(facts.all_filters)
     bound = bound_of(results, facts, view.rows)
-    labels = [shown_name(item.name) for item in items] + ["claimed"] + (["bound"] if bound is not None else [])
+    labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
     with house_style():
         figure = new_figure(3.45 + legend_height(labels))
         panels = figure.subplots(3, 2, sharex=True)
@@ -193,7 +227,7 @@ def covariance_against_error(
             time_axis(panel, view.times, view.unit)
         margins(figure, 0.5, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.58)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        handles += [key(CLAIMED, ":", 1.1), *([key(BOUND, "-.", 1.0)] if bound is not None else [])]
+        handles += [key(FORMAL, ":", 1.1), *([key(BOUND, "-.", 1.0)] if bound is not None else [])]
         legend_above(figure, handles, labels)
     return figure
 
@@ -206,11 +240,12 @@ def consistency_over_time(
     until_s: float | None = None,
     which: Sequence[Which] = ("nees", "nis"),
 ) -> Figure:
-    """Draw NEES and NIS, mean over runs divided by their dimension, against time with their 95 % chi-square band.
+    """Draw NEES and NIS per degree of freedom, mean over runs, against time with their 95 % chi-square band.
 
     A consistent filter stays inside the band in 95 % of the epochs (Bar-Shalom, Li and Kirubarajan 2001, section
-    5.4.2). The band is that of the filter with the fewest runs, which is the widest. There is none for the NIS of
-    filters that assume a mixture as noise: its mean is known then, not its distribution.
+    5.4.2). The band is that of the filter with the fewest degrees of freedom, which is the widest. There is none for
+    the NIS of filters that assume a mixture as noise: its mean is known then, not its distribution. Where a filter has
+    several sensors, each gets a panel with its NIS below that of all.
 
     Args:
         results: An opened result.
@@ -218,38 +253,46 @@ def consistency_over_time(
         filters: The filters; default: all.
         from_s: Start of the time axis, s.
         until_s: Its end, s.
-        which: ``nees``, ``nis`` or both: a panel each.
+        which: ``nees``, ``nis`` or both.
     """
     facts = facts_of(results, case)
     view = window(facts, from_s, until_s)
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     styles = line_styles(facts.all_filters)
     labels = [shown_name(item.name) for item in items] + ["95 % band"]
+    sensors = _shown_sensors(items) if "nis" in which else ()
+    drawn: list[tuple[Which, str]] = [*((quantity, "") for quantity in which), *(("nis", name) for name in sensors)]
     with house_style():
-        figure = new_figure(0.6 + 1.15 * len(which) + legend_height(labels))
-        panels = figure.subplots(len(which), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, quantity in zip(panels, which, strict=True):
-            dimension = _STATE if quantity == "nees" else _MEASUREMENT
-            panel.set_ylabel(f"{quantity.upper()} / {dimension} [-]")
+        figure = new_figure(0.6 + 1.15 * len(drawn) + legend_height(labels))
+        panels = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (quantity, sensor) in zip(panels, drawn, strict=True):
+            divisor = str(_STATE) if quantity == "nees" else "dof" if sensor else str(facts.dimension or "dof")
+            panel.set_ylabel(f"{quantity.upper()} / {divisor} [-]")
+            if sensor:
+                heading(panel, shown_name(sensor))
             counts = []
             for place, item in enumerate(items):
-                mean, count = _mean_over_runs(results, facts.index, item, quantity, view.rows)
-                if quantity == "nees" or item.nis_is_chi_square:
-                    counts.append(count)
+                if sensor and sensor not in item.sensors:
+                    continue
+                mean, dof = _per_dof(results, facts.index, item, quantity, sensor, view.rows)
+                if quantity == "nees" or (sensor not in item.mixture_sensors if sensor else item.nis_is_chi_square):
+                    counts.append(dof)
                 look = styles[item.name]
                 panel.plot(
-                    view.times,
-                    mean / dimension,
+                    *_joined(view.times, mean),
                     color=look.colour,
                     linestyle=look.dashes,
                     linewidth=nested_width(place, len(items), 1.8),
                 )
+                alone = _isolated(mean)
+                panel.plot(view.times[alone], mean[alone], ".", color=look.colour, markersize=2.5, mew=0)
             if items and not counts:
                 panel.axhline(1.0, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
             else:
-                _band(panel, view.times, np.array(counts), dimension)
+                _band(panel, view.times, np.array(counts))
         time_axis(panels[-1], view.times, view.unit)
-        margins(figure, 0.5, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
+        gap = 0.24 if sensors else 0.12
+        margins(figure, 0.5, 0.16, 0.06 + legend_height(labels), 0.36, hspace=gap, wspace=0.1)
         from matplotlib.patches import Patch
 
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
@@ -257,25 +300,81 @@ def consistency_over_time(
     return figure
 
 
-def _mean_over_runs(results: Results, case: int, item: FilterFacts, which: Which, rows: Any) -> tuple[Array, Array]:
-    """Return the mean over the completed runs that have a number at an epoch, and how many those are."""
-    values = (results.nees if which == "nees" else results.nis)(case, item.name)[:, rows][item.ok]
+def consistency_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `consistency_over_time`."""
+    runs = min((item.completed for item in case.filters if item.completed), default=0)
+    mixture = "" if all(item.nis_is_chi_square for item in case.filters) else _NO_NIS_BAND
+    parts = [
+        f"{item.name} {significant(float(item.consistency('anees', case.span)[item.ok].mean()))}"
+        for item in case.filters
+        if item.completed
+    ]
+    sensors = _shown_sensors(case.filters)
+    below = f" The lower panels show each sensor by itself ({', '.join(sensors)})." if sensors else ""
+    panels = f"{counted(2 + len(sensors), 'panel')}, NEES and NIS" if sensors else "Two panels, NEES and NIS"
+    return FigureWords(
+        "NEES and NIS divided by their dimension, mean over runs, against time. Grey: where a consistent filter lies "
+        f"in 95 % of the epochs ({counted(runs, 'run')}). Above: overconfident; below: conservative.{mixture}{below}",
+        f"{panels} against time with their 95 % bands. ANEES for {case.when}: {', '.join(parts)}.",
+    )
+
+
+def _shown_sensors(items: Sequence[FilterFacts]) -> tuple[str, ...]:
+    """Return the sensors that have panels of their own: those of all filters, where there are several."""
+    sensors = tuple(dict.fromkeys(name for item in items for name in item.sensors))
+    return sensors if len(sensors) > 1 else ()
+
+
+def _per_dof(
+    results: Results, case: int, item: FilterFacts, which: Which, sensor: str, rows: Any
+) -> tuple[Array, Array]:
+    """Return the mean over the completed runs per degree of freedom at each epoch, and how many degrees there are."""
+    if which == "nees":
+        values = results.nees(case, item.name)
+        degrees = np.full(values.shape, _STATE)
+    elif sensor and item.by_sensor is not None:
+        place = item.sensors.index(sensor)
+        values, degrees = item.by_sensor.nis[..., place].astype(float), item.by_sensor.dof[..., place]
+    else:
+        values, degrees = results.nis(case, item.name), results.dof(case, item.name)
+    values, degrees = values[:, rows][item.ok], degrees[:, rows][item.ok]
     known = np.isfinite(values)
-    count = known.sum(axis=0).astype(float)
+    count, dof = known.sum(axis=0).astype(float), np.where(known, degrees, 0).sum(axis=0).astype(float)
     with np.errstate(invalid="ignore"):
-        return np.where(known, values, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan), count
+        mean = np.where(known, values, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+        return mean / (dof / np.where(count > 0, count, np.nan)), dof
 
 
-def _band(panel: Panel, times: Array, counts: Array, dimension: int) -> None:
-    """Draw the band and let the axis show it, whatever the start of the lines."""
-    if not counts.size or not counts.any():
+def _joined(times: Array, *series: Array) -> tuple[Array, ...]:
+    """Return times and series so that a line joins the points of a sensor that is read less often than is stored.
+
+    It is broken where the gap between two points is longer than usual.
+    """
+    rows = np.flatnonzero(np.isfinite(series[0]))
+    usual = float(np.median(np.diff(rows))) if len(rows) > 1 else 1.0
+    if usual == 1:
+        return times, *series
+    breaks = np.flatnonzero(np.diff(rows) > 1.5 * usual) + 1
+    return times[np.insert(rows, breaks, 0)], *(np.insert(values[rows], breaks, np.nan) for values in series)
+
+
+def _isolated(values: Array) -> NDArray[np.bool_]:
+    """Return which values stand between two unknown ones, so that no line shows them."""
+    known = np.concatenate([[False], np.isfinite(values), [False]])
+    return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
+
+
+def _band(panel: Panel, times: Array, dof: Array) -> None:
+    """Draw the band of the fewest degrees of freedom and let the axis show it, whatever the start of the lines."""
+    if not dof.size or not dof.any():
         say(panel, "nothing to average")
         return
-    runs = np.where(counts > 0, counts, np.inf).min(axis=0)
-    bands = {n: chi_square_band(int(n), dimension) for n in np.unique(runs[np.isfinite(runs)])}
-    low = np.array([bands[n].low if n in bands else np.nan for n in runs])
-    high = np.array([bands[n].high if n in bands else np.nan for n in runs])
-    panel.fill_between(times, low, high, color=BAND, linewidth=0, zorder=0.5)
+    fewest = np.where(dof > 0, dof, np.inf).min(axis=0)
+    bands = {n: chi_square_band(1, int(n)) for n in np.unique(fewest[np.isfinite(fewest)])}
+    low = np.array([bands[n].low if n in bands else np.nan for n in fewest])
+    high = np.array([bands[n].high if n in bands else np.nan for n in fewest])
+    at, lower, upper = _joined(times, low, high)
+    panel.fill_between(at, lower, upper, color=BAND, linewidth=0, zorder=0.5)
     panel.axhline(1.0, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
     lines = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in panel.lines])
     bulk = np.quantile(lines[np.isfinite(lines)], [0.01, 0.99])

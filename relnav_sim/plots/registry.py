@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import choice, conditions, errors, geometry, over_time, spread, sweeps
+from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, spread, sweeps
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
+from relnav_sim.plots.words import FigureWords
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +30,7 @@ class FigureKind:
         draw: The function; its first argument is an opened result.
         preset: Arguments of the function that make this kind.
         papers: Which published figures are of this kind.
+        words: Its caption and alternative text, from the facts of the case; None: ``shows`` says it all.
     """
 
     name: str
@@ -36,17 +38,24 @@ class FigureKind:
     draw: Callable[..., Figure]
     preset: Mapping[str, Any] = field(default_factory=dict)
     papers: str = ""
+    words: Callable[..., FigureWords] | None = None
 
     @property
     def takes(self) -> tuple[str, ...]:
         """Names of the options it takes."""
         return tuple(name for name in list(inspect.signature(self.draw).parameters)[1:] if name not in self.preset)
 
+    def in_words(self, *about: Any) -> FigureWords:
+        """Return the words of one figure, from what they are about: a case, and what is chosen of it."""
+        if self.words is not None:
+            return self.words(*about)
+        return FigureWords(f"{self.shows[0].upper()}{self.shows[1:]}.", f"{self.shows[0].upper()}{self.shows[1:]}.")
+
 
 _SHI, _WEI = "Shi et al. 2025", "Wei, Song and Zhang 2012"
 _KINDS = (
     FigureKind("errors", "error of one filter per axis, with its ± 3 sigma, the spread of the runs and the bound",
-               errors.errors_with_envelope),
+               errors.errors_with_envelope, words=errors.errors_words),
     FigureKind("position_error", "position error per axis of several filters in one run", errors.axis_errors,
                {"quantity": "position", "at_start": False}, f"{_SHI}, Figs. 3 and 10; {_WEI}, Fig. 3"),
     FigureKind("velocity_error", "velocity error per axis of several filters in one run", errors.axis_errors,
@@ -55,21 +64,23 @@ _KINDS = (
                {"quantity": "position", "at_start": True}, f"{_SHI}, Fig. 4"),
     FigureKind("velocity_start", "the same velocity error from the start to convergence", errors.axis_errors,
                {"quantity": "velocity", "at_start": True}, f"{_SHI}, Fig. 6"),
-    FigureKind("rms", "RMS over runs against time, logarithmic, with what the filters claim and the bound",
-               over_time.rms_over_time, {"at_start": False}),
-    FigureKind("start", "the same from the start to convergence", over_time.rms_over_time, {"at_start": True}),
+    FigureKind("rms", "RMS over runs against time, logarithmic, with the formal sigma and the bound",
+               over_time.rms_over_time, {"at_start": False}, words=over_time.rms_words),
+    FigureKind("start", "the same from the start to convergence", over_time.rms_over_time, {"at_start": True},
+               words=over_time.start_words),
     FigureKind("covariance", "sigma that the filters state against their RMS error over runs, per axis",
                over_time.covariance_against_error, {}, f"{_SHI}, Figs. 7 to 9"),
     FigureKind("consistency", "NEES and NIS over time with their chi-square bands", over_time.consistency_over_time,
-               {"which": ("nees", "nis")}),
+               {"which": ("nees", "nis")}, words=over_time.consistency_words),
     FigureKind("nees", "NEES over time with its chi-square band", over_time.consistency_over_time,
                {"which": ("nees",)}),
     FigureKind("nis", "NIS over time with its chi-square band", over_time.consistency_over_time,
                {"which": ("nis",)}),
-    FigureKind("boxes", "box plots over runs of RMS, ANEES and convergence time", spread.box_plots),
+    FigureKind("boxes", "box plots over runs of RMS, ANEES and convergence time", spread.box_plots,
+               words=spread.boxes_words),
     FigureKind("violins", "the same as densities over runs", spread.violin_plots),
     FigureKind("sweep", "position and velocity RMS against what the campaign varies, with intervals",
-               sweeps.sweep_trend, {"statistics": ("rms",)}),
+               sweeps.sweep_trend, {"statistics": ("rms",)}, words=sweeps.sweep_words),
     FigureKind("sweep_moments", "mean and standard deviation of the error's size against what the campaign varies",
                sweeps.sweep_trend, {"statistics": ("mean", "std")}, f"{_SHI}, Figs. 14 and 15"),
     FigureKind("position_boxes", "box plots of the position error against what the campaign varies",
@@ -77,18 +88,25 @@ _KINDS = (
     FigureKind("velocity_boxes", "box plots of the velocity error against what the campaign varies",
                sweeps.sweep_boxes, {"quantity": "velocity"}, f"{_SHI}, Fig. 13"),
     FigureKind("heat_map", "RMS over a grid of two varied parameters, of one filter or of the best in each cell",
-               sweeps.heat_map),
-    FigureKind("cases", "position RMS of every filter in every case, with intervals", sweeps.accuracy_by_case),
+               sweeps.heat_map, words=sweeps.heat_map_words),
+    FigureKind("cases", "position RMS of every filter in every case, with intervals", sweeps.accuracy_by_case,
+               words=sweeps.accuracy_words),
     FigureKind("trajectory", "relative trajectory with the estimate, in space and in the three planes",
-               geometry.trajectory),
+               geometry.trajectory, words=geometry.trajectory_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",
                geometry.plane, {}, f"{_WEI}, Fig. 2"),
-    FigureKind("ellipses", "position errors of all runs at one epoch with 95 % ellipses, found and claimed",
+    FigureKind("ellipses", "position errors of all runs at one epoch with 95 % ellipses, of the errors and formal",
                geometry.error_ellipses),
-    FigureKind("range", "size of the errors against the true range", conditions.error_against_range),
-    FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events),
-    FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy),
-    FigureKind("worst", "the runs with the largest error, before all others", choice.worst_runs),
+    FigureKind("range", "size of the errors against the true range", conditions.error_against_range,
+               words=conditions.range_words),
+    FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events,
+               words=conditions.events_words),
+    FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
+               availability.availability_over_time, words=availability.availability_words),
+    FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy,
+               words=choice.cost_words),
+    FigureKind("worst", "the runs with the largest error, before all others", choice.worst_runs,
+               words=choice.worst_words),
 )  # fmt: skip
 FIGURE_KINDS = {kind.name: kind for kind in _KINDS}
 

@@ -12,6 +12,8 @@ from relnav_sim.plots.data import Case, chosen_filters, facts_of, speed_unit
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import boxes, violins
 from relnav_sim.plots.style import INK, house_style, line_styles, margins, new_figure, shown_name
+from relnav_sim.plots.words import FigureWords, left_out
+from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -34,6 +36,26 @@ def box_plots(results: Results, case: Case = 0, filters: Sequence[str] | None = 
         filters: The filters; default: all.
     """
     return _spread(facts_of(results, case), filters, boxes)
+
+
+def boxes_words(case: CaseFacts) -> FigureWords:
+    """Return the words of `box_plots`."""
+    text = (
+        f"Spread over runs, one figure per run (RMS and ANEES: {case.when}). Box: middle half of the runs; line: "
+        "median; whiskers: up to 1.5 box lengths; dots: single runs. Dashed: ANEES of a consistent filter."
+    )
+    never = [f"{item.name} {item.never_converged} of {item.completed}" for item in case.filters if item.never_converged]
+    parts = [f"Never converged, not drawn: {', '.join(never)}."] if never else []
+    parts = parts if case.shows_convergence else [case.not_judged]
+    medians = [
+        f"{item.name} {significant(float(np.median(item.errors('rms', case.span, 'r')[item.ok])))} m"
+        for item in case.by_accuracy
+    ]
+    return FigureWords(
+        " ".join([text, *parts, *left_out(case.filters)]),
+        "Box plots over runs of position RMS, velocity RMS, ANEES and convergence time for "
+        f"{counted(len(medians), 'filter')}. Median position RMS: {', '.join(medians)}.",
+    )
 
 
 def violin_plots(results: Results, case: Case = 0, filters: Sequence[str] | None = None) -> Figure:

@@ -32,7 +32,8 @@ _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 INK = "#222222"
 FAINT = "#8a8a8a"
 BAND = "#c9ccd1"  # spread over runs, chi-square bands
-CLAIMED = "#555555"  # what a filter states, where its own colour is taken by what it does
+OUTAGE = "#f6d9cf"  # times without readings
+FORMAL = "#555555"  # formal sigma, where a filter's own colour is taken by its errors
 BOUND = "#000000"
 
 _SETTINGS: dict[str, Any] = {

@@ -22,7 +22,7 @@ from relnav_sim.plots.facts import CaseFacts, Statistic, case_facts
 from relnav_sim.plots.panels import log_axis, say, upright_boxes
 from relnav_sim.plots.style import (
     BOUND,
-    CLAIMED,
+    FORMAL,
     house_style,
     key,
     legend_above,
@@ -35,7 +35,8 @@ from relnav_sim.plots.style import (
     shown_name,
 )
 from relnav_sim.plots.sweep_points import Leaf, Point, Trend, grid_paths, trends, varied_paths
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.plots.words import BOUND_NOTE, FigureWords
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -48,7 +49,6 @@ _NORM = {"position": "r", "velocity": "v"}
 _LOG_FROM_RATIO = 8.0
 _MOST_NUMBERS = 13
 _MOST_TICKS = 16
-_NOTHING = Interval(np.nan, np.nan, np.nan, 0.95, 0)
 
 
 def accuracy_by_case(
@@ -102,6 +102,16 @@ def accuracy_by_case(
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
+
+
+def accuracy_words(cases: Sequence[CaseFacts]) -> FigureWords:
+    """Return the words of `accuracy_by_case`."""
+    best = [f"case {case.number} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
+    return FigureWords(
+        f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. The table "
+        f"says which case a number is. {BOUND_NOTE}",
+        f"Position RMS per case and filter with intervals. Smallest: {', '.join(best)}.",
+    )
 
 
 def sweep_trend(
@@ -166,13 +176,22 @@ def sweep_trend(
         _value_axis(panels, lines)
         panels[-1].set_xlabel(axis_label(path))
         if many:
-            handles += [key(CLAIMED, "-" if not place else (0, (4, 1.5)), 1.0) for place in range(len(statistics))]
+            handles += [key(FORMAL, "-" if not place else (0, (4, 1.5)), 1.0) for place in range(len(statistics))]
         if bounded[0] is not None and not many:
             handles.append(key(BOUND, "-.", 1.0))
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         if handles:
             legend_above(figure, handles, labels)
     return figure
+
+
+def sweep_words(case: CaseFacts, along: str) -> FigureWords:
+    """Return the words of `sweep_trend`."""
+    return FigureWords(
+        f"Position and velocity RMS ({case.when}) against {along}, mean over runs with 95 % intervals. Other varied "
+        f"values are those of case {case.number}. {BOUND_NOTE}",
+        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the figures.",
+    )
 
 
 def sweep_boxes(
@@ -278,6 +297,14 @@ def heat_map(
     return figure
 
 
+def heat_map_words(case: CaseFacts, along: Sequence[str]) -> FigureWords:
+    """Return the words of `heat_map`."""
+    return FigureWords(
+        f"Position RMS ({case.when}) of the best filter of each cell over {along[0]} and {along[1]}.",
+        f"Heat map of the smallest position RMS over {along[0]} and {along[1]}; the overview table has the figures.",
+    )
+
+
 def axis_label(path: str) -> str:
     """Return the label of an axis of varied values: the last two parts of the path, the unit in brackets."""
     name = ".".join(path.split(" ")[-1].split(".")[-2:])
@@ -295,7 +322,7 @@ _UNITS = {
 
 def _over_runs(point: Point, statistic: Statistic, quantity: str) -> Interval:
     if point.filter not in point.case.names:
-        return _NOTHING
+        return NO_INTERVAL
     item = point.case.filter(point.filter)
     return mean_interval(item.errors(statistic, point.case.span, _NORM[quantity])[item.ok])
 

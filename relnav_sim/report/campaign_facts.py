@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.report.tables import Column, Row, Table, Words
-from relnav_sim.report.wording import counted, figure
 from relnav_sim.results.seal import NO_SEAL
 from relnav_sim.results.settings import filter_settings
 from relnav_sim.results.stopping import stopping_in_words
+from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -61,23 +61,34 @@ def geometry(results: Results) -> tuple[str, ...]:
 def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
     """Return how the result came about, as names and values."""
     origin = results.provenance
+    finished = shown_time(origin.finished)
     state = {1: ", with uncommitted changes", 0: ""}.get(origin.git_dirty, "")
     varied = list(dict.fromkeys(path for header in results.headers for path in header.variables))
     facts = {
         "campaign": results.campaign_name,
         "seed": str(results.seed),
         "content hash": results.campaign_hash,
+        "sensors": _sensors(results),
         "varied": ", ".join(varied) or "nothing",
         "runs": f"{results.planned_runs} of each case",
         "stopping rule": stopping_in_words(results.stopping) if results.stopping else "",
         "result file": results.path.name,
-        "computed": f"{shown_time(origin.started)} to {shown_time(origin.finished)}, {figure(origin.wall_time_s)} s",
+        "computed": f"{shown_time(origin.started)} to {finished}, {significant(origin.wall_time_s)} s",
         "source": f"{origin.git_commit}{state}" if origin.git_commit else "installed package",
         "checksum": "" if results.sealed else NO_SEAL,
         "versions": ", ".join(f"{name} {version}" for name, version in origin.versions.items()),
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
     }
     return tuple((name, value) for name, value in facts.items() if value)
+
+
+def _sensors(results: Results) -> str:
+    """Return what a reading of each sensor consists of, in words; nothing where the result does not say."""
+    found = {sensor: channels for header in results.headers for sensor, channels in header.channels.items()}
+    return "; ".join(
+        f"{sensor}: {', '.join(f'{channel.label} [{channel.unit}]' for channel in channels)}"
+        for sensor, channels in found.items()
+    )
 
 
 def filters_table(results: Results) -> Table:

@@ -8,13 +8,23 @@ from functools import partial
 
 import numpy as np
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
-from relnav_sim.report.extra_table import extra_table
-from relnav_sim.report.layouts import INTERVALS, NOT_JUDGED, not_judged, numbers, ratio_cells, worst_runs_table
+from relnav_sim.report.augmented_table import augmented_table
+from relnav_sim.report.layouts import INTERVALS, worst_runs_table
+from relnav_sim.report.metrics import (
+    NIS_PER_DOF,
+    NOT_JUDGED,
+    POSITION_RMS,
+    TIMES_BOUND,
+    VELOCITY_RMS,
+    nis_metric,
+    numbers,
+    ratio_cells,
+)
 from relnav_sim.report.ranking import Pair, Ranking
-from relnav_sim.report.tables import MISSING, Cell, Column, Number, Row, Table, Words
-from relnav_sim.report.wording import counted, figure, listed
+from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
@@ -27,12 +37,14 @@ from relnav_sim.statistics.intervals import (
     lag1_band,
     mean_interval,
     median_interval,
+    sum_band,
     wilson_interval,
 )
+from relnav_sim.statistics.verdicts import ratio_of_means
+from relnav_sim.wording import MISSING, counted, listed, significant
 
-MEASURED = 3
-"""Components of a radar measurement, polar or converted: the mean of the NIS of a consistent filter."""
 _MANY_RUNS = 100_000
+_AVAILABILITY_NOTE = " Epochs with a reading: share of the epochs of the headline span."
 _KNOWN = {
     "rejected": "measurements that the gate refused (share)",
     "ess": "effective sample size",
@@ -61,7 +73,7 @@ def comparison_table(ranking: Ranking) -> Table:
     ]
     columns = [
         Column(label, group, numeric, opens_group=label == "difference")
-        for group in ("position RMS [m]", "velocity RMS [m/s]")
+        for group in (POSITION_RMS.heading, VELOCITY_RMS.heading)
         for label, numeric in (
             ("difference", True),
             ("%", True),
@@ -90,14 +102,12 @@ def consistency_table(case: CaseFacts) -> Table:
     span = span_index(case.span)
     rows = [
         *_bound_rows(case),
-        _row(case, "ANEES, whole state", lambda item: _mean(item.figure("anees", span, 0)), opens=True),
+        _row(case, "ANEES, whole state", lambda item: mean_interval(item.per_run("anees", span, 0)), opens=True),
         _bands(case, "95 % band if consistent", lambda item: _anees_band(case, item)),
-        _row(case, "ANEES, position", lambda item: _mean(item.figure("anees", span, 1))),
-        _row(case, "ANEES, velocity", lambda item: _mean(item.figure("anees", span, 2))),
-        _row(case, "mean NIS", lambda item: _mean(item.figure("nis_mean", span)), opens=True),
-        _bands(case, "95 % band if consistent", lambda item: _nis_band(item, span)),
-        _row(case, "NIS, autocorrelation at lag 1", lambda item: _mean(item.figure("nis_lag1", span))),
-        _bands(case, "95 % band if white", lambda item: _lag_band(item, span)),
+        _row(case, "ANEES, position", lambda item: mean_interval(item.per_run("anees", span, 1))),
+        _row(case, "ANEES, velocity", lambda item: mean_interval(item.per_run("anees", span, 2))),
+        *_nis_rows(case),
+        *_sensor_rows(case),
     ]
     for block, name in enumerate(("whole state", "position", "velocity")):
         for level, probability in enumerate(layout.LEVELS[:4]):
@@ -110,12 +120,73 @@ def consistency_table(case: CaseFacts) -> Table:
         f"Consistency ({case.when})",
         f"{INTERVALS} RMS / bound: of the error and of the Cramér-Rao bound over all runs and stored epochs; at the "
         "bound of its own model a filter is as good as it expects to be. ANEES: 1 for a consistent filter; its band "
-        "counts the epochs as as many independent ones as the correlation of the NEES leaves. NIS: the dimension of "
-        "the measurement, 3, and no correlation between updates. Ellipsoids: as many percent of the epochs as they are "
-        "named for."
+        "counts the epochs as as many independent ones as the correlation of the NEES leaves. NIS: "
+        f"{_expected_nis(case)}, and no correlation between updates. "
+        "Ellipsoids: as many percent of the epochs as they are named for."
         f"{no_band_note(case)}",
         rows,
     )
+
+
+def _nis_rows(case: CaseFacts) -> list[Row]:
+    """Return the NIS over all sensors: its mean, or where updates had different dimensions its mean per degree."""
+    span, metric = span_index(case.span), nis_metric([case])
+
+    def band(item: FilterFacts) -> Band | None:
+        dof, updates = (int(values[item.ok, span].sum()) for values in (item.dof, item.stored["updates"]))
+        if not dof or not item.nis_is_chi_square:
+            return None
+        return sum_band(dof, dof if metric is NIS_PER_DOF else updates)
+
+    def white(item: FilterFacts) -> Band | None:
+        updates = int(item.per_run("updates", span).sum())
+        return lag1_band(updates) if updates else None
+
+    return [
+        Row(metric.label, metric.row(case, case.span), metric.unit, opens_block=True),
+        _bands(case, "95 % band if consistent", band),
+        _row(case, "NIS, autocorrelation at lag 1", lambda item: mean_interval(item.per_run("nis_lag1", span))),
+        _bands(case, "95 % band if white", white),
+    ]
+
+
+def _sensor_rows(case: CaseFacts) -> list[Row]:
+    """Return the NIS of each sensor by itself, with its own degrees of freedom; none of the only sensor."""
+    rows: list[Row] = []
+    for sensor in case.sensors if len(case.sensors) > 1 else ():
+        rows += [
+            _row(case, f"{NIS_PER_DOF.label}, {sensor}", partial(_sensor_nis, case, sensor), opens=True),
+            _bands(case, f"95 % band if consistent, {sensor}", partial(_sensor_band, case, sensor)),
+            _row(case, f"NIS, autocorrelation at lag 1, {sensor}", partial(_sensor_lag1, case, sensor)),
+            _bands(case, f"95 % band if white, {sensor}", partial(_sensor_white, case, sensor)),
+        ]
+    return rows
+
+
+def _sensor_nis(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
+    total, dof = (item.of_sensor(sensor, name, case.span) for name in ("nis_sum", "dof_sum"))
+    return ratio_of_means(total, dof)
+
+
+def _sensor_band(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
+    dof = float(np.nansum(item.of_sensor(sensor, "dof_sum", case.span)))
+    return sum_band(dof, dof) if dof and sensor not in item.mixture_sensors else None
+
+
+def _sensor_lag1(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
+    return mean_interval(item.of_sensor(sensor, "nis_lag1", case.span))
+
+
+def _sensor_white(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
+    updates = int(np.nansum(item.of_sensor(sensor, "updates", case.span)))
+    return lag1_band(updates) if updates else None
+
+
+def _expected_nis(case: CaseFacts) -> str:
+    if case.mixes_dimensions:
+        return "1 per degree of freedom, which are the channels that were present"
+    known = "" if case.dimension is None else f", {case.dimension}"
+    return f"the dimension of the measurement{known}"
 
 
 def no_band_note(case: CaseFacts) -> str:
@@ -143,7 +214,7 @@ def convergence_table(case: CaseFacts) -> Table:
             rows.append(Row(label, (Words(NOT_JUDGED),) * len(case.filters)))
             continue
         rows.append(_row(case, label, _median_time(name), "s"))
-        reached = [int(np.isfinite(item.figure(name)).sum()) for item in case.filters]
+        reached = [int(np.isfinite(item.per_run(name)).sum()) for item in case.filters]
         cells = tuple(_rate(count, item.completed) for count, item in zip(reached, case.filters, strict=True))
         rows.append(Row("… reached by", cells, "% of runs"))
     for place, threshold in enumerate(layout.THRESHOLDS_M if case.shows_convergence else ()):
@@ -155,7 +226,7 @@ def convergence_table(case: CaseFacts) -> Table:
         "Convergence of the position error",
         "First time from which the position error stays below a size: median over the completed runs, ∞ where fewer "
         "than half of them get there, with its exact 95 % interval. Shares of runs with their Wilson interval."
-        f"{'' if case.shows_convergence else ' ' + not_judged(case)}",
+        f"{'' if case.shows_convergence else ' ' + case.not_judged}",
         rows,
     )
 
@@ -189,6 +260,7 @@ def reliability_table(case: CaseFacts) -> Table:
             "% of runs",
         ),
     ]
+    rows += _availability_rows(case)
     names = sorted({name for item in case.filters for name in item.diagnostics})
     for place, name in enumerate(names):
         rows.append(_row(case, _KNOWN.get(name, name), _diagnostic(name), opens=place == 0))
@@ -198,9 +270,33 @@ def reliability_table(case: CaseFacts) -> Table:
         "Reliability and diagnostics",
         "Rates with their Wilson interval. Diverged: failed, or beyond the 0.9999 ellipsoid of its own covariance for "
         "more than 5 % of the last half of the run, or, where the result holds a bound, more than ten times the bound "
-        "off for 50 s at the stored epochs. Below: what the filters report of their own working, mean over updates.",
+        "off for 50 s at the stored epochs. Below: what the filters report of their own working, mean over updates."
+        f"{_AVAILABILITY_NOTE if _availability_rows(case) else ''}",
         rows,
     )
+
+
+def _availability_rows(case: CaseFacts) -> list[Row]:
+    """Return in how many of the epochs each sensor gave a reading; nothing where an only sensor did in all of them."""
+    shares = {sensor: [_readings(case, sensor, item) for item in case.filters] for sensor in case.sensors}
+    if len(shares) == 1 and not any(share < 100 for share in next(iter(shares.values()))):
+        return []
+    return [
+        Row(
+            f"epochs with a reading, {sensor}",
+            tuple(Number(share, decimals=1) for share in found),
+            "%",
+            opens_block=not n,
+        )
+        for n, (sensor, found) in enumerate(shares.items())
+    ]
+
+
+def _readings(case: CaseFacts, sensor: str, item: FilterFacts) -> float:
+    """Return in how many per cent of the epochs of all completed runs the sensor gave a reading; NaN without it."""
+    span = span_index(case.span)
+    updates, epochs = item.of_sensor(sensor, "updates", case.span).sum(), item.per_run("epochs", span).sum()
+    return float(100 * updates / epochs) if epochs else math.nan
 
 
 def _table(case: CaseFacts, what: str, title: str, caption: str, rows: Sequence[Row]) -> Table:
@@ -225,7 +321,7 @@ def _bound_rows(case: CaseFacts) -> list[Row]:
         "own model": [item.times_own_bound[case.span] for item in case.filters],
     }
     return [
-        Row(f"position RMS / bound, {model}", ratio_cells(case, ratios))
+        Row(f"{TIMES_BOUND.label}, {model}", ratio_cells(case, ratios))
         for model, ratios in named.items()
         if any(math.isfinite(ratio.estimate) for ratio in ratios)
     ]
@@ -236,7 +332,7 @@ def _bands(case: CaseFacts, label: str, of: Callable[[FilterFacts], Band | None]
 
 
 def _band_cell(band: Band | None) -> Cell:
-    return Words(MISSING) if band is None else Words(f"[{figure(band.low, 4)}, {figure(band.high, 4)}]")
+    return Words(MISSING) if band is None else Words(f"[{significant(band.low, 4)}, {significant(band.high, 4)}]")
 
 
 def _pair_cells(pair: Pair | None, unit: str, first: str = "") -> tuple[Cell, ...]:
@@ -293,24 +389,20 @@ def _equal_in_all(comparison: Comparison) -> bool:
     return difference.low == difference.estimate == difference.high == 0
 
 
-def _mean(values: Array) -> Interval:
-    return mean_interval(values)
-
-
 def _percent_of(span: int, block: int, level: int) -> Figure:
-    return lambda item: mean_interval(100 * item.figure("coverage", span, block, level), most=100)
+    return lambda item: mean_interval(100 * item.per_run("coverage", span, block, level), most=100)
 
 
 def _quantile(span: int, norm: int, place: int) -> Figure:
-    return lambda item: mean_interval(item.figure("quantile", span, norm, place))
+    return lambda item: mean_interval(item.per_run("quantile", span, norm, place))
 
 
 def _largest(span: int, quantity: int, over: Callable[[Array], float]) -> Figure:
     def of(item: FilterFacts) -> Interval:
-        values = item.figure("max", span, quantity)
+        values = item.per_run("max", span, quantity)
         if over is np.mean or not len(values):
             return mean_interval(values)
-        return Interval(float(over(values)), math.nan, math.nan, 0.95, len(values))
+        return Interval(float(over(values)), math.nan, math.nan, CONFIDENCE, len(values))
 
     return of
 
@@ -321,7 +413,7 @@ def _diagnostic(name: str) -> Figure:
 
 def _median_time(name: str, *place: int) -> Figure:
     def of(item: FilterFacts) -> Interval:
-        times = item.figure(name, *place)
+        times = item.per_run(name, *place)
         return median_interval(np.where(np.isnan(times), np.inf, times))
 
     return of
@@ -342,22 +434,6 @@ def _anees_band(case: CaseFacts, item: FilterFacts) -> Band | None:
     return chi_square_band(item.completed, layout.BLOCK_SIZES[0], samples)
 
 
-def _nis_band(item: FilterFacts, span: int) -> Band | None:
-    if not item.nis_is_chi_square:
-        return None
-    updates = _updates(item, span)
-    return chi_square_band(updates, MEASURED, normalised=False) if updates else None
-
-
-def _lag_band(item: FilterFacts, span: int) -> Band | None:
-    updates = _updates(item, span)
-    return lag1_band(updates) if updates else None
-
-
-def _updates(item: FilterFacts, span: int) -> int:
-    return int(item.figure("updates", span).sum())
-
-
 def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]:
     """Return what makes every further table of a case that has runs, by what it is about; None: nothing to show."""
     case = ranking.case
@@ -368,6 +444,6 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         "consistency": partial(consistency_table, case),
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),
-        "extra states": partial(extra_table, case),
+        "augmented states": partial(augmented_table, case),
         "reliability": partial(reliability_table, case),
     }

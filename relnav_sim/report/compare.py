@@ -15,20 +15,19 @@ import numpy as np
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number, verdict_in_words
-from relnav_sim.report.layouts import numbers
+from relnav_sim.report.metrics import CONVERGENCE, POSITION_RMS, VELOCITY_RMS, Metric, numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import short_labels
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
 from relnav_sim.results.seal import NO_SEAL
-from relnav_sim.statistics.intervals import Comparison, Interval, mean_interval, paired_differences
+from relnav_sim.statistics.intervals import NO_INTERVAL, Comparison, mean_interval, paired_differences
+from relnav_sim.wording import short_labels
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-_FIGURES = ("position RMS", "velocity RMS", "convergence time")
-_UNITS = {"position RMS": "m", "velocity RMS": "m/s", "convergence time": "s"}
+_COMPARED = (POSITION_RMS, VELOCITY_RMS, CONVERGENCE)
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class _Row:
 
     case: str
     filters: tuple[str, str]
-    figure: str
+    metric: Metric
 
 
 @dataclass(frozen=True)
@@ -86,11 +85,11 @@ def compare(first: Side, second: Side) -> Compared:
         for names in _filters(first, second, one, other, reasons, labels[index]):
             notes += _other_settings(a, b, index, places[header.id], names)
             runs = 0
-            for figure in _FIGURES:
-                values = _paired(one.filter(names[0]), other.filter(names[1]), one, figure)
+            for metric in _COMPARED:
+                values = _paired(one.filter(names[0]), other.filter(names[1]), one, metric)
                 runs = max(runs, len(values[0]))
                 if len(values[0]):
-                    found[_Row(labels[index], names, figure)] = values
+                    found[_Row(labels[index], names, metric)] = values
             if not runs:
                 reasons.append(f"case {labels[index]}: {' and '.join(names)} have no completed run in common")
     keys = [
@@ -137,18 +136,12 @@ def _other_settings(a: Results, b: Results, index: int, place: int, names: tuple
     return [f"{names[0]} has other settings in each of the two"]
 
 
-def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, figure: str) -> tuple[Array, Array]:
-    """Return a figure of both filters on their common runs."""
+def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, metric: Metric) -> tuple[Array, Array]:
+    """Return a metric of both filters on their common runs."""
     _, here, there = np.intersect1d(one.runs, other.runs, return_indices=True)
-    first, second = (np.where(item.ok, _figure(item, case, figure), np.nan) for item in (one, other))
+    first, second = (np.where(item.ok, metric.per_run(item, case.span), np.nan) for item in (one, other))
     both = np.isfinite(first[here]) & np.isfinite(second[there])
     return first[here][both], second[there][both]
-
-
-def _figure(item: FilterFacts, case: CaseFacts, figure: str) -> Array:
-    if figure == "convergence time":
-        return item.convergence_s
-    return item.errors("rms", case.span, "r" if figure == "position RMS" else "v")
 
 
 def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) -> Table:
@@ -160,12 +153,12 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
                 key.case,
                 (
                     Words(" against ".join(dict.fromkeys(key.filters))),
-                    Words(key.figure),
+                    Words(key.metric.label),
                     *numbers([mean_interval(one), mean_interval(other)]),
                     *_cells(compared[key], float(other.mean())),
                 ),
-                unit=_UNITS[key.figure],
-                opens_block=key.figure == _FIGURES[0],
+                unit=key.metric.unit,
+                opens_block=key.metric is POSITION_RMS,
             )
         )
     headings = ("filters", "figure", first.name, second.name, "difference", "%", "verdict", "p", "runs")
@@ -185,7 +178,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
 
 def _cells(comparison: Comparison, reference: float) -> Sequence[Cell]:
     difference = comparison.difference
-    percent = in_percent(difference, reference) if reference else Interval(np.nan, np.nan, np.nan, 0.95, 0)
+    percent = in_percent(difference, reference) if reference else NO_INTERVAL
     return (
         *numbers([difference]),
         *numbers([percent]),

@@ -41,7 +41,7 @@ _READING = (
     "intervals of differences hold at 95 % for all pairs of a case together (Holm 1979); cases are not adjusted for "
     "each other.",
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
-    "more where it claims too much, less where it claims too little.",
+    "more where it is overconfident, less where it is conservative.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
     "CPU time is measured while blocks of runs are filtered together; it depends on the machine.",
 )

@@ -18,6 +18,7 @@ from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, axis_names
 from relnav_sim.plots.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.printable import visible
+from relnav_sim.results import layout
 from relnav_sim.statistics.intervals import chi_square_band
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ _MOST_POINTS, _FEWEST_POINTS = 600, 60
 _CURVES, _AXIS_CURVES = 6, 12
 _MOST_WITH_AXES = 80  # cases times filters
 _AT_START = 4  # one point in so many is spent on the start, where every epoch is kept
-_STATE, _MEASUREMENT = 6, 3
+_STATE = layout.BLOCK_SIZES[0]
 
 
 def points_of(cases: int, filters: int) -> tuple[int, bool]:
@@ -87,7 +88,7 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
         "bound": {}
         if bound is None
         else {"position": packed(bound[:, 6], True), "velocity": packed(bound[:, 7], True)},
-        "bands": {"nees": _band(counts, _STATE), "nis": _band(chi_square_counts, _MEASUREMENT)},
+        "bands": {"nees": _band(counts, _STATE), "nis": _band(chi_square_counts, case.dimension)},
         "axes": list(axis_names(case.axes)) if with_axes else [],
     }
 
@@ -110,14 +111,16 @@ def _filter_curves(
     curves: dict[str, Any] = {"runs": item.completed, "median": item.median_run(case.span)}
     for name, part in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
         curves[name] = packed(rms_over_runs(errors[..., part]), True)
-        curves[f"{name}_claimed"] = packed(rms_over_runs(sigmas[..., part]), True)
-    for name, read, dimension in (("nees", results.nees, _STATE), ("nis", results.nis, _MEASUREMENT)):
-        curves[name] = packed(_mean(read(case.index, item.name)[:, rows][item.ok]) / dimension)
+        curves[f"{name}_formal"] = packed(rms_over_runs(sigmas[..., part]), True)
+    nees, nis = (read(case.index, item.name)[:, rows][item.ok] for read in (results.nees, results.nis))
+    dof = results.dof(case.index, item.name)[:, rows][item.ok]
+    curves["nees"] = packed(_mean(nees) / _STATE)
+    curves["nis"] = packed(_mean(nis) / _mean(np.where(np.isfinite(nis), dof, np.nan)))
     if with_axes:
         row = item.median_row(case.span)
         for place, name in enumerate(AXIS_COMPONENTS):
             curves[name] = packed(errors[row, :, place])
-            curves[f"{name}_claimed"] = packed(sigmas[row, :, place])
+            curves[f"{name}_formal"] = packed(sigmas[row, :, place])
     return curves
 
 
@@ -127,8 +130,8 @@ def _mean(values: Array) -> Array:
     return np.where(known, values, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
 
 
-def _band(counts: Sequence[int], dimension: int) -> list[float]:
-    if not counts:
+def _band(counts: Sequence[int], dimension: int | None) -> list[float]:
+    if not counts or dimension is None:
         return []
     band = chi_square_band(min(counts), dimension)
     return [float(f"{band.low:.5g}"), float(f"{band.high:.5g}")]

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from relnav_sim.plots.axes import COMPONENTS, describe_axes
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span
-from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words, decimals_for
-from relnav_sim.report.wording import counted, figure
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.plots.facts import CaseFacts, Span
+from relnav_sim.report.metrics import ANEES, CONVERGENCE, CPU, FAILED, nis_metric, numbers
+from relnav_sim.report.tables import Column, Row, Table, Words
+from relnav_sim.statistics.intervals import mean_interval
+from relnav_sim.wording import significant
 
 INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
 _NO_RUN = "No run was completed: there are no figures."
 WORST_RUNS = 2
-NOT_JUDGED = "cannot be judged"
-_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
 
@@ -43,14 +40,8 @@ def case_table(case: CaseFacts, span: Span) -> Table:
         cells = numbers(figures)
         rows.append(Row(_HEADINGS.get(component, component), cells, unit, opens_block=component == "vx"))
     rows += [
-        Row("convergence time", convergence_cells(case, 2), "s", opens_block=True),
-        Row("ANEES", numbers([mean_interval(item.consistency("anees", span)[item.ok]) for item in case.filters], 2)),
-        Row(
-            "mean NIS",
-            numbers([mean_interval(item.consistency("nis", span)[item.ok]) for item in case.filters], 2),
-        ),
-        Row("CPU per step", numbers([mean_cost(item) for item in case.filters], 2), "µs"),
-        Row("failed runs", tuple(failed_cell(item, span=2) for item in case.filters)),
+        Row(metric.label, metric.row(case, span, width=2), metric.unit, opens_block=metric is CONVERGENCE)
+        for metric in (CONVERGENCE, ANEES, nis_metric([case]), CPU, FAILED)
     ]
     where = f"t ≥ {case.settle_s:g} s" if span == "settled" else "the whole span"
     return Table(
@@ -96,7 +87,7 @@ def worst_runs_table(case: CaseFacts) -> Table:
         sizes, times = item.errors("rms", case.span, "r"), item.times_median(case.span)
         for row in item.worst_rows(case.span, WORST_RUNS) if item.completed > WORST_RUNS else ():
             lost = " (diverged)" if item.diverged[row] else ""
-            words = f"{item.name} {figure(sizes[row])} m, {figure(times[row], 2)} times its median{lost}"
+            words = f"{item.name} {significant(sizes[row])} m, {significant(times[row], 2)} times its median{lost}"
             found.setdefault(int(item.runs[row]), []).append(words)
     rows = [
         Row(f"run {run}", (Words("; ".join(words)), Words(case.trace_command(run)))) for run, words in found.items()
@@ -111,68 +102,6 @@ def worst_runs_table(case: CaseFacts) -> Table:
     )
 
 
-def numbers(figures: Sequence[Interval], span: int = 1, notes: Sequence[str] = ()) -> tuple[Number, ...]:
-    """Return figures of one row with a common number of decimals."""
-    decimals = decimals_for([f.estimate for f in figures], [(f.high - f.low) / 2 for f in figures])
-    return tuple(
-        Number(f.estimate, f.low, f.high, decimals, span, note)
-        for f, note in zip(figures, notes or [""] * len(figures), strict=True)
-    )
-
-
-def ratio_cells(case: CaseFacts, ratios: Sequence[Interval]) -> tuple[Cell, ...]:
-    """Return each filter's ratio to a bound, with how many of its runs diverged; no number where most of them did."""
-    shown = numbers(
-        [_NOTHING if item.mostly_diverged else ratio for item, ratio in zip(case.filters, ratios, strict=True)]
-    )
-    return tuple(
-        cell
-        if not item.diverged_completed
-        else Words(diverged_note(item), math.inf, mark="failed")
-        if item.mostly_diverged
-        else replace(cell, note=f"({diverged_note(item)})", mark="failed")
-        for item, cell in zip(case.filters, shown, strict=True)
-    )
-
-
-def diverged_note(item: FilterFacts) -> str:
-    """Return in how many of its runs a filter diverged, those that failed left out."""
-    return f"diverged in {item.diverged_completed} of {counted(item.completed, 'run')}"
-
-
-def mean_cost(item: FilterFacts) -> Interval:
-    """Return the mean CPU time per filter step, microseconds.
-
-    Without an interval: runs of one block are timed together, so they are no sample.
-    """
-    known = item.cpu_us[item.ok & np.isfinite(item.cpu_us)]
-    return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, 0.95, known.size)
-
-
-def failed_cell(item: FilterFacts, span: int = 1) -> Words:
-    """Return how many of a filter's runs failed."""
-    total = len(item.runs)
-    return Words(f"{item.failed} of {total}", item.failed / total, span, mark="failed" if item.failed else "")
-
-
-def convergence_cells(case: CaseFacts, span: int = 1) -> tuple[Cell, ...]:
-    """Return each filter's convergence time, where a run is long enough to show one."""
-    if not case.shows_convergence:
-        return (Words(NOT_JUDGED, math.inf, span),) * len(case.filters)
-    times = [mean_interval(item.convergence_s[item.ok]) for item in case.filters]
-    return numbers(times, span, [_converged_note(item) for item in case.filters])
-
-
-def not_judged(case: CaseFacts) -> str:
-    """Return why convergence cannot be judged."""
-    return f"Convergence cannot be judged: it is to last {case.hold_s:g} s, and no run is longer than that."
-
-
-def _converged_note(item: FilterFacts) -> str:
-    """Return in how many runs a filter converged, where not in all."""
-    return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
-
-
 def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     """Return what a reader must know to read the figures of these cases."""
     filters = [item for case in cases for item in case.filters]
@@ -181,7 +110,7 @@ def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     notes.append(INTERVALS if most > 1 else _ONE_RUN if most else _NO_RUN)
     if failed := sum(item.failed for item in filters):
         notes.append(f"{failed} failed run{'s are' if failed > 1 else ' is'} counted, and left out of every mean.")
-    notes += list(dict.fromkeys(not_judged(case) for case in cases if not case.shows_convergence))
+    notes += list(dict.fromkeys(case.not_judged for case in cases if not case.shows_convergence))
     levels = {(case.convergence_m, case.hold_s) for case in cases if case.shows_convergence}
     if len(levels) == 1 and np.isfinite(next(iter(levels))).all():
         size, hold = levels.pop()

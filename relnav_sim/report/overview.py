@@ -6,32 +6,34 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from relnav_sim.report.layouts import convergence_cells, failed_cell, mean_cost, numbers, ratio_cells, reading_notes
+from relnav_sim.report.layouts import reading_notes
+from relnav_sim.report.metrics import (
+    ANEES,
+    CONVERGENCE,
+    CPU,
+    FAILED,
+    POSITION_RMS,
+    TIMES_BOUND,
+    VELOCITY_RMS,
+    Metric,
+    nis_metric,
+    numbers,
+)
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import short_labels
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.wording import short_labels
 
-_LIMIT = "position RMS / bound"
-_FIGURES = (
-    "position RMS [m]",
-    "velocity RMS [m/s]",
-    "RMS above the best [%]",
-    _LIMIT,
-    "convergence [s]",
-    "ANEES",
-    "mean NIS",
-    "CPU per step [µs]",
-)
-_NOTHING = Interval(math.nan, math.nan, math.nan, 0.95, 0)
+_ABOVE_BEST = Column("RMS above the best [%]")
+_ERRORS = (POSITION_RMS, VELOCITY_RMS)
 
 
 def overview_table(rankings: Sequence[Ranking]) -> Table:
     """Return one row per case and filter with the headline figures; without a column of cases if there is one."""
     cases = [ranking.case for ranking in rankings]
     bounded = any(math.isfinite(item.times_bound[case.span].estimate) for case in cases for item in case.filters)
-    figures = [label for label in _FIGURES if bounded or label != _LIMIT]
-    columns = [*(Column(label) for label in figures), Column("failed runs", numeric=False)]
+    others = [TIMES_BOUND, CONVERGENCE, ANEES, nis_metric(cases), CPU, FAILED]
+    others = [metric for metric in others if bounded or metric is not TIMES_BOUND]
+    columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [
             f"{c.number}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
@@ -46,10 +48,10 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
                 record=heading,
             )
             for ranking, heading in zip(rankings, headings, strict=True)
-            for place, row in enumerate(_rows(ranking, bounded))
+            for place, row in enumerate(_rows(ranking, others))
         ]
     else:
-        rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking, bounded)]
+        rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking, others)]
     spans = {case.when for case in cases}
     over = spans.pop() if len(spans) == 1 else "the settled span"
     above = "Above the best: relative difference on the same runs."
@@ -70,20 +72,13 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     )
 
 
-def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
+def _rows(ranking: Ranking, others: Sequence[Metric]) -> list[Row]:
     """Return a row per filter of a case, headed by the filter's name; figures of one column share their decimals."""
     case = ranking.case
-    standings = [ranking.of(item.name) for item in case.filters]
     columns = (
-        numbers([_NOTHING if standing is None else standing.position for standing in standings]),
-        numbers([_NOTHING if standing is None else standing.velocity for standing in standings]),
+        *(metric.row(case, case.span) for metric in _ERRORS),
         [_above_best(ranking, item.name) for item in case.filters],
-        *([ratio_cells(case, [item.times_bound[case.span] for item in case.filters])] if bounded else []),
-        convergence_cells(case),
-        numbers([mean_interval(item.consistency("anees", case.span)[item.ok]) for item in case.filters]),
-        numbers([mean_interval(item.consistency("nis", case.span)[item.ok]) for item in case.filters]),
-        numbers([mean_cost(item) for item in case.filters]),
-        [failed_cell(item) for item in case.filters],
+        *(metric.row(case, case.span) for metric in others),
     )
     key = str(case.number)
     rows = [
@@ -92,6 +87,10 @@ def _rows(ranking: Ranking, bounded: bool) -> list[Row]:
     ]
     waiting = Words("no run yet", span=len(columns))
     return rows + [Row(name, (waiting,), key=key, order=case.number) for name in case.waiting]
+
+
+def _column(metric: Metric) -> Column:
+    return Column(metric.heading, numeric=metric.numeric)
 
 
 def _above_best(ranking: Ranking, name: str) -> Cell:

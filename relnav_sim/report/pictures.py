@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from relnav_sim import plots
+from relnav_sim.plots.availability import has_outage
 from relnav_sim.plots.conditions import events_of
 from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.sweep_points import grid_paths, varied_paths
-from relnav_sim.report import captions
 from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
 from relnav_sim.report.ranking import Ranking
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from relnav_sim.results.read import Results
 
 FIGURES_OF_A_CASE = 6  # about, and one per filter
@@ -36,7 +38,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
 
     def accuracy() -> Drawing:
         figure = plots.accuracy_by_case(results, cases)
-        return Drawing(figure, captions.accuracy_caption(cases), captions.accuracy_alt(rankings))
+        return _described("cases", figure, cases)
 
     def sweep() -> Drawing | None:
         varied = varied_paths(results)
@@ -45,7 +47,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
             return None
         path = max(numbers, key=lambda path: len(set(varied[path])))
         figure = plots.sweep_trend(results, cases[0])
-        return Drawing(figure, captions.sweep_caption(path, cases[0]), captions.sweep_alt(path))
+        return _described("sweep", figure, cases[0], path)
 
     def heat_map() -> Drawing | None:
         try:
@@ -53,7 +55,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
         except plots.FigureError:
             return None
         figure = plots.heat_map(results)
-        return Drawing(figure, captions.heat_map_caption(grid, cases[0]), captions.heat_map_alt(grid))
+        return _described("heat_map", figure, cases[0], grid)
 
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})
 
@@ -72,36 +74,43 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
 
     def rms() -> Drawing:
         figure = plots.rms_over_time(results, case)
-        return Drawing(figure, captions.rms_caption(case), captions.rms_alt(case, ranking))
+        return _described("rms", figure, case)
 
     def consistency() -> Drawing:
         figure = plots.consistency_over_time(results, case)
-        return Drawing(figure, captions.consistency_caption(case), captions.consistency_alt(case))
+        return _described("consistency", figure, case)
 
     def boxes() -> Drawing:
         figure = plots.box_plots(results, case)
-        return Drawing(figure, captions.boxes_caption(case), captions.boxes_alt(case, ranking))
+        return _described("boxes", figure, case)
 
     def cost() -> Drawing | None:
         if len(ranking.standings) < 2:
             return None
         figure = plots.cost_against_accuracy(results, case)
-        return Drawing(figure, captions.cost_caption(case), captions.cost_alt(case))
+        return _described("cost", figure, case)
 
     def errors(name: str) -> Drawing:
         figure = plots.errors_with_envelope(results, case, name)
-        return Drawing(figure, captions.errors_caption(case, name), captions.errors_alt(case, name, ranking))
+        return _described("errors", figure, case, name)
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}
     if closely:
         pieces["start"] = partial(_start, results, case)
     pieces |= {"consistency": consistency, "boxes": boxes, "cost": cost}
+    pieces |= {"availability": partial(_availability, results, case)}
     pieces |= {"range": partial(_range, results, case), "events": partial(_events, results, case)}
     if ranking.standings and closely:
         pieces |= {"worst": partial(_worst, results, case), "trajectory": partial(_trajectory, results, case)}
     yield from _drawn(folder, {f"{start}_{name}": make for name, make in pieces.items()})
     for number, name in enumerate(case.names):
         yield from _drawn(folder, {f"{start}_errors_{file_name(name, number)}": partial(errors, name)}, name)
+
+
+def _described(kind: str, figure: Figure, *about: Any) -> Drawing:
+    """Return a figure with the words of its kind."""
+    words = plots.FIGURE_KINDS[kind].in_words(*about)
+    return Drawing(figure, words.caption, words.alt)
 
 
 def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], filter: str = "") -> Iterator[Picture]:
@@ -115,7 +124,7 @@ def _start(results: Results, case: CaseFacts) -> Drawing | None:
     if span >= _WORTH_A_ZOOM * case.times_s[-1]:
         return None
     figure = plots.rms_over_time(results, case, until_s=span, at_start=True)
-    return Drawing(figure, captions.start_caption(case, span), captions.start_alt(span))
+    return _described("start", figure, case, span)
 
 
 def _range(results: Results, case: CaseFacts) -> Drawing | None:
@@ -125,22 +134,29 @@ def _range(results: Results, case: CaseFacts) -> Drawing | None:
     ranges = ranges[:, settled if settled.any() else slice(None)]
     if not (ranges.min() > 0 and ranges.max() > _WORTH_A_RANGE * ranges.min()):
         return None
-    return Drawing(plots.error_against_range(results, case), captions.range_caption(case), captions.RANGE_ALT)
+    return _described("range", plots.error_against_range(results, case), case)
+
+
+def _availability(results: Results, case: CaseFacts) -> Drawing | None:
+    """Return when sensors gave readings, where there are several, or the only one has an outage."""
+    if len(case.sensors) < 2 and not has_outage(case):
+        return None
+    return _described("availability", plots.availability_over_time(results, case), case)
 
 
 def _events(results: Results, case: CaseFacts) -> Drawing | None:
     if not any(len(rows) for item in case.filters for rows in events_of(results, case, item).values()):
         return None
-    return Drawing(plots.error_around_events(results, case), captions.EVENTS_CAPTION, captions.EVENTS_ALT)
+    return _described("events", plots.error_around_events(results, case), case)
 
 
 def _worst(results: Results, case: CaseFacts) -> Drawing:
     name = leading_filter(case)
     figure = plots.worst_runs(results, case, name)
-    return Drawing(figure, captions.worst_caption(case, name), captions.worst_alt(case, name))
+    return _described("worst", figure, case, name)
 
 
 def _trajectory(results: Results, case: CaseFacts) -> Drawing:
     name = leading_filter(case)
     figure = plots.trajectory(results, case, [name], axes=case.axes)
-    return Drawing(figure, captions.trajectory_caption(case, name), captions.trajectory_alt(case, name))
+    return _described("trajectory", figure, case, [name])

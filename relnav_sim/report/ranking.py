@@ -20,15 +20,13 @@ import numpy as np
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.statistics.intervals import (
+    NO_INTERVAL,
     Comparison,
     Interval,
     fewest_runs_to_decide,
     mean_interval,
     paired_differences,
 )
-
-LEVEL = 0.95
-_NOTHING = Interval(math.nan, math.nan, math.nan, LEVEL, 0)
 
 
 @dataclass(frozen=True)
@@ -112,7 +110,7 @@ class Ranking:
     @property
     def fewest_runs(self) -> int:
         """The number of runs below which no pair can be decided, however large its difference."""
-        return fewest_runs_to_decide(len(self.position), LEVEL)
+        return fewest_runs_to_decide(len(self.position))
 
     @property
     def has_too_few_runs(self) -> bool:
@@ -126,18 +124,15 @@ class Ranking:
 
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
-    held = [item for item in case.filters if item.completed]
-    position = {item.name: mean_interval(_completed(item, case, "r")) for item in held}
-    # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
-    order = sorted(position, key=lambda name: (not np.isfinite(position[name].estimate), position[name].estimate))
+    order = [item.name for item in case.by_accuracy]
     pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
     against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
     for name in order:
         facts, pair = case.filter(name), against.get(name)
-        velocity = mean_interval(_completed(facts, case, "v"))
-        comparison, percent = (pair.comparison, pair.percent) if pair else (None, _NOTHING)
-        standings.append(Standing(facts, position[name], velocity, comparison, percent))
+        position, velocity = (mean_interval(_completed(facts, case, component)) for component in ("r", "v"))
+        comparison, percent = (pair.comparison, pair.percent) if pair else (None, NO_INTERVAL)
+        standings.append(Standing(facts, position, velocity, comparison, percent))
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
 
 
@@ -161,7 +156,7 @@ def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair,
             differences[first, second], references[first, second] = a - b, float(b.mean())
     return tuple(
         Pair(first, second, comparison, in_percent(comparison.difference, references[first, second]))
-        for (first, second), comparison in paired_differences(differences, LEVEL).items()
+        for (first, second), comparison in paired_differences(differences).items()
     )
 
 

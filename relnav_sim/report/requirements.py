@@ -14,15 +14,16 @@ from relnav_sim.campaign.requirements import (
     ErrorsRequirement,
     FailedRequirement,
     NeesRequirement,
+    NisRequirement,
     RmsRequirement,
     stored_requirements,
 )
-from relnav_sim.report.layouts import numbers
+from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
-from relnav_sim.report.wording import figure, listed, short_labels
 from relnav_sim.results.block import ResultsError
 from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, Verdict, judge, overall
+from relnav_sim.wording import listed, short_labels, significant
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -63,8 +64,12 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return f"RMS of {_errors_of(requirement.quantity)} below {size}, {requirement.span} span"
         case NeesRequirement():
             part = "" if requirement.block == "full" else f", {requirement.block}"
-            low, high = _nees_limits(requirement)
+            low, high = _sigma_limits(requirement)
             return f"ANEES{part} between {low:.3g} and {high:.3g}, {requirement.span} span"
+        case NisRequirement():
+            of = "" if requirement.sensor is None else f" of {requirement.sensor}"
+            low, high = _sigma_limits(requirement)
+            return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {requirement.span} span"
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
@@ -132,7 +137,7 @@ def _cells(item: Judgement) -> tuple[Cell, ...]:
     found = item.finding
     if found is None:
         return (Words(item.basis), verdict, Words(""), Words(""), Words(item.basis))
-    if isinstance(item.requirement, RmsRequirement | NeesRequirement):
+    if isinstance(item.requirement, RmsRequirement | NeesRequirement | NisRequirement):
         shown = numbers([found.figure])[0]
     else:
         shown = replace(numbers([in_percent(found.figure, 1.0)])[0], note="%")
@@ -168,8 +173,8 @@ def _unit(quantity: str) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{figure(100 * share, 6).rstrip('0').rstrip('.')} %"
+    return f"{significant(100 * share, 6).rstrip('0').rstrip('.')} %"
 
 
-def _nees_limits(requirement: NeesRequirement) -> tuple[float, float]:
+def _sigma_limits(requirement: NeesRequirement | NisRequirement) -> tuple[float, float]:
     return (1 - requirement.sigma_margin) ** 2, (1 + requirement.sigma_margin) ** 2

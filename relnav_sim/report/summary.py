@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.plots.facts import FilterFacts, Span
-from relnav_sim.report.layouts import WORST_RUNS, diverged_note, not_judged
+from relnav_sim.report.layouts import WORST_RUNS
+from relnav_sim.report.metrics import ANEES, CPU, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
-from relnav_sim.report.wording import between, counted, figure, listed, short_labels
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import Interval
+from relnav_sim.wording import between, counted, listed, short_labels, significant
 
 _MOST_CASES_IN_WORDS = 6
 _SMALLEST_PERCENT = 0.1
@@ -46,16 +47,16 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
 def verdict(ranking: Ranking) -> str:
     """Return which filter of a case has the smallest position error, by how much, and whether that is decided."""
     best, runs = ranking.best, ranking.best.position.runs
-    size = f"{figure(best.position.estimate)} m{between(best.position.low, best.position.high)}"
+    size = f"{significant(best.position.estimate)} m{between(best.position.low, best.position.high)}"
     lost = _lost(best.facts)
     if len(ranking.standings) == 1:
-        velocity = f"velocity RMS {figure(best.velocity.estimate)} m/s"
+        velocity = f"velocity RMS {significant(best.velocity.estimate)} m/s"
         return f"{best.name}: position RMS {size}, {velocity} over {counted(runs, 'run')}{lost}."
     if runs == 1:
-        sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in ranking.standings])
+        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.standings])
         return f"One run decides nothing. Its position RMS: {sizes}."
     if ranking.has_too_few_runs:
-        sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in ranking.standings])
+        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.standings])
         return f"{_too_few_runs(ranking)} Position RMS: {sizes}."
     told_apart = [item for item in ranking.standings[1:] if item.told_apart]
     behind = f"; {_behind(told_apart)}" if told_apart else ""
@@ -63,7 +64,7 @@ def verdict(ranking: Ranking) -> str:
         return f"{best.name} has the smallest position error, RMS {size}{lost}{behind}."
     tied = [best, *ranking.undecided]
     names = listed([item.name for item in tied])
-    sizes = listed([f"{item.name} {figure(item.position.estimate)} m" for item in tied])
+    sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in tied])
     undecided = f"{names} can't be told apart in position error at {counted(runs, 'run')}"
     return f"{undecided}: RMS {sizes}{_largest_difference(ranking)}{behind}."
 
@@ -84,7 +85,7 @@ def _largest_difference(ranking: Ranking) -> str:
     """Return what the intervals still allow, and at how many runs the answer would be known."""
     ends = [abs(end) for item in ranking.undecided for end in (item.percent.low, item.percent.high)]
     most = max([*ends, _SMALLEST_PERCENT])
-    text = f", any difference below {figure(most, 2)} %" if np.isfinite(ends).all() else ""
+    text = f", any difference below {significant(most, 2)} %" if np.isfinite(ends).all() else ""
     against = [item.against_best for item in ranking.undecided if item.against_best is not None]
     needed = [found.runs_to_decide for found in against if found.runs_to_decide is not None]
     if len(needed) < len(ranking.undecided) or most <= _SMALLEST_PERCENT:
@@ -99,9 +100,9 @@ def _behind(standings: Sequence[Standing]) -> str:
     for item in standings:
         percent = item.percent
         if math.isfinite(percent.estimate) and percent.estimate < 300:
-            parts.append(f"{item.name} is {figure(percent.estimate)} %{between(percent.low, percent.high)} worse")
+            parts.append(f"{item.name} is {significant(percent.estimate)} %{between(percent.low, percent.high)} worse")
         else:
-            parts.append(f"{item.name} is {figure(1 + percent.estimate / 100)} times as large")
+            parts.append(f"{item.name} is {significant(1 + percent.estimate / 100)} times as large")
     return listed(parts)
 
 
@@ -109,7 +110,7 @@ def _across_cases(rankings: Sequence[Ranking]) -> str:
     total = len(rankings)
     if all(len(ranking.standings) == 1 for ranking in rankings):
         sizes = [ranking.best.position.estimate for ranking in rankings]
-        name, low, high = rankings[0].best.name, figure(min(sizes)), figure(max(sizes))
+        name, low, high = rankings[0].best.name, significant(min(sizes)), significant(max(sizes))
         return f"{name}: position RMS between {low} and {high} m over {counted(total, 'case')}."
     if all(ranking.has_too_few_runs for ranking in rankings):
         return _too_few_runs(max(rankings, key=lambda ranking: ranking.compared_runs))
@@ -132,7 +133,7 @@ def _margin(won: Sequence[Ranking]) -> str:
     margins = [ranking.standings[1].percent.estimate for ranking in won if len(ranking.standings) > 1]
     if not margins or not np.isfinite(margins).all():
         return ""
-    low, high = figure(min(margins)), figure(max(margins))
+    low, high = significant(min(margins)), significant(max(margins))
     return f" (the next is {low if low == high else f'{low} to {high}'} % worse)"
 
 
@@ -154,8 +155,8 @@ def _limit(rankings: Sequence[Ranking]) -> list[str]:
         notes = listed(list(dict.fromkeys(f"{item.name} {diverged_note(item)}" for item in diverged)))
         return [f"Limit: no distance from the Cramér-Rao bound: {notes}."]
     low, high = known[0], known[-1]
-    size = f"{figure(low.estimate)}{between(low.low, low.high)}"
-    size = size if len(known) == 1 else f"{figure(low.estimate)} to {figure(high.estimate)}"
+    size = f"{significant(low.estimate)}{between(low.low, low.high)}"
+    size = size if len(known) == 1 else f"{significant(low.estimate)} to {significant(high.estimate)}"
     each = "the best filter's" if len(known) == 1 else "in each case the best filter's"
     text = f"Limit: {each} position RMS is {size} times the Cramér-Rao bound of a perfect model"
     if not diverged:
@@ -170,26 +171,32 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
     """Return whether the errors match the covariances: sqrt(ANEES) is how many times too small a sigma is."""
     said: dict[tuple[str, str], list[str]] = {}
     for name, parts in _per_filter(rankings):
-        intervals = [mean_interval(item.consistency("anees", span)[item.ok]) for item, span in parts]
+        intervals = [ANEES.value(item, span) for item, span in parts]
         known = [found for found in intervals if math.isfinite(found.estimate) and found.estimate > 0]
         if not known:
             continue
         factors = [math.sqrt(found.estimate) for found in known]
         if all(map(_is_consistent, known)) and not all(map(_is_known_well, known)):
             sizes = [math.sqrt(max(end, 0.0)) for found in known for end in (found.low, found.high)]
-            size = f"{figure(min(sizes), 2)} to {figure(max(sizes), 2)} times as large as"
-            words = (f"may be consistent (its errors are {size} claimed)", f"may be consistent (errors {size} claimed)")
+            size = f"{significant(min(sizes), 2)} to {significant(max(sizes), 2)} times as large as"
+            words = (
+                f"may be consistent (its errors are {size} its formal sigma)",
+                f"may be consistent (errors {size} the formal sigma)",
+            )
         elif all(map(_is_consistent, known)):
             words = ("is consistent (ANEES near 1)", "are consistent (ANEES near 1)")
         elif max(factors) < 1:
             size = _factor([1 / factor for factor in factors])
             words = (
-                f"claims {size} times larger errors than it makes",
-                f"claim {size} times larger errors than they make",
+                f"is conservative (formal sigma {size} times its errors)",
+                f"are conservative (formal sigma {size} times their errors)",
             )
         else:
             size = _factor(factors)
-            words = (f"errs {size} times as much as it claims", f"err {size} times as much as they claim")
+            words = (
+                f"is overconfident (errors {size} times its formal sigma)",
+                f"are overconfident (errors {size} times their formal sigma)",
+            )
         said.setdefault(words, []).append(name)
     parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
     return [f"Consistency: {'; '.join(parts_said)}."] if parts_said else []
@@ -200,7 +207,7 @@ def _is_consistent(anees: Interval) -> bool:
 
 
 def _is_known_well(anees: Interval) -> bool:
-    """Return whether the interval of the ratio of true to claimed sigma is narrow enough to speak of consistency."""
+    """Return whether the interval of the ratio of true to formal sigma is narrow enough to speak of consistency."""
     return anees.low >= (1 - _SIGMA_KNOWN) ** 2 and anees.high <= (1 + _SIGMA_KNOWN) ** 2
 
 
@@ -210,7 +217,7 @@ def _factor(factors: Sequence[float], digits: int = 3) -> str:
 
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
-    untold = list(dict.fromkeys(not_judged(item.case) for item in rankings if not item.case.shows_convergence))
+    untold = list(dict.fromkeys(item.case.not_judged for item in rankings if not item.case.shows_convergence))
     rankings = [ranking for ranking in rankings if ranking.case.shows_convergence]
     medians: dict[str, list[str]] = {}
     never = []
@@ -218,7 +225,7 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
         times = np.concatenate([item.convergence_s[item.ok] for item, _ in parts])
         reached = times[~np.isnan(times)]
         if reached.size:
-            medians.setdefault(f"{figure(float(np.median(reached)))} s", []).append(name)
+            medians.setdefault(f"{significant(float(np.median(reached)))} s", []).append(name)
         if reached.size < times.size:
             never.append(f"{name} in {times.size - reached.size} of {counted(times.size, 'run')}")
     if not medians and not never:
@@ -232,15 +239,15 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
 
 def _cost(rankings: Sequence[Ranking]) -> list[str]:
     costs = {
-        name: float(np.mean(np.concatenate([item.cpu_us[item.ok] for item, _ in sizes])))
+        name: float(np.mean(np.concatenate([CPU.per_run(item, span)[item.ok] for item, span in sizes])))
         for name, sizes in _per_filter(rankings)
     }
     known = sorted((cost, name) for name, cost in costs.items() if math.isfinite(cost) and cost > 0)
     if not known:
         return []
     least, cheapest = known[0]
-    others = [f"{name} takes {figure(cost / least)} times that" for cost, name in known[1:]]
-    text = f"Cost: {cheapest} {figure(least)} µs of CPU per filter step"
+    others = [f"{name} takes {significant(cost / least)} times that" for cost, name in known[1:]]
+    text = f"Cost: {cheapest} {significant(least)} {CPU.unit} of CPU per filter step"
     return [f"{text}; {listed(others)}." if others else f"{text}."]
 
 

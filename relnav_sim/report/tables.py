@@ -13,11 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from relnav_sim.results.csv_cells import csv_cell
-
-MINUS = "\N{MINUS SIGN}"
-MISSING = "\N{EN DASH}"
-_LARGEST_PLAIN = 1e5
-_MOST_DECIMALS = 6
+from relnav_sim.wording import MOST_DECIMALS, shown_number
 
 
 @dataclass(frozen=True)
@@ -138,19 +134,6 @@ class Table:
         return tuple(groups) if any(name for name, _ in groups) else ()
 
 
-def shown_number(value: float, decimals: int) -> str:
-    """Return a number as text: plain with ``decimals``, or with an exponent where it is huge."""
-    if math.isnan(value):
-        return MISSING
-    if math.isinf(value):
-        return "∞" if value > 0 else f"{MINUS}∞"
-    lost = decimals >= _MOST_DECIMALS and 0 < abs(value) < 0.5 * 10.0**-_MOST_DECIMALS
-    text = f"{value:.2e}" if abs(value) >= _LARGEST_PLAIN else f"{value:.0e}" if lost else f"{value:.{decimals}f}"
-    if text.startswith("-") and not text.strip("-0."):
-        text = text[1:]
-    return text.replace("-", MINUS, 1) if text.startswith("-") else text
-
-
 def decimals_for(values: Iterable[float], half_widths: Iterable[float]) -> int:
     """Return how many decimals a row of figures deserves.
 
@@ -226,4 +209,4 @@ def _fields(cell: Cell | None, numeric: bool) -> list[str]:
 
 
 def _clipped(decimals: int) -> int:
-    return max(0, min(_MOST_DECIMALS, decimals))
+    return max(0, min(MOST_DECIMALS, decimals))

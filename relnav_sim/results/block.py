@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.printable import printable
 from relnav_sim.results import layout
 
@@ -49,7 +50,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class ExtraStates:
+class AugmentedStates:
     """What a filter found out about e states that it carries behind position and velocity.
 
     Attributes:
@@ -71,12 +72,52 @@ class ExtraStates:
     rms: Array
 
     @staticmethod
-    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> ExtraStates | None:
-        """Return the extra states of arrays by their names in the layout; None without any."""
-        if not columns.extra:
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> AugmentedStates | None:
+        """Return the augmented states of arrays by their names in the layout; None without any."""
+        if not columns.augmented:
             return None
-        parts = {spec.name.removeprefix("extra_"): arrays[spec.name] for spec in layout.EXTRA}
-        return ExtraStates(columns.extra, columns.extra_units, **parts)
+        parts = {spec.name.removeprefix("extra_"): arrays[spec.name] for spec in layout.AUGMENTED}
+        return AugmentedStates(columns.augmented, columns.augmented_units, **parts)
+
+
+@dataclass(frozen=True)
+class BySensor:
+    """What came of the readings of each of s sensors; sums are over the whole run and settled.
+
+    Attributes:
+        names: The sensors, in the order in which the filter takes their readings.
+        nis_sum: Sum of the NIS over the sensor's updates, (runs, 2, s).
+        dof_sum: Sum of its degrees of freedom, the channels that were present, (runs, 2, s).
+        updates: Epochs with a reading, (runs, 2, s).
+        nis_lag1: Autocorrelation of the NIS between successive updates, (runs, 2, s).
+        nis: NIS at the stored epochs, (runs, times, s); NaN without a reading.
+        dof: Its degrees of freedom, (runs, times, s); 0 without a reading.
+        readings: Epochs with a reading since the stored epoch before, (runs, times, s).
+    """
+
+    names: tuple[str, ...]
+    nis_sum: Array
+    dof_sum: Array
+    updates: Array
+    nis_lag1: Array
+    nis: Array
+    dof: Array
+    readings: Array
+
+    def of(self, spec: layout.Dataset, sensor: str, runs: int) -> Array:
+        """Return one of these for one sensor, (runs, ...); NaN where the filter has no such sensor."""
+        if sensor not in self.names:
+            return np.full((runs, len(layout.SPANS)), np.nan)
+        return np.asarray(getattr(self, spec.name.removeprefix("sensor_"))[..., self.names.index(sensor)])
+
+    @staticmethod
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> BySensor | None:
+        """Return what arrays by their names in the layout say; None where they do not tell sensors apart."""
+        if not columns.sensors:
+            return None
+        return BySensor(
+            columns.sensors, **{spec.name.removeprefix("sensor_"): arrays[spec.name] for spec in layout.BY_SENSOR}
+        )
 
 
 @dataclass(frozen=True)
@@ -90,7 +131,8 @@ class FilterResult:
         nis: Normalised innovation squared, (runs, times); NaN without a measurement.
         nees: Normalised estimation error squared, (runs, times).
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
-        extra: Its extra states; None where it has none.
+        augmented: Its augmented states; None where it has none.
+        by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
     """
 
     summary: Mapping[str, Array]
@@ -99,19 +141,21 @@ class FilterResult:
     nis: Array
     nees: Array
     diagnostics: Mapping[str, Array] = field(default_factory=dict)
-    extra: ExtraStates | None = None
+    augmented: AugmentedStates | None = None
+    by_sensor: BySensor | None = None
 
     @property
     def columns(self) -> layout.Columns:
         """What it holds beyond what all filters do."""
-        extra = () if self.extra is None else (self.extra.names, self.extra.units)
-        return layout.Columns(tuple(sorted(self.diagnostics)), *extra)
+        names, units = ((), ()) if self.augmented is None else (self.augmented.names, self.augmented.units)
+        sensors = () if self.by_sensor is None else self.by_sensor.names
+        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors)
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, Array]:
         """Return every array by its name in the layout, in the layout's order and type.
 
         Args:
-            columns: What is wanted beyond what all filters hold; NaN where this one does not.
+            columns: What is wanted beyond what all filters hold; NaN, or 0 for counts, where this one does not.
 
         Raises:
             ValueError: A dataset is missing, unknown or of the wrong shape.
@@ -124,10 +168,13 @@ class FilterResult:
             absent = np.full(lengths["run"], np.nan)
             found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
             given[layout.DIAGNOSTICS.name] = np.stack(found, axis=1)
-        if columns.extra:
-            for spec in layout.EXTRA:
-                part = None if self.extra is None else getattr(self.extra, spec.name.removeprefix("extra_"))
-                given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if part is None else part
+        for specs, held, prefix in (
+            (layout.AUGMENTED if columns.augmented else (), self.augmented, "extra_"),
+            (layout.BY_SENSOR if columns.sensors else (), self.by_sensor, "sensor_"),
+        ):
+            for spec in specs:
+                nothing = np.full(layout.shape(spec, lengths), np.nan if spec.dtype.startswith("<f") else 0)
+                given[spec.name] = nothing if held is None else getattr(held, spec.name.removeprefix(prefix))
         arrays = {}
         for spec in columns.datasets:
             array, expected = np.asarray(given[spec.name]), layout.shape(spec, lengths)
@@ -148,7 +195,8 @@ class FilterResult:
         series = {spec.name: arrays[spec.name] for spec in layout.SERIES}
         diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
         summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
-        return FilterResult(summary, **series, diagnostics=diagnostics, extra=ExtraStates.of_arrays(columns, arrays))
+        augmented, by_sensor = AugmentedStates.of_arrays(columns, arrays), BySensor.of_arrays(columns, arrays)
+        return FilterResult(summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor)
 
     @staticmethod
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:
@@ -202,6 +250,7 @@ class CaseHeader:
         variables: The swept values by their paths.
         filters: Names of its filters, in order.
         filter_ids: A hash of each filter's settings, by its name.
+        channels: What a reading of each sensor consists of, by the sensor's name; empty in files of relnav 0.1.
     """
 
     id: str
@@ -209,6 +258,7 @@ class CaseHeader:
     variables: Mapping[str, Any]
     filters: tuple[str, ...]
     filter_ids: Mapping[str, str]
+    channels: Mapping[str, tuple[Channel, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

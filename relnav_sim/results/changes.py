@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from relnav_sim.campaign.identity import in_first_spelling
+
 EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "requirements", "grid", "zip")
 """Top-level keys that add to a result, runs or cases, or change none. A case is known by its own id, so the grid may
 grow."""
@@ -13,12 +15,14 @@ grow."""
 def changed_keys(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Return the dotted paths whose values differ, in order.
 
-    Left out is what may change: the number of runs, filters that are added or removed, and the values of the grid.
+    Left out is what may change: the number of runs, filters that are added or removed, the values of the grid, and
+    former spellings of the same.
 
     Args:
         old: Content of the campaign that the results were computed from.
         new: Content of the campaign now.
     """
+    old, new = in_first_spelling(old), in_first_spelling(new)
     varied = tuple(path for content in (old, new) for section in ("grid", "zip") for path in content.get(section, ()))
     before, after = dict(_leaves(old)), dict(_leaves(new))
     only_in_one = set(old.get("filters", {})) ^ set(new.get("filters", {}))

@@ -66,9 +66,12 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         if not spec.timing:
             yield spec.name, results.statistic(case, filter, spec.name)
     yield from results.diagnostics(case, filter).items()
-    extra = results.extra(case, filter)
+    extra = results.augmented(case, filter)
     for part in ("estimate", "error", "sigma", "mean", "rms") if extra is not None else ():
         yield part, getattr(extra, part)
+    by_sensor = results.by_sensor(case, filter)
+    for spec in layout.BY_SENSOR if by_sensor is not None else ():
+        yield spec.name, getattr(by_sensor, spec.name.removeprefix("sensor_"))
     for series in (results.error, results.sigma, results.nis, results.nees):
         yield series.__name__, series(case, filter)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,15 +42,22 @@ def export_series(results: Results, path: Path) -> None:
     """
     states = [f"{name}_{{}}_{layout.quantity_unit(name)}" for name in layout.COMPONENTS]
     parts = [name.format(what) for what in ("truth", "error", "sigma") for name in states]
-    _write(path, ["case_label", "filter", "run", "time_s", *parts, "nis", "nees"], _series_rows(results))
+    sensors = results.sensors
+    by_sensor = [f"{what}_{sensor}" for what in ("nis", "dof") for sensor in sensors]
+    heading = ["case_label", "filter", "run", "time_s", *parts, "nis", "nees", *by_sensor]
+    _write(path, heading, _series_rows(results, sensors))
 
 
-def _series_rows(results: Results) -> Iterator[Iterable[Any]]:
+def _series_rows(results: Results, sensors: Sequence[str]) -> Iterator[Iterable[Any]]:
     for label, header in zip(results.cases, results.headers, strict=True):
         for name in header.filters:
             for run in results.case_runs(header.id, name).tolist():
                 one = results.series(header.id, name, run)
                 numbers = [one.time_s[:, None], one.truth, one.error, one.sigma, one.nis[:, None], one.nees[:, None]]
+                absent = np.full(len(one.time_s), np.nan)
+                numbers += [
+                    part.get(sensor, absent)[:, None] for part in (one.nis_by, one.dof_by) for sensor in sensors
+                ]
                 for row in np.hstack(numbers).tolist():
                     yield [label, name, run, *row]
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import h5py
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
@@ -41,6 +45,9 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
                 "label": case.label,
                 "variables": json.dumps(dict(case.variables)),
                 "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
+                "channels": json.dumps(
+                    {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
+                ),
             }
         )
 
@@ -111,7 +118,28 @@ def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
 def _read_case(group: h5py.Group) -> CaseHeader:
     ids = {str(name): str(key) for name, key in store.json_value(group, "filters", dict).items()}
     variables = store.json_value(group, "variables", dict)
-    return CaseHeader(store.text(group, "id"), store.text(group, "label"), variables, tuple(ids), ids)
+    stored = store.json_value(group, "channels", dict) if "channels" in group.attrs else {}
+    try:
+        channels = read_channels(stored)
+    except (TypeError, ValueError):
+        raise ResultsError(f"{group.file.filename}: the channels of {group.name} are damaged") from None
+    return CaseHeader(store.text(group, "id"), store.text(group, "label"), variables, tuple(ids), ids, channels)
+
+
+def read_channels(stored: Mapping[str, Any]) -> dict[str, tuple[Channel, ...]]:
+    """Return the channels of each sensor from plain data, as `dataclasses.asdict` makes it.
+
+    Raises:
+        TypeError: They are damaged.
+        ValueError: The same.
+    """
+    found = {str(sensor): tuple(Channel(**channel) for channel in channels) for sensor, channels in stored.items()}
+    for channel in itertools.chain.from_iterable(found.values()):
+        if not all(isinstance(text, str) for text in (channel.name, channel.unit, channel.label)):
+            raise ValueError("a channel's words are no text")
+        if not isinstance(channel.angle, bool):
+            raise ValueError("whether a channel is an angle is neither true nor false")
+    return found
 
 
 def _number(group: h5py.Group) -> int:

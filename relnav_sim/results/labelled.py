@@ -35,7 +35,7 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
         for child in [child for child in store.names(case) if store.is_group(case, child)]:
             group = store.subgroup(case, child)
             columns = columns_of(group)
-            units = (layout.EXTRA_UNIT,) if columns.extra else ()
+            units = (layout.AUGMENTED_UNIT,) if columns.augmented else ()
             specs = (*columns.datasets, *units, *_bound(group))
             nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
     return xarray.DataTree.from_dict(nodes)

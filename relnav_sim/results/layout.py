@@ -88,11 +88,12 @@ DIMENSIONS = {
         Dimension("threshold", "<f8", "m", "position error that a run has to stay below", THRESHOLDS_M),
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
+        Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
 
-_F8, _F4, _I8, _I1 = "<f8", "<f4", "<i8", "|i1"
+_F8, _F4, _I8, _I4, _I2, _I1 = "<f8", "<f4", "<i8", "<i4", "<i2", "|i1"
 _PER_QUANTITY = ("run", "span", "quantity")
 _PER_SPAN = ("run", "span")
 _PER_BLOCK = ("run", "span", "block")
@@ -194,27 +195,65 @@ DIAGNOSTICS = Dataset(
 )  # fmt: skip
 """Beside the other statistics, and only where the filter reports any: which ones is the filter's affair."""
 
-EXTRA_UNIT = Dataset("extra_unit", ("extra",), "str", "", "unit of the extra state, and of all figures about it")
-EXTRA = (
+AUGMENTED_UNIT = Dataset(
+    "extra_unit", ("extra",), "str", "", "unit of the augmented state, and of all figures about it"
+)
+AUGMENTED = (
     Dataset(
         "extra_mean", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
-        "mean over epochs of the error of the extra state, estimate minus truth; NaN where the truth is not known",
+        "mean over epochs of the error of the augmented state, estimate minus truth; NaN where the truth is not known",
     ),
     Dataset(
         "extra_rms", (*_PER_SPAN, "extra"), _F8, "see extra_unit",
-        "root mean square over epochs of the error of the extra state; NaN where the truth is not known",
+        "root mean square over epochs of the error of the augmented state; NaN where the truth is not known",
     ),
-    Dataset("extra_estimate", ("run", "time", "extra"), _F4, "see extra_unit", "estimate of the extra state"),
+    Dataset("extra_estimate", ("run", "time", "extra"), _F4, "see extra_unit", "estimate of the augmented state"),
     Dataset(
         "extra_error", ("run", "time", "extra"), _F4, "see extra_unit",
-        "error of the extra state, estimate minus truth; NaN where the truth is not known",
+        "error of the augmented state, estimate minus truth; NaN where the truth is not known",
     ),
     Dataset(
         "extra_sigma", ("run", "time", "extra"), _F4, "see extra_unit",
-        "standard deviation that the filter states for the extra state",
+        "formal standard deviation of the augmented state",
     ),
 )  # fmt: skip
 """Only where the filter carries states behind position and velocity."""
+
+BY_SENSOR = (
+    Dataset(
+        "sensor_nis_sum", (*_PER_SPAN, "sensor"), _F8, "1",
+        "sum over the sensor's updates of its normalised innovation squared; chi-square with sensor_dof_sum degrees of "
+        "freedom when consistent", "{span}nis_sum_{sensor}",
+    ),
+    Dataset(
+        "sensor_dof_sum", (*_PER_SPAN, "sensor"), _I8, "1",
+        "sum over the sensor's updates of the channels that were present", "{span}dof_sum_{sensor}",
+    ),
+    Dataset(
+        "sensor_updates", (*_PER_SPAN, "sensor"), _I8, "1", "epochs with a reading of the sensor",
+        "{span}updates_{sensor}",
+    ),
+    Dataset(
+        "sensor_nis_lag1", (*_PER_SPAN, "sensor"), _F8, "1",
+        "autocorrelation of the sensor's NIS between its successive updates, brought to common degrees of freedom; 0 "
+        "when consistent", "{span}nis_lag1_{sensor}",
+    ),
+    Dataset(
+        "sensor_nis", ("run", "time", "sensor"), _F4, "1",
+        "normalised innovation squared of the sensor; NaN: no reading",
+    ),
+    Dataset(
+        "sensor_dof", ("run", "time", "sensor"), _I2, "1",
+        "degrees of freedom of that NIS: channels that were present; 0: no reading",
+    ),
+    Dataset(
+        "sensor_readings", ("run", "time", "sensor"), _I4, "1",
+        "epochs with a reading of the sensor since the stored epoch before, this one included",
+    ),
+)  # fmt: skip
+"""Where the filter's history tells its readings by sensor; not in files of relnav 0.1."""
+FORMER_DOF = 3
+"""Degrees of freedom of every NIS in files that do not tell them: those of a radar, the only relative sensor then."""
 
 TRUTH = Dataset(
     "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
@@ -236,13 +275,13 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, EXTRA_UNIT, *EXTRA)
+OWN = (DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
-RESERVED_NAMES = frozenset({"trajectory", "time", "component", "quantity", "truth", "bound", "failures"})
-"""Names inside a case's group that no filter may take."""
 
+SPAN_PREFIXES = ("", "settled_")
+"""How column names tell the spans apart."""
 _LABELS = {
-    "span": ("", "settled_"),
+    "span": SPAN_PREFIXES,
     "quantity": QUANTITIES,
     "norm": NORMS,
     "block": ("", "position_", "velocity_"),
@@ -263,23 +302,26 @@ class Columns:
 
     Attributes:
         diagnostics: Names of what the filter reports of its own working.
-        extra: Names of its extra states.
-        extra_units: Their units.
+        augmented: Names of its augmented states.
+        augmented_units: Their units.
+        sensors: Names of the sensors that its statistics are told by; empty where they are not.
     """
 
     diagnostics: tuple[str, ...] = ()
-    extra: tuple[str, ...] = ()
-    extra_units: tuple[str, ...] = ()
+    augmented: tuple[str, ...] = ()
+    augmented_units: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        return (*FILTER, *((DIAGNOSTICS,) if self.diagnostics else ()), *(EXTRA if self.extra else ()))
+        held = (((DIAGNOSTICS,), self.diagnostics), (BY_SENSOR, self.sensors), (AUGMENTED, self.augmented))
+        return (*FILTER, *(spec for specs, names in held if names for spec in specs))
 
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.extra}
+        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors}
 
     @property
     def lengths(self) -> dict[str, int]:

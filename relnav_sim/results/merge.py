@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout, seal, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
@@ -55,7 +56,7 @@ def merge_pieces(
         OSError: The file can't be written.
     """
     for case in header.cases:
-        if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
+        if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
     by_case = _by_case(pieces, header)
     limits = bounds_of(header, bounds)
@@ -88,8 +89,9 @@ def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -
 def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     """Return what one filter holds beyond what all do, from the parts of its runs."""
     diagnostics = sorted({name for part in parts for name in part.diagnostics})
-    extra = next((part for part in parts if part.extra), layout.Columns())
-    return replace(extra, diagnostics=tuple(diagnostics))
+    augmented = next((part for part in parts if part.augmented), layout.NO_COLUMNS)
+    sensors = next((part.sensors for part in parts if part.sensors), ())
+    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors)
 
 
 def run_ranges(runs: Iterable[int]) -> str:
@@ -176,13 +178,13 @@ class _CaseWriter:
             group = self.group.create_group(name)
             group.attrs.update({"case": self.case.label, "filter": name})
             columns = self.columns[name]
-            extra = [layout.EXTRA_UNIT] if columns.extra else []
-            store.write_dimensions(group, [*columns.datasets, *extra], run=runs, time=time_s, **columns.labels)
+            units = [layout.AUGMENTED_UNIT] if columns.augmented else []
+            store.write_dimensions(group, [*columns.datasets, *units], run=runs, time=time_s, **columns.labels)
             lengths = layout.sizes(len(runs), len(time_s)) | columns.lengths
             for spec in columns.datasets:
                 store.create(group, spec, layout.shape(spec, lengths))
-            for spec in extra:
-                store.write(group, spec, columns.extra_units)
+            for spec in units:
+                store.write(group, spec, columns.augmented_units)
 
     def _fill(self, info: ShardInfo, block: BlockResult) -> None:
         where = f"case {self.case.label}"

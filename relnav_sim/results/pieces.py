@@ -110,10 +110,10 @@ def columns_of(group: h5py.Group) -> layout.Columns:
         return tuple(map(str, store.read(group, spec))) if spec.name in store.names(group) else ()
 
     dimensions = layout.DIMENSIONS
-    extra, units = labels(dimensions["extra"]), labels(layout.EXTRA_UNIT)
+    extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
-        raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its extra states")
-    return layout.Columns(labels(dimensions["diagnostic"]), extra, units)
+        raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
+    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, labels(dimensions["sensor"]))
 
 
 def read_failures(group: h5py.Group) -> tuple[Failure, ...]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -12,8 +14,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import ExtraStates, Failure, RefusedError, ResultsError
+from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound
 from relnav_sim.results.header import read_header
 from relnav_sim.results.pieces import columns_of, read_failures
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _SERIES = {spec.name: spec for spec in layout.SERIES}
+_BY_SENSOR = {spec.name: spec for spec in layout.BY_SENSOR}
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,8 @@ class Series:
         nis: Normalised innovation squared (K,); NaN without a measurement.
         nees: Normalised estimation error squared (K,).
         truth: True relative state, RTN, (K, 6).
+        nis_by: NIS of each sensor's readings (K,), by its name; empty where the file does not tell them apart.
+        dof_by: Its degrees of freedom (K,); 0 without a reading.
     """
 
     case: str
@@ -50,6 +56,8 @@ class Series:
     nis: Array
     nees: Array
     truth: Array
+    nis_by: Mapping[str, Array] = field(default_factory=dict)
+    dof_by: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Results:
@@ -120,6 +128,16 @@ class Results:
         held = {run for i, case in enumerate(self.headers) for name in case.filters for run in self.case_runs(i, name)}
         return tuple(sorted(held))
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors that any filter's statistics are told by, in order; none in files of relnav 0.1."""
+        found: dict[str, None] = {}
+        for index, case in enumerate(self.headers):
+            for name in case.filters:
+                if len(self.case_runs(index, name)):
+                    found |= dict.fromkeys(columns_of(self._filter_group(index, name)).sensors)
+        return tuple(found)
+
     def variables(self, case: int | str) -> dict[str, Any]:
         """Return the swept values of a case, by their path in the campaign."""
         return dict(self.headers[self.case_index(case)].variables)
@@ -184,7 +202,7 @@ class Results:
                         part = np.empty(0, dtype=spec.dtype) if data is None else data[where]
                         columns.setdefault(column, []).append(part)
         summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
-        summary |= self._diagnostic_columns()
+        summary |= self._diagnostic_columns() | self._sensor_columns()
         if "failed" in summary:
             summary["failed"] = summary["failed"].astype(bool)
         return summary
@@ -202,6 +220,25 @@ class Results:
             f"diagnostic_{name}": np.concatenate([found.get(name, np.full(runs, np.nan)) for runs, found in held])
             for name in names
         }
+
+    def _sensor_columns(self) -> dict[str, Array]:
+        """Return what the filters' sensors gave as columns ``nis_sum_<sensor>`` and the like; NaN for other filters."""
+        held = [
+            (len(runs), self.by_sensor(index, name))
+            for index, case in enumerate(self.headers)
+            for name in case.filters
+            if len(runs := self.case_runs(index, name))
+        ]
+        columns: dict[str, Array] = {}
+        for sensor, spec in itertools.product(self.sensors, (spec for spec in layout.BY_SENSOR if spec.column)):
+            for span, prefix in enumerate(layout.SPAN_PREFIXES):
+                columns[spec.column.format(span=prefix, sensor=sensor)] = np.concatenate(
+                    [
+                        np.full(runs, np.nan) if found is None else found.of(spec, sensor, runs)[:, span]
+                        for runs, found in held
+                    ]
+                )
+        return columns
 
     def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
         """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""
@@ -223,13 +260,52 @@ class Results:
         stored = self._filter_data(index, filter, layout.DIAGNOSTICS)
         return {name: stored[:, i] for i, name in enumerate(names)}
 
-    def extra(self, case: int | str, filter: str) -> ExtraStates | None:
-        """Return what a filter found out about its extra states; None where it carries none."""
+    def augmented(self, case: int | str, filter: str) -> AugmentedStates | None:
+        """Return what a filter found out about its augmented states; None where it carries none."""
         index = self._check(case, filter)
         columns = columns_of(self._filter_group(index, filter))
-        specs = layout.EXTRA if columns.extra else ()
+        specs = layout.AUGMENTED if columns.augmented else ()
         parts = {spec.name: self._filter_data(index, filter, spec).astype(np.float64) for spec in specs}
-        return ExtraStates.of_arrays(columns, parts)
+        return AugmentedStates.of_arrays(columns, parts)
+
+    def channels(self, case: int | str) -> Mapping[str, tuple[Channel, ...]]:
+        """Return what a reading of each sensor of a case consists of, by the sensor's name.
+
+        Empty in files of relnav 0.1, which had one relative sensor, a radar.
+        """
+        return self.headers[self.case_index(case)].channels
+
+    def by_sensor(self, case: int | str, filter: str) -> BySensor | None:
+        """Return what came of the readings of each of a filter's sensors; None where the file does not tell them apart.
+
+        Files of relnav 0.1 do not.
+        """
+        index = self._check(case, filter)
+        columns = columns_of(self._filter_group(index, filter))
+        specs = layout.BY_SENSOR if columns.sensors else ()
+        return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def nis_sum(self, case: int | str, filter: str) -> Array:
+        """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""
+        by_sensor, updates = self.by_sensor(case, filter), self.statistic(case, filter, "updates")
+        former = np.where(updates > 0, self.statistic(case, filter, "nis_mean") * updates, 0.0)
+        if by_sensor is None:
+            return former
+        return np.where(by_sensor.dof_sum.sum(axis=-1) > 0, np.nansum(by_sensor.nis_sum, axis=-1), former)
+
+    def dof_sum(self, case: int | str, filter: str) -> NDArray[np.int64]:
+        """Return the degrees of freedom of `nis_sum`, the channels that were present, (runs, 2)."""
+        by_sensor, updates = self.by_sensor(case, filter), self.statistic(case, filter, "updates")
+        told = np.zeros_like(updates) if by_sensor is None else by_sensor.dof_sum.sum(axis=-1)
+        return np.where(told > 0, told, layout.FORMER_DOF * updates)
+
+    def dof(self, case: int | str, filter: str) -> NDArray[np.int64]:
+        """Return the degrees of freedom of `nis`, the channels present, (runs, K); 0 without a measurement."""
+        by_sensor, measured = self.by_sensor(case, filter), np.isfinite(self.nis(case, filter))
+        told = np.zeros(measured.shape, dtype=np.int64)
+        if by_sensor is not None:
+            told = by_sensor.dof.sum(axis=-1, dtype=np.int64)
+        return np.where(measured & (told == 0), layout.FORMER_DOF, told)
 
     def time_s(self, case: int | str) -> Array:
         """Return the stored epochs of a case, (K,), s."""
@@ -285,7 +361,19 @@ class Results:
         if len(own) == 0:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no truth of run {run}")
         truth = self._shared(index, layout.TRUTH, int(own[0]))
-        return Series(self.cases[index], filter, run, self.time_s(index), **parts, truth=truth)
+        return Series(
+            self.cases[index], filter, run, self.time_s(index), **parts, truth=truth,
+            nis_by=self._by_sensor_in(index, filter, row, "sensor_nis"),
+            dof_by=self._by_sensor_in(index, filter, row, "sensor_dof"),
+        )  # fmt: skip
+
+    def _by_sensor_in(self, index: int, filter: str, row: int, name: str) -> dict[str, Array]:
+        """Return one series by sensor of one run; empty where the file does not tell them apart."""
+        sensors = columns_of(self._filter_group(index, filter)).sensors
+        if not sensors:
+            return {}
+        values = self._filter_data(index, filter, _BY_SENSOR[name], row)
+        return {sensor: values[:, place].astype(np.float64) for place, sensor in enumerate(sensors)}
 
     def bound(self, case: int | str, filter: str | None = None) -> Array | None:
         """Return the posterior Cramér-Rao bound on the rms error over runs at the stored epochs, (K, 8).

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from relnav_sim.results import layout
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results.block import Array, CaseHeader, ResultHeader
 from relnav_sim.results.layout import Dataset, Dimension
 
@@ -27,7 +27,9 @@ _NUMBERS = (
     *(f"clock.{name}" for name in ("duration_s", "step_s", "store_every_s")),
     *(f"statistics.{name}" for name in ("settle_s", "convergence_m", "convergence_hold_s")),
 )
-_LEAST = {"failed": 0, "failed_epoch": -1, "epochs": 0, "updates": 0, "epoch": -1, "run": 0}
+_LEAST = {"failed": 0, "failed_epoch": -1, "epochs": 0, "updates": 0, "epoch": -1, "run": 0} | dict.fromkeys(
+    ("sensor_dof_sum", "sensor_updates", "sensor_dof", "sensor_readings"), 0
+)
 
 
 def odd_coordinate(spec: Dimension, values: Array) -> str:
@@ -107,7 +109,7 @@ def _odd_case(case: CaseHeader) -> str:
         return "has an id, a label or filters that are no text"
     if not 1 <= len(case.filters) <= MOST_FILTERS or set(case.filters) - set(case.filter_ids):
         return f"has {len(case.filters)} filters"
-    if bad := [name for name in case.filters if name in layout.RESERVED_NAMES or "/" in name or name in (".", "")]:
+    if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
         return f"has a filter named {bad[0]!r:.80}"
     if not isinstance(case.variables, dict) or too_deep(case.variables):
         return "has damaged variables"

@@ -19,6 +19,7 @@ from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import START_OVER, check_same_campaign, working_folder, write_folder_header
 from relnav_sim.runner.work import Block, Finished, blocks_left, finished_work
+from relnav_sim.sensors import relative_sensors
 from relnav_sim.simulation.memory import lacking_in_words
 
 Say = Callable[[str], None]
@@ -168,7 +169,14 @@ def result_header(campaign: Campaign) -> ResultHeader:
         seed=campaign.seed,
         runs=campaign.runs,
         cases=tuple(
-            CaseHeader(case.id, case.label, case.variables, tuple(case.config.filters), case.filter_ids)
+            CaseHeader(
+                case.id,
+                case.label,
+                case.variables,
+                tuple(case.config.filters),
+                case.filter_ids,
+                {name: each.channels for name, each in relative_sensors(case.config.sensors).items()},
+            )
             for case in campaign.cases
         ),
         constants=campaign.cases[0].config.truth.constants.model_dump(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -15,6 +15,7 @@ from typing import Any
 from relnav_sim.results.atomic import remove_temporaries, target, written_whole
 from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.header import read_channels
 from relnav_sim.results.read import open_results
 from relnav_sim.results.sound import odd_header
 
@@ -148,7 +149,7 @@ def read_folder_header(folder: Path) -> ResultHeader:
     file = folder / HEADER
     try:
         stored = json.loads(file.read_text(encoding="utf-8"))
-        cases = tuple(CaseHeader(**{**case, "filters": tuple(case["filters"])}) for case in stored.pop("cases"))
+        cases = tuple(_read_case(case) for case in stored.pop("cases"))
         header = ResultHeader(**stored, cases=cases)
         if odd := odd_header(header):
             raise ValueError(odd)
@@ -157,3 +158,8 @@ def read_folder_header(folder: Path) -> ResultHeader:
         raise ResultsError(f"{folder} is no folder of shards: it has no {HEADER}") from None
     except (AttributeError, KeyError, RecursionError, TypeError, ValueError):
         raise ResultsError(f"{file} is damaged; the same relnav run writes it again and keeps the shards") from None
+
+
+def _read_case(stored: Mapping[str, Any]) -> CaseHeader:
+    channels = read_channels(stored.get("channels", {}))
+    return CaseHeader(**{**stored, "filters": tuple(stored["filters"]), "channels": channels})

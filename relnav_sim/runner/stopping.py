@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import StopOptions
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.results import layout
 from relnav_sim.results.block import RefusedError, ResultHeader
 from relnav_sim.results.shards import read_shard
 from relnav_sim.runner.work import Finished, Key
-
-LEVEL = 0.95
 
 
 def looks(campaign: Campaign, part: tuple[int, int]) -> Sequence[int]:
@@ -56,7 +55,7 @@ def look_at(header: ResultHeader, campaign: Campaign, finished: Finished, runs: 
     met = widest <= rule.half_width
     stopping = {
         **rule.model_dump(mode="json"),
-        "level": LEVEL,
+        "level": CONFIDENCE,
         "reached": runs,
         "met": met,
         # NaN is no JSON; it means that some filter has too few runs that did not fail.
@@ -76,7 +75,7 @@ def half_width(figures: Mapping[int, float]) -> float:
     sample = np.array([figures[run] for run in sorted(figures) if math.isfinite(figures[run])])
     if len(sample) < 2:
         return math.inf
-    quantile = float(stdtrit(len(sample) - 1, (1 + LEVEL) / 2))
+    quantile = float(stdtrit(len(sample) - 1, (1 + CONFIDENCE) / 2))
     return quantile * float(sample.std(ddof=1)) / math.sqrt(len(sample))
 
 

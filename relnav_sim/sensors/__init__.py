@@ -1,16 +1,19 @@
 """What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.sensors.availability import reading_probability
 from relnav_sim.sensors.campaign_sensors import (
     Sensors,
     attitude_covariance,
+    frame_is_told,
     hosts_of,
+    orbit_frame_covariance,
     own_sensor,
     relative_sensors,
 )
 from relnav_sim.sensors.front_end import filter_inputs, form_taken, sensor_measurement
+from relnav_sim.sensors.host_frame import HostOrbit
 from relnav_sim.sensors.interface import (
-    Channel,
     ErrorShares,
     MeasurementContext,
     RelativeSensorOptions,
@@ -25,6 +28,7 @@ from relnav_sim.sensors.suite import SensorSuite, streams_of
 __all__ = [
     "Channel",
     "ErrorShares",
+    "HostOrbit",
     "MeasurementContext",
     "RelativeSensorOptions",
     "Sensed",
@@ -34,8 +38,10 @@ __all__ = [
     "attitude_covariance",
     "filter_inputs",
     "form_taken",
+    "frame_is_told",
     "hosts_of",
     "noise_kinds",
+    "orbit_frame_covariance",
     "own_sensor",
     "reading_probability",
     "register_sensor",

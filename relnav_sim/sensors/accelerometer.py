@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.sensors.interface import Channel, Craft, Role, Sensed, SensorOptions
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.sensors.interface import Craft, Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from relnav_sim.options import Options
 from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, relative_sensors
 from relnav_sim.sensors.due import due
-from relnav_sim.sensors.interface import Craft, Sensed, SensorOptions
+from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.noise import OutageNoise, noise_parts
 from relnav_sim.sensors.suite import TrueStates
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def sensed(truth: TrueStates, host: Craft, step_s: float) -> Sensed:
@@ -28,7 +29,8 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
 
     Its limits, field of view, period and fixed outages decide for certain. Random outages count by the probability that
     the sensor works: every run starts working, and working and outage times are exponentially distributed. A channel
-    that needs the host's attitude and orbit needs its GNSS receiver and star tracker too, where there are any.
+    that needs a direction needs a reading of its host's star tracker too, where it has one, and one fix of its GNSS
+    receiver, from which on it carries its orbit on by itself; random outages count as no hindrance to that one.
 
     Args:
         sensors: All sensors of the campaign.
@@ -42,18 +44,46 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
     probability = np.where(options.in_reach(sensed(truth, options.host, step_s)), 1.0, 0.0)
     probability *= due(epochs, options.period_s, options.offset_s, step_s)
     probability *= working_probability(options, truth.times_s)
-    direction = probability * _direction_known(sensors, options.host, truth.times_s)
+    direction = probability * _direction_known(sensors, options, epochs, truth.times_s, step_s)
     return np.stack([direction if needed else probability for needed in options.needs_direction()], axis=-1)
 
 
-def _direction_known(sensors: Sensors, host: Craft, times_s: Array) -> Array:
-    """Return the probability (K,) that a craft knows its attitude and orbit."""
+def _direction_known(
+    sensors: Sensors, options: RelativeSensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float
+) -> Array:
+    """Return the probability (K,) that a sensor's host knows its orbit, and its attitude where that matters."""
     probability = np.ones(len(times_s))
-    for role in ("orbit", "attitude"):
-        found = own_sensor(sensors, role, host)
-        if found is not None:
-            probability = probability * working_probability(found[1], times_s)
+    for role in options.direction_from:
+        found = own_sensor(sensors, role, options.host)
+        if found is None:
+            continue
+        own: SensorOptions = found[1]
+        if role == "orbit":
+            probability *= times_s >= first_reading_s(own, step_s)
+        else:
+            probability *= due(epochs, own.period_s, own.offset_s, step_s) * working_probability(own, times_s)
     return probability
+
+
+def reads_for_certain(options: SensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float) -> Flags:
+    """Return when (K,) a sensor is due and no fixed outage is on: it then reads but for random outages."""
+    read = due(epochs, options.period_s, options.offset_s, step_s)
+    for start, end in _windows_s(options):
+        read &= (times_s < start) | (times_s >= end)
+    return read
+
+
+def _windows_s(options: SensorOptions) -> list[tuple[float, float]]:
+    """Return the fixed outages of a sensor, s."""
+    return [window for part in noise_parts(options.noise) if isinstance(part, OutageNoise) for window in part.windows_s]
+
+
+def first_reading_s(options: SensorOptions, step_s: float) -> float:
+    """Return when the first reading of a sensor may come, s: when it is due and no fixed outage is on."""
+    period_s, first_s = options.period_s or step_s, options.offset_s
+    while ends_s := [end for start, end in _windows_s(options) if start <= first_s < end]:
+        first_s = options.offset_s + period_s * np.ceil((max(ends_s) - options.offset_s) / period_s - 1e-9)
+    return float(first_s)
 
 
 def working_probability(options: SensorOptions, times_s: Array) -> Array:

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from relnav_sim.astro.constants import RADIUS_M
 from relnav_sim.astro.line_of_sight import half_open, polar, sight_vector
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, AnglesDistortion, radar_errors
 from relnav_sim.measurements.selected import Selected
@@ -18,7 +19,7 @@ from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Channel, ErrorShares, Flags, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.interface import ErrorShares, Flags, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.sensors.registry import register_sensor

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN
+from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Role, SensorOptions
+from relnav_sim.sensors.noise import has_outages, noise_parts
 
 Array = NDArray[np.float64]
 Sensors = Mapping[str, SensorOptions]
@@ -57,11 +60,39 @@ def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) 
     About the nadir frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
     in it: no covariance of a white noise describes them.
     """
-    P = np.zeros((3, 3))
-    attitude, orbit = own_sensor(sensors, "attitude", host), own_sensor(sensors, "orbit", host)
-    if attitude is not None:
-        P += attitude[1].body_covariance()
-    if orbit is not None:
-        radius = chief_orbit.semi_major_axis_m
-        P += orbit[1].frame_covariance(radius, chief_orbit.mean_motion_rad_s * radius)
-    return P
+    frame = orbit_frame_covariance(sensors, chief_orbit, host)[:3, :3]
+    return body_covariance(sensors, host) + NADIR_FROM_RTN @ frame @ NADIR_FROM_RTN.T
+
+
+def body_covariance(sensors: Sensors, host: Craft) -> Array:
+    """Return the covariance (3, 3) of the white error of a craft's measured attitude, about the nadir axes, rad^2."""
+    attitude = own_sensor(sensors, "attitude", host)
+    return np.zeros((3, 3)) if attitude is None else np.asarray(attitude[1].body_covariance())
+
+
+def orbit_frame_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) -> Array:
+    """Return the covariance (6, 6) of the white error of the orbit frame that a craft computes from its own fix, RTN.
+
+    Turn, rad, and rate error, rad/s, as `astro.frame_error` has them; zero without a receiver.
+    """
+    orbit = own_sensor(sensors, "orbit", host)
+    if orbit is None:
+        return np.zeros((6, 6))
+    radius = chief_orbit.semi_major_axis_m
+    covariance: Array = orbit[1].frame_covariance(radius, chief_orbit.mean_motion_rad_s * radius)
+    return covariance
+
+
+def frame_is_told(name: str, sensors: Sensors, step_s: float) -> bool:
+    """Return whether the covariance of its host's orbit frame comes with each reading of a sensor.
+
+    So it is where a direction is read and the host's fixes may be missing: the frame is then the better known the
+    shorter ago a fix was. Else that covariance is constant.
+    """
+    options = relative_sensors(sensors)[name]
+    orbit = own_sensor(sensors, "orbit", options.host)
+    if orbit is None or "orbit" not in options.direction_from or not any(options.needs_direction()):
+        return False
+    receiver: SensorOptions = orbit[1]
+    every_step = steps_per_reading(receiver.period_s, step_s) == 1 and not receiver.offset_s
+    return not every_step or has_outages(noise_parts(receiver.noise))

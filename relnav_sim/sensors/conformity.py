@@ -43,16 +43,17 @@ def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
 def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> Iterator[str]:
     m = _OWN_CHANNELS.get(options.role, len(options.channels))
     streams = streams_of(name, options, host, RandomSource(0, tuple(range(_RUNS))), step_s)
-    z = np.asarray(options.sample(_sensed(host, step_s), streams))
+    sensed = _sensed(host, step_s)
+    z = np.asarray(options.sample(sensed, streams))
     if z.shape != (_RUNS, _EPOCHS, m):
         yield _shape(options, "sample", z, f"(runs, K, {m}), here {(_RUNS, _EPOCHS, m)}, for its channels")
     elif isinstance(options, RelativeSensorOptions):
-        yield from _told(options, z, step_s)
+        yield from _told(options, z, HostFrame(sensed.host), step_s)
 
 
-def _told(options: RelativeSensorOptions, z: Array, step_s: float) -> Iterator[str]:
+def _told(options: RelativeSensorOptions, z: Array, frame: HostFrame, step_s: float) -> Iterator[str]:
     """Yield what is wrong with what filters are told."""
-    inputs = options.inputs(z, HostFrame())
+    inputs = options.inputs(z, frame)
     states = np.zeros((_RUNS, 6))
     states[:, 1] = _AWAY_M
     for form in options.forms:

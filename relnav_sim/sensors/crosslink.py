@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.filters.kalman import Channel
 from relnav_sim.measurements.ranging import Ranging
-from relnav_sim.sensors.interface import Channel, MeasurementContext, RelativeSensorOptions, Sensed
+from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams

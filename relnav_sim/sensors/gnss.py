@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.sensors.interface import Channel, Role, Sensed, SensorOptions
+from relnav_sim.astro.frame_error import frame_covariance
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -43,12 +45,9 @@ class GnssOptions(SensorOptions):
         return np.repeat([self.position_sigma_m, self.velocity_sigma_m_s], 3)
 
     def frame_covariance(self, radius_m: float, speed_m_s: float) -> Array:
-        """Return the covariance (3, 3) of the white tilt of the computed orbit frame, about the nadir axes, rad^2.
-
-        Errors dr of position and dv of velocity turn it by (dr_y / r, -dr_x / r, dv_y / v), on a near-circular orbit.
-        """
-        tilt, yaw = self.position_sigma_m / radius_m, self.velocity_sigma_m_s / speed_m_s
-        return np.diag(np.square([tilt, tilt, yaw])) * white_variance(noise_parts(self.noise))
+        """Return the covariance (6, 6) of the white error of the computed orbit frame; see `astro.frame_error`."""
+        root = np.diag(self.sigmas)
+        return frame_covariance(root, radius_m, speed_m_s) * white_variance(noise_parts(self.noise))
 
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return the measured ECI states (runs, K, 6), m and m/s; NaN where there is no solution."""

@@ -9,9 +9,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.astro.attitude import body_to_inertial, from_axes, in_axes, nadir_axes
-from relnav_sim.astro.line_of_sight import Vector
+from relnav_sim.astro.coast import coasted
+from relnav_sim.astro.frames import rtn_from_eci
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.line_of_sight import Vector, dot
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HostOrbit:
+    """A craft's own knowledge of its orbit over a chunk of epochs, between its fixes too.
+
+    Attributes:
+        states: Its fixes, and where there is none its estimate, ECI, (runs, K, 6), m and m/s; NaN before the first fix.
+        frame: Covariance (runs, K, 6, 6) of the error of the orbit frame that follows, as `astro.frame_error` has it.
+    """
+
+    states: Array
+    frame: Array
 
 
 @dataclass(frozen=True)
@@ -24,11 +40,42 @@ class HostFrame:
             is known perfectly.
         attitude: Its measured attitude quaternion (x, y, z, w), (runs, K, 4); None: there is no star tracker, and the
             attitude is known perfectly.
+        gravity: What it knows of gravity, which turns the plane of its orbit; None: a point mass.
     """
 
     true_states: Array | None = None
     orbit: Array | None = None
     attitude: Array | None = None
+    gravity: Gravity | None = None
+
+    def in_rtn(self, relative: Array, latency_s: float = 0.0) -> Array:
+        """Return a position (m), or position and velocity (m/s), relative to the craft, ECI, in its own orbit frame.
+
+        The orbit frame is that of its own estimate, or the true one without a receiver, when the reading was taken. NaN
+        where it does not know its orbit.
+
+        Args:
+            relative: (runs, K, 3 or 6), ECI.
+            latency_s: How long ago that was.
+
+        Raises:
+            ValueError: The truth is needed and missing.
+        """
+        states = self.true_states if self.orbit is None else self.orbit
+        if states is None:
+            raise ValueError("without a receiver the orbit frame is the true one, which needs the truth")
+        host = coasted(states, -latency_s) if latency_s else states
+        other = np.array(np.broadcast_to(host, (*relative.shape[:-1], 6)))
+        other[..., : relative.shape[-1]] += relative
+        return rtn_from_eci(host, other, self._normal_acceleration(host))[..., : relative.shape[-1]]
+
+    def _normal_acceleration(self, states: Array) -> Array | float:
+        """Return gravity's component along the orbit normal at states (runs or 1, K, 6), m/s^2."""
+        if self.gravity is None or self.gravity.is_central:
+            return 0.0
+        _, minus_normal, _ = nadir_axes(states)
+        pull = self.gravity.acceleration(np.moveaxis(states[..., :3], -1, 1))
+        return -dot((pull[:, 0], pull[:, 1], pull[:, 2]), minus_normal)
 
     @property
     def body_to_orbit(self) -> Callable[[Vector], Vector] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.host_frame import HostFrame
@@ -24,23 +25,6 @@ Craft = Literal["chief", "deputy"]
 Role = Literal["other", "orbit", "attitude", "force"]
 Form = Literal["spherical", "cartesian"]
 AssumedNoise = Literal["nominal", "total", "mixture"]
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One number of a reading.
-
-    Attributes:
-        name: A word for it, as in names of results.
-        unit: Its SI unit; rad for an angle.
-        label: What it is, in words.
-        angle: Whether it is an angle, whose differences are wrapped.
-    """
-
-    name: str
-    unit: str
-    label: str
-    angle: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,6 +58,9 @@ class MeasurementContext:
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
         form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
         step_s: Time between epochs, s.
+        frame: Covariance (6, 6) of the white error of the orbit frame alone in inertial space, RTN: its turn, rad, and
+            the error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit
+            perfectly. Its turn is in `attitude` already.
     """
 
     orbit: ChiefOrbit
@@ -81,6 +68,7 @@ class MeasurementContext:
     assumed_noise: AssumedNoise
     form: Form
     step_s: float
+    frame: Array = field(default_factory=lambda: np.zeros((6, 6)))
 
 
 @dataclass(frozen=True)
@@ -135,9 +123,17 @@ class SensorOptions(Options):
     @field_validator("noise")
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
-        parts = noise_parts(noise)
-        check_parts(parts, len(cls.channels))
-        if cls.role == "other" and not has_white_part(parts):
+        check_parts(noise_parts(noise), len(cls.channels))
+        return cls.with_white_part(noise)
+
+    @classmethod
+    def with_white_part(cls, noise: NoiseOption) -> NoiseOption:
+        """Return the noise, of a sensor that filters go by with a white part.
+
+        Raises:
+            ValueError: It has none.
+        """
+        if cls.role == "other" and not has_white_part(noise_parts(noise)):
             raise ValueError("the noise needs a gaussian or mixture part: no filter can weigh it without")
         return noise
 
@@ -180,9 +176,15 @@ class SensorOptions(Options):
 
 
 class RelativeSensorOptions(SensorOptions):
-    """A sensor that measures the other craft: what a filter is told of it, and when it reads."""
+    """A sensor that measures the other craft: what a filter is told of it, and when it reads.
+
+    Attributes:
+        direction_from: What its host must know of itself for the channels that need a direction: its ``orbit``, and the
+            ``attitude`` of its body unless the sensor's own axes are inertial.
+    """
 
     role: ClassVar[Role] = "other"
+    direction_from: ClassVar[tuple[Role, ...]] = ("orbit", "attitude")
 
     host: Craft = Field(default="chief", description="Craft that carries it and sees the other one; default: the chief")
     latency_s: float = Field(
@@ -225,7 +227,7 @@ class RelativeSensorOptions(SensorOptions):
         return None
 
     def needs_direction(self) -> tuple[bool, ...]:
-        """Return for each channel whether it is lost without the host's attitude and orbit."""
+        """Return for each channel whether it is lost without what `direction_from` says the host must know."""
         return (False,) * len(self.channels)
 
     def inputs(self, z: Array, frame: HostFrame) -> dict[Form, Array]:
@@ -249,7 +251,7 @@ class RelativeSensorOptions(SensorOptions):
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
 
-        None where one reading gives no position.
+        None where one reading gives no position. The first three channels are those that give it.
 
         Args:
             measurement: From `measurement`, in the spherical form.

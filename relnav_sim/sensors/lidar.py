@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.astro.line_of_sight import half_open
+from relnav_sim.filters.kalman import Channel
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import ELEVATION, RadarDistortion, radar_errors
@@ -17,7 +18,7 @@ from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Channel, ErrorShares, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import (
     GaussianNoise,

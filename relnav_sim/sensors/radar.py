@@ -11,6 +11,7 @@ from pydantic import Field
 
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, rotate, rows, sight_vector
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.converted_radar import Conversion, ConvertedRadar, conversion
 from relnav_sim.measurements.converted_tangent_radar import ConvertedTangentRadar, tangent_shrinkage
 from relnav_sim.measurements.interface import Measurement
@@ -20,7 +21,7 @@ from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, firs
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.options import AddedLater
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Channel, Craft, ErrorShares, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.interface import Craft, ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below, white_law
 from relnav_sim.sensors.registry import register_sensor

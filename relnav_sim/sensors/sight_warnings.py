@@ -42,8 +42,8 @@ def sight_warnings(sensors: Sensors, truth: TrueStates) -> list[str]:
         met = sensed(truth, options.host, 1.0)
         seen = options.in_reach(met) & np.isfinite(distance)
         # Whether a reading is due does not matter: the epochs here are those that were looked at, not all there are.
-        always = options.model_copy(update={"period_s": None, "offset_s": 0.0})
-        heard = (reading_probability({**sensors, name: always}, name, truth, 0, 1.0) > 0).any(axis=-1) & seen
+        always = {each: own.model_copy(update={"period_s": None, "offset_s": 0.0}) for each, own in sensors.items()}
+        heard = (reading_probability(always, name, truth, 0, 1.0) > 0).any(axis=-1) & seen
         said += _out_of_sight(name, options, seen, heard, distance)
         said += _near_pole(name, options, met, heard, truth.times_s)
         said += _below_zero(name, options, heard, distance)

@@ -10,7 +10,8 @@ from pydantic import Field, field_validator
 
 from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
-from relnav_sim.sensors.interface import Channel, Role, Sensed, SensorOptions
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams

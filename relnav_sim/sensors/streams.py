@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.sensors.jumps import Jumps
 from relnav_sim.sensors.noise import Noise, NoisePart
 from relnav_sim.streams import RandomSource, Streams
 
@@ -35,6 +36,7 @@ class SensorStreams:
         self._noise = Noise(parts, name, source, channels, step_s)
         self._going: dict[str, Streams] = {}
         self._constants: dict[str, Array] = {}
+        self._jumps: dict[str, Jumps] = {}
 
     @property
     def runs(self) -> int:
@@ -56,6 +58,13 @@ class SensorStreams:
         if word not in self._going:
             self._going[word] = self._source.streams(f"sensor.{self._name}.{word}")
         return self._going[word].uniform(epochs, *shape)
+
+    def jumps(self, word: str, epochs: int, chance: float, held: int, channels: int) -> Array:
+        """Return errors that jump and stay for a while, in sigmas, (runs, epochs, channels); see `Jumps`."""
+        if word not in self._jumps:
+            switches, sizes = (self._source.streams(f"sensor.{self._name}.{word}{part}") for part in (".switch", ""))
+            self._jumps[word] = Jumps(switches, sizes, chance, held, channels)
+        return self._jumps[word].sample(epochs)
 
     def constant(self, word: str, *shape: int) -> Array:
         """Return the standard normal numbers of this word that each run keeps, (runs, *shape)."""

@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.astro.constants import MU_M3_S2
-from relnav_sim.astro.line_of_sight import components, dot
+from relnav_sim.astro.coast import coasted
 from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
 from relnav_sim.sensors.due import due
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
@@ -132,7 +131,7 @@ class SensorSuite:
                 states = earlier(options.latency_s)
             late_s = _late(options, reader.streams, len(times_s))
         if late_s is not None:
-            states = _coasted(states[0], late_s), _coasted(states[1], late_s)
+            states = coasted(states[0], late_s), coasted(states[1], late_s)
         if options.role == "force" and felt is None:
             raise ValueError("accelerometers need the specific force that the craft feel")
         host, target = states if reader.host == "chief" else states[::-1]
@@ -151,11 +150,3 @@ def _late(options: RelativeSensorOptions, streams: SensorStreams, epochs: int) -
     if options.time_tag_jitter_s:
         return constant + options.time_tag_jitter_s * streams.normal("time_tag_jitter", epochs)
     return constant if constant.any() else None
-
-
-def _coasted(states: Array, late_s: Array) -> Array:
-    """Return states (runs or 1, K, 6), ECI, a little later, (runs, K or 1) s: free fall to second order."""
-    position, velocity, late = states[..., :3], states[..., 3:], late_s[..., None]
-    squared = dot(components(states), components(states))
-    fall = (-MU_M3_S2 / (squared * np.sqrt(squared)))[..., None] * position
-    return np.concatenate([position + late * (velocity + late / 2 * fall), velocity + late * fall], axis=-1)

@@ -13,15 +13,15 @@ from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.augmented import AugmentedMeasurement
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates
 from relnav_sim.sensors import ErrorShares, hosts_of, own_sensor, relative_sensors, sensor_measurement, streams_of
 from relnav_sim.sensors.availability import sensed
 from relnav_sim.sensors.interface import Craft, Form, RelativeSensorOptions
 from relnav_sim.sensors.noise import is_white, noise_parts
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.start import fix_sensor
+from relnav_sim.statistics.augmented import AugmentedAccumulator
 from relnav_sim.statistics.errors import ScoringRules
-from relnav_sim.statistics.extra import ExtraAccumulator
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, nominal_chief
 from relnav_sim.truth.trajectory import force_model
@@ -60,6 +60,7 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
         name = fix_sensor(config)
         base = sensor_measurement(name, config.sensors, nominal_chief(config.truth), config.clock.step_s)
         H = augmented_measurement(extra, name, base, config).jacobian(mean, 0)
+        H = np.broadcast_to(H, (runs, *H.shape[-2:]))[:, :3]
         # Stacked solve: a run without a fix is NaN and stays so.
         moved = np.asarray(np.linalg.solve(H[:, :, :3], H[:, :, n:]), dtype=np.float64)
         covariance[:, :3, :3] += moved @ P_b @ transpose(moved)
@@ -75,7 +76,7 @@ class ExtraTrack:
         self, extra: Extension, entry: FilterEntry, config: CaseConfig, rules: ScoringRules, source: RandomSource
     ) -> None:
         self._extra, self._entry, self._config, self._source = extra, entry, config, source
-        self._accumulator = ExtraAccumulator(len(source.runs), rules, extra.names, extra.units)
+        self._accumulator = AugmentedAccumulator(len(source.runs), rules, extra.names, extra.units)
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: NDArray[np.int64]) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
@@ -83,7 +84,7 @@ class ExtraTrack:
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
-    def result(self) -> ExtraStates:
+    def result(self) -> AugmentedStates:
         """Return the results over everything counted."""
         return self._accumulator.result()
 

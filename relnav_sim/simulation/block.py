@@ -33,13 +33,14 @@ from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.chunks import Chunk, chunks
+from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
+from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
 
 Array = NDArray[np.float64]
@@ -115,10 +116,10 @@ class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries extra states b.
+        filter: The filter, over [x; b] where it carries augmented states b.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
-        extension: The extra states; None without any.
+        extension: The augmented states; None without any.
     """
 
     filter: Filter
@@ -146,7 +147,7 @@ def _measurement(entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, exte
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
-            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency
+            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, frame="told"
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
     if len(models) > 1:
@@ -205,6 +206,7 @@ class FilterTrack:
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
         self._forms = sensor_forms(entry, config)
+        self._config = config
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
@@ -235,7 +237,7 @@ class FilterTrack:
             error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
             if self._extra is not None:
-                # A run whose extra states are lost has failed, though without a reading position may not show it yet.
+                # A run whose augmented states are lost has failed, though position may not show it until a reading.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
                 chunk.truth.times_s,
@@ -245,6 +247,7 @@ class FilterTrack:
                 history.log_likelihood,
                 history.extras,
                 {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
+                NisOfSensors(history.nis_by, history.dof_by),
             )
             if self._extra is not None:
                 self._extra.add(chunk, history, self._errors.failed_epoch)
@@ -270,7 +273,7 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
             cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
-        z = {name: chunk.inputs[name][form] for name, form in self._forms.items()}
+        z = told(chunk, self._forms, self._config)
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
             return history
@@ -283,7 +286,7 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._extra is None else replace(result, extra=self._extra.result())
+        return result if self._extra is None else replace(result, augmented=self._extra.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.sensors import SensorSuite, filter_inputs, own_sensor
-from relnav_sim.sensors.interface import Form
+from relnav_sim.conventions import CHUNK_EPOCHS
+from relnav_sim.measurements.frame_error import with_frame
+from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
+from relnav_sim.sensors.interface import Craft, Form
+from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
+from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
 
 Array = NDArray[np.float64]
-
-CHUNK_EPOCHS = 512
-"""Epochs simulated at a time. Fixed, so that sums over a run round alike whatever the block."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Chunk:
         z: Raw measurements of each sensor, (runs, K, m).
         inputs: What the front end hands to filters, by relative sensor and form, (runs, K, m); NaN = missing.
         fallen: Why the truth of a run has ended by now, by the run's place in the block.
+        orbits: What hosts of relative sensors know of their orbits, where their fixes may be missing.
     """
 
     first_epoch: int
@@ -39,6 +42,7 @@ class Chunk:
     z: Mapping[str, Array]
     inputs: Mapping[str, Mapping[Form, Array]]
     fallen: Mapping[int, str]
+    orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,13 +78,37 @@ def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
     force = own_sensor(config.sensors, "force")
+    gravity = believed_gravity(config)
+    hosts = HostOrbits(config, len(source.runs))
+    thrust = ThrustInputs(config)
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         truth = trajectory.at(times_s)
         felt = None if force is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
-        yield Chunk(first, truth, z, filter_inputs(config.sensors, z, truth), dict(trajectory.failures))
+        chunk = Chunk(first, truth, z, {}, dict(trajectory.failures))
+        if hosts.hosts:
+            forces, _ = thrust.of(chunk, default_thrust(config.sensors))
+            chunk = replace(chunk, orbits=hosts.advance(fixes_of(hosts.hosts, config.sensors, z), forces))
+        yield replace(chunk, inputs=filter_inputs(config.sensors, z, truth, gravity, chunk.orbits))
+
+
+def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[str, Array]:
+    """Return what a filter is given of its sensors, by name, as `sensor_measurement` with a told frame takes it.
+
+    Args:
+        chunk: The epochs.
+        forms: The sensors' names, with the form in which the filter takes each.
+        config: The case.
+    """
+    given = {}
+    for name, form in forms.items():
+        z = chunk.inputs[name][form]
+        if frame_is_told(name, config.sensors, config.clock.step_s):
+            z = with_frame(z, chunk.orbits[relative_sensors(config.sensors)[name].host].frame)
+        given[name] = z
+    return given
 
 
 def _earlier(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
@@ -115,6 +143,7 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
         whole = np.concatenate(arrays, axis=1)
         return np.broadcast_to(whole, (len(runs), *whole.shape[1:]))
 
+    usual = {name: options.forms[0] for name, options in relative_sensors(config.sensors).items()}
     return Simulation(
         times_s=np.concatenate([part.truth.times_s for part in parts]),
         chief=joined([part.truth.chief for part in parts]),
@@ -122,7 +151,7 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
         relative=joined([part.truth.relative for part in parts]),
         z={name: joined([part.z[name] for part in parts]) for name in parts[0].z},
         inputs={
-            name if form == "spherical" else f"{name}.{form}": joined([part.inputs[name][form] for part in parts])
+            name if form == usual[name] else f"{name}.{form}": joined([part.inputs[name][form] for part in parts])
             for name, forms in parts[0].inputs.items()
             for form in forms
         },

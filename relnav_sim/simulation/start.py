@@ -31,7 +31,7 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
         options = relative_sensors(config.sensors)[name]
         orbit, step_s = nominal_chief(config.truth), config.clock.step_s
         model = sensor_measurement(name, config.sensors, orbit, step_s, assumed_noise="nominal")
-        fix = options.first_fix(model, first.inputs[name]["spherical"][:, 0])
+        fix = options.first_fix(model, first.inputs[name][options.forms[0]][:, 0])
         assert fix is not None  # the sensor is one that gives fixes
         position, position_covariance = fix
         mean = np.concatenate([position, np.broadcast_to(start.velocity_m_s, (B, 3))], axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,11 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.known_thrust import kicks_of
 from relnav_sim.sensors import hosts_of, own_sensor
 from relnav_sim.sensors.noise import noise_parts, white_variance
-from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
+
+if TYPE_CHECKING:
+    from relnav_sim.simulation.chunks import Chunk
 
 Array = NDArray[np.float64]
 

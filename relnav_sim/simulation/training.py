@@ -58,7 +58,7 @@ def training_track(
     if request.source == "truth":
         return TrainingTrack(np.concatenate([part.truth.relative[0] for part in flight]), time_s, orbit)
     name = fix_sensor(config)
-    z = np.concatenate([part.inputs[name]["spherical"] for part in flight], axis=1)
+    z = np.concatenate([part.inputs[name][relative_sensors(config.sensors)[name].forms[0]] for part in flight], axis=1)
     dynamics = request.base.build(DynamicsContext(orbit, noise, step_s))
     states, first = _smoothed(config, name, dynamics, orbit, z)
     return TrainingTrack(states, time_s[first:], orbit, first)

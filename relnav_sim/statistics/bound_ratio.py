@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval, mean_interval
 
 Array = NDArray[np.float64]
 
 
-def ratio_to_bound(r: Array, bound: Array, level: float = 0.95) -> Interval:
+def ratio_to_bound(r: Array, bound: Array, level: float = CONFIDENCE) -> Interval:
     """Return the RMS of an error over runs and epochs in multiples of the bound's over the epochs, with its interval.
 
     The interval is that of the mean over runs of their mean squares, on the scale of the ratio.

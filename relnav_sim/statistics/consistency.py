@@ -186,5 +186,62 @@ def merged_nis(a: NisSums, b: NisSums) -> NisSums:
     )
 
 
+def at_common_dof(nis: Array, dof: NDArray[np.int64], common: NDArray[np.int64]) -> Array:
+    """Return the NIS shifted and scaled to the mean and variance of ``common`` degrees of freedom.
+
+    A NIS of d degrees of freedom has mean d and variance 2 d, so that x = NIS sqrt(c / d) - (sqrt(c d) - c) has mean c
+    and variance 2 c for every d: partial readings then leave no correlation of their own. Where d = c it is the NIS
+    itself, to the bit.
+
+    Args:
+        nis: (runs, epochs); NaN without a measurement.
+        dof: Its degrees of freedom (runs, epochs); 0 without a measurement.
+        common: (runs,), positive where there is any measurement.
+    """
+    c, d = np.maximum(common, 1)[:, None].astype(float), np.maximum(dof, 1).astype(float)
+    return np.asarray(nis * np.sqrt(c / d) - (np.sqrt(c * d) - c))
+
+
+@dataclass(frozen=True)
+class SensorSums:
+    """Sums over the updates of one sensor, or of all, per run.
+
+    Attributes:
+        alike: Those of the NIS at common degrees of freedom.
+        nis: Sum of the NIS (runs,).
+        dof: Sum of its degrees of freedom (runs,).
+    """
+
+    alike: NisSums
+    nis: Array
+    dof: NDArray[np.int64]
+
+    @property
+    def updates(self) -> NDArray[np.int64]:
+        """Number of updates (runs,)."""
+        return self.alike.moments.count
+
+    @property
+    def lag1(self) -> Array:
+        """Autocorrelation of the NIS between successive updates (runs,)."""
+        return self.alike.autocorrelation()
+
+
+def no_sensor(runs: int) -> SensorSums:
+    """Return the sums over nothing."""
+    return SensorSums(no_nis(runs), np.zeros(runs), np.zeros(runs, dtype=np.int64))
+
+
+def sensor_sums(alike: NisSums, nis: Array, dof: NDArray[np.int64], counted: Mask) -> SensorSums:
+    """Return the sums over one chunk, (runs, epochs); epochs without a NIS are not counted."""
+    updated = counted & np.isfinite(nis)
+    return SensorSums(alike, np.where(updated, nis, 0.0).sum(axis=-1), np.where(updated, dof, 0).sum(axis=-1))
+
+
+def merged_sensor(a: SensorSums, b: SensorSums, alike: NisSums | None = None) -> SensorSums:
+    """Return the sums over two successive chunks together; ``alike``: their sums at common degrees, if known."""
+    return SensorSums(merged_nis(a.alike, b.alike) if alike is None else alike, a.nis + b.nis, a.dof + b.dof)
+
+
 def _divisor(count: NDArray[np.int64]) -> Array:
     return np.where(count > 0, count, np.nan)

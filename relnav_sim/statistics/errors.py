@@ -7,7 +7,7 @@ as long as the chunks of epochs are the same.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from relnav_sim.results.block import Failure, FilterResult
 from relnav_sim.statistics import consistency, moments, quantiles
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE, Convergence
 from relnav_sim.statistics.convergence_seen import hold_epochs
+from relnav_sim.statistics.readings import CommonDof, NisOfSensors, ReadingSeries
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,7 +73,23 @@ class _SpanSums:
     bins: quantiles.Counts
     nees: consistency.NeesSums
     nis: consistency.NisSums
+    alike: consistency.NisSums
+    sensors: tuple[consistency.SensorSums, ...]
     log_likelihood: Array
+
+
+@dataclass(frozen=True)
+class _Nis:
+    """The NIS of some epochs: as it is, at common degrees of freedom, and both by sensor with its degrees."""
+
+    nis: Array
+    alike: Array
+    sensors: tuple[tuple[Array, Array, NDArray[np.int64]], ...]
+
+    def part(self, epochs: slice) -> _Nis:
+        nis = self.nis[:, epochs]
+        alike = nis if self.alike is self.nis else self.alike[:, epochs]
+        return _Nis(nis, alike, tuple((a[:, epochs], b[:, epochs], c[:, epochs]) for a, b, c in self.sensors))
 
 
 class ErrorAccumulator:
@@ -90,14 +107,20 @@ class ErrorAccumulator:
         self._next_epoch: int | None = None
         self._failed_epoch = np.full(runs, _NEVER)
         self._reasons = [""] * runs
+        no_nis = consistency.no_nis(runs)
         empty = _SpanSums(
             moments.no_moments(len(layout.QUANTITIES), runs),
             np.zeros((len(layout.NORMS), runs, quantiles.BINS), dtype=np.int32),
             consistency.no_nees(runs),
-            consistency.no_nis(runs),
+            no_nis,
+            no_nis,
+            (),
             np.zeros(runs),
         )
         self._spans = {"early": empty, "settled": empty}
+        self._common = CommonDof(runs)
+        self._common_by: dict[str, CommonDof] = {}
+        self._readings: ReadingSeries | None = None
         self._late = np.zeros((2, runs), dtype=np.int64)
         self._extras: dict[str, Array] = {}
         held = hold_epochs(rules.convergence_hold_s, rules.step_s)
@@ -121,6 +144,7 @@ class ErrorAccumulator:
         log_likelihood: Array,
         extras: Mapping[str, Array] | None = None,
         stated: Mapping[int, tuple[int, str]] | None = None,
+        by_sensor: NisOfSensors | None = None,
     ) -> None:
         """Count the next chunk of epochs. The start (epoch 0) may be given; it is stored but not counted.
 
@@ -132,6 +156,8 @@ class ErrorAccumulator:
             log_likelihood: Log likelihood of the measurement (runs, K); 0 without one.
             extras: Further numbers of the filter by name (runs, K); NaN where there is none.
             stated: Epoch and reason of the failures that the filter itself states, by the run's place in the block.
+            by_sensor: The NIS of each sensor with its degrees of freedom, where the filter tells them apart; then of
+                the same sensors in every chunk.
 
         Raises:
             ValueError: The chunk does not continue the last one, or shapes do not fit.
@@ -146,6 +172,10 @@ class ErrorAccumulator:
         epochs = np.arange(first, first + shape[1])
         sound = epochs < self._failed_epoch[:, None]
         self._store(epochs, error, covariance, nis, nees[0], sound)
+        innovations = _Nis(nis, nis, ())
+        if by_sensor is not None and by_sensor.nis:
+            self._readings_of(by_sensor).add(epochs, by_sensor, sound)
+            innovations = self._innovations(nis, by_sensor)
         late = sound & (epochs >= self.rules.late_epoch)
         self._late = self._late + np.stack([late.sum(axis=1), (late & ~(nees[0] <= self._limits[0, -1])).sum(axis=1)])
         for name, values in (extras or {}).items():
@@ -161,8 +191,9 @@ class ErrorAccumulator:
             components[6], components[7] = _norm(components[:3]), _norm(components[3:6])
             for name, part in (("early", slice(start, border)), ("settled", slice(border, shape[1]))):
                 if part.start < part.stop:
+                    inner = innovations.part(part)
                     span = self._span(
-                        components[..., part], nees[..., part], nis[:, part], log_likelihood[:, part], sound[:, part]
+                        components[..., part], nees[..., part], inner, log_likelihood[:, part], sound[:, part]
                     )
                     self._spans[name] = _merged(self._spans[name], span)
             if start < shape[1]:
@@ -184,7 +215,8 @@ class ErrorAccumulator:
         """
         settled = self._spans["settled"]
         with np.errstate(over="ignore", invalid="ignore"):
-            spans = [_span_figures(span) for span in (_merged(self._spans["early"], settled), settled)]
+            whole = _merged(self._spans["early"], settled)
+            spans = [_span_figures(span) for span in (whole, settled)]
             threshold = RELATIVE_CONVERGENCE * spans[1]["rms"][:, layout.QUANTITIES.index("r")]
         step_s = self.rules.step_s
         summary: dict[str, NDArray[Any]] = {name: np.stack([span[name] for span in spans], axis=1) for name in spans[0]}
@@ -201,7 +233,8 @@ class ErrorAccumulator:
             "cpu_per_step": np.full(self._runs, cpu_us_per_step),
         }
         diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
-        return FilterResult(summary, **self._series, diagnostics=diagnostics, extra=None)
+        by_sensor = None if self._readings is None else self._readings.result([whole.sensors, settled.sensors])
+        return FilterResult(summary, **self._series, diagnostics=diagnostics, augmented=None, by_sensor=by_sensor)
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
         runs, K = self._runs, len(times_s)
@@ -249,13 +282,41 @@ class ErrorAccumulator:
             self._series["nis"][:, rows] = np.where(good, nis[:, chosen], np.nan)
             self._series["nees"][:, rows] = np.where(good, nees[:, chosen], np.nan)
 
-    def _span(self, components: Array, nees: Array, nis: Array, log_likelihood: Array, sound: Mask) -> _SpanSums:
+    def _readings_of(self, given: NisOfSensors) -> ReadingSeries:
+        """Return where the readings of these sensors are stored; begin with it at the first chunk."""
+        if self._readings is None:
+            names, runs = tuple(given.nis), self._runs
+            self._readings = ReadingSeries(runs, len(self.rules.stored_s), self.rules.store_every, names)
+            self._common_by = {name: CommonDof(runs) for name in names}
+            nothing = tuple(consistency.no_sensor(runs) for _ in names)
+            self._spans = {name: replace(span, sensors=nothing) for name, span in self._spans.items()}
+        return self._readings
+
+    def _innovations(self, nis: Array, given: NisOfSensors) -> _Nis:
+        with np.errstate(invalid="ignore"):
+            alike = self._common.alike(nis, np.add.reduce(list(given.dof.values())))
+            sensors = tuple(
+                (given.nis[name], common.alike(given.nis[name], given.dof[name]), given.dof[name])
+                for name, common in self._common_by.items()
+            )
+        return _Nis(nis, alike, sensors)
+
+    def _span(self, components: Array, nees: Array, innovations: _Nis, log_likelihood: Array, sound: Mask) -> _SpanSums:
         components, nees = np.ascontiguousarray(components), np.ascontiguousarray(nees)
+        nis = consistency.nis_sums(innovations.nis, sound)
+        alike = nis if innovations.alike is innovations.nis else consistency.nis_sums(innovations.alike, sound)
+        single = len(innovations.sensors) == 1
+        sensors = tuple(
+            consistency.sensor_sums(alike if single else consistency.nis_sums(like, sound), own, dof, sound)
+            for own, like, dof in innovations.sensors
+        )
         return _SpanSums(
             moments.moments(components, sound),
             quantiles.bin_counts(components[6:], sound),
             consistency.nees_sums(nees, sound, self._limits),
-            consistency.nis_sums(nis, sound),
+            nis,
+            alike,
+            sensors,
             np.where(sound, log_likelihood, 0.0).sum(axis=-1),
         )
 
@@ -269,11 +330,19 @@ def _norm(vector: Array) -> Array:
 
 
 def _merged(a: _SpanSums, b: _SpanSums) -> _SpanSums:
+    nis = consistency.merged_nis(a.nis, b.nis)
+    alike = nis if a.alike is a.nis and b.alike is b.nis else consistency.merged_nis(a.alike, b.alike)
+    single = len(a.sensors) == 1
     return _SpanSums(
         moments.merged(a.errors, b.errors),
         a.bins + b.bins,
         consistency.merged_nees(a.nees, b.nees),
-        consistency.merged_nis(a.nis, b.nis),
+        nis,
+        alike,
+        tuple(
+            consistency.merged_sensor(one, other, alike if single else None)
+            for one, other in zip(a.sensors, b.sensors, strict=True)
+        ),
         a.log_likelihood + b.log_likelihood,
     )
 
@@ -294,6 +363,6 @@ def _span_figures(span: _SpanSums) -> dict[str, NDArray[Any]]:
         "anees": span.nees.anees().T,
         "coverage": span.nees.coverage().transpose(2, 0, 1),
         "nis_mean": span.nis.mean(),
-        "nis_lag1": span.nis.autocorrelation(),
+        "nis_lag1": span.alike.autocorrelation(),
         "log_likelihood": errors.known(span.log_likelihood[None])[0],
     }

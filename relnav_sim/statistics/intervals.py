@@ -13,6 +13,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics import bootstrap
 from relnav_sim.statistics.bootstrap import RESAMPLES, Method, Statistic
 from relnav_sim.statistics.consistency import chi_square_quantile
@@ -46,6 +47,10 @@ class Interval:
     runs: int
 
 
+NO_INTERVAL = Interval(math.nan, math.nan, math.nan, CONFIDENCE, 0)
+"""Of a figure that no run has."""
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Two filters on the same runs.
@@ -73,7 +78,7 @@ class Band:
     level: float
 
 
-def mean_interval(values: ArrayLike, level: float = 0.95, most: float = math.inf) -> Interval:
+def mean_interval(values: ArrayLike, level: float = CONFIDENCE, most: float = math.inf) -> Interval:
     """Return the mean over runs with its interval; see `means` for the method.
 
     The mean of figures none of which is negative has no interval below zero.
@@ -97,7 +102,7 @@ def mean_interval(values: ArrayLike, level: float = 0.95, most: float = math.inf
 def bootstrap_interval(
     values: ArrayLike,
     statistic: Statistic = "mean",
-    level: float = 0.95,
+    level: float = CONFIDENCE,
     method: Method = "bca",
     resamples: int = RESAMPLES,
     seed: int = 0,
@@ -127,7 +132,7 @@ def bootstrap_interval(
     return Interval(estimate, float(low), float(high), level, len(sample))
 
 
-def median_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+def median_interval(values: ArrayLike, level: float = CONFIDENCE) -> Interval:
     """Return the median over runs with its exact interval, two of the ordered values (Conover 1999, section 3.2).
 
     Infinite values count as the largest: a time that is never reached. Fewer than six runs have no interval of 95 %.
@@ -147,7 +152,7 @@ def median_interval(values: ArrayLike, level: float = 0.95) -> Interval:
 
 
 def paired_difference(
-    first: ArrayLike, second: ArrayLike, level: float = 0.95, smaller_is_better: bool = True
+    first: ArrayLike, second: ArrayLike, level: float = CONFIDENCE, smaller_is_better: bool = True
 ) -> Comparison:
     """Compare two filters by the mean of their differences on common random numbers.
 
@@ -168,7 +173,7 @@ def paired_difference(
 
 
 def paired_differences(
-    differences: Mapping[Key, ArrayLike], level: float = 0.95, smaller_is_better: bool = True
+    differences: Mapping[Key, ArrayLike], level: float = CONFIDENCE, smaller_is_better: bool = True
 ) -> dict[Key, Comparison]:
     """Compare several pairs so that with a probability of ``level`` no verdict is wrong.
 
@@ -204,12 +209,12 @@ def paired_differences(
     return found
 
 
-def fewest_runs_to_decide(pairs: int, level: float = 0.95) -> int:
+def fewest_runs_to_decide(pairs: int, level: float = CONFIDENCE) -> int:
     """Return the number of runs below which no pair of a family can be decided, however large its difference."""
     return fewest_runs((1 - level) / max(1, pairs))
 
 
-def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Interval:
+def wilson_interval(successes: int, trials: int, level: float = CONFIDENCE) -> Interval:
     """Return a rate with its score interval (Wilson 1927), good for rates near 0 and 1 too.
 
     Raises:
@@ -228,7 +233,7 @@ def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Interva
 
 
 def chi_square_band(
-    runs: int, dof: int, effective_samples: float = 1.0, level: float = 0.95, normalised: bool = True
+    runs: int, dof: int, effective_samples: float = 1.0, level: float = CONFIDENCE, normalised: bool = True
 ) -> Band:
     """Return where the mean of a NEES or NIS over runs lies when the filter is consistent.
 
@@ -254,12 +259,32 @@ def chi_square_band(
     return Band(low, high, level)
 
 
+def sum_band(dof: float, divisor: float, level: float = CONFIDENCE) -> Band:
+    """Return where a sum of independent chi-square figures divided by something lies when the filter is consistent.
+
+    The sum is chi-square with the sum of their degrees of freedom, which may differ from one to the next: partial
+    readings have fewer.
+
+    Args:
+        dof: Degrees of freedom of the sum.
+        divisor: What the sum is divided by: the degrees themselves for a figure near 1, or the number of updates.
+        level: Probability of the band.
+
+    Raises:
+        ValueError: The degrees or the divisor are not positive.
+    """
+    if dof <= 0 or divisor <= 0:
+        raise ValueError("a band needs at least one degree of freedom, and something to divide by")
+    low, high = (chi_square_quantile(p, dof) / divisor for p in ((1 - level) / 2, (1 + level) / 2))
+    return Band(low, high, level)
+
+
 def effective_samples(span_s: float, correlation_time_s: float) -> float:
     """Return how many independent samples a span of a process with an exponential correlation holds, at least 1."""
     return max(1.0, span_s / (2 * correlation_time_s))
 
 
-def lag1_band(samples: int, level: float = 0.95) -> Band:
+def lag1_band(samples: int, level: float = CONFIDENCE) -> Band:
     """Return where the lag-1 autocorrelation of white noise lies (Bartlett 1946), samples >> 1."""
     half = _normal_quantile((1 + level) / 2) / math.sqrt(max(1, samples))
     return Band(-half, half, level)
@@ -282,7 +307,7 @@ def _known(values: ArrayLike) -> Array:
     return sample[~np.isnan(sample)]
 
 
-def runs_to_decide(differences: Array, level: float = 0.95) -> int | None:
+def runs_to_decide(differences: Array, level: float = CONFIDENCE) -> int | None:
     """Return how many runs would tell a mean difference of the size seen from zero with a probability of 0.8.
 
     The usual sample size of a paired test, ((z_(1 + level) / 2 + z_0.8) s / d)^2; None where there is no difference

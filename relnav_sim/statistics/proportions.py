@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ class Share:
     trials: float
     runs: int
 
-    def interval(self, level: float = 0.95) -> Interval:
+    def interval(self, level: float = CONFIDENCE) -> Interval:
         """Return the exact interval (Clopper and Pearson 1934)."""
         from scipy.special import betaincinv
 
@@ -72,7 +73,7 @@ def share_of_runs(successes: int, runs: int) -> Share:
     return Share(successes / runs if runs else math.nan, float(runs), runs)
 
 
-def share_of_epochs(hits: ArrayLike, epochs: ArrayLike, level: float = 0.95) -> Share:
+def share_of_epochs(hits: ArrayLike, epochs: ArrayLike, level: float = CONFIDENCE) -> Share:
     """Return a share of the epochs of all runs, which are correlated within their run.
 
     The spread between runs tells how many independent trials the epochs are worth (Korn and Graubard 1998):
@@ -108,7 +109,7 @@ def share_of_epochs(hits: ArrayLike, epochs: ArrayLike, level: float = 0.95) -> 
     return Share(share, min(total, share * (1 - share) / variance * freedom**2), runs)
 
 
-def runs_for_share(share: Share, limit: float, level: float = 0.95, most: int = 10_000_000) -> int | None:
+def runs_for_share(share: Share, limit: float, level: float = CONFIDENCE, most: int = 10_000_000) -> int | None:
     """Return how many runs would show that a share like this one lies on its side of ``limit``; None: no number would.
 
     The trials grow with the runs; the share stays as it is.

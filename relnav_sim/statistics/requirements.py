@@ -21,6 +21,7 @@ from relnav_sim.campaign.requirements import (
     ErrorsRequirement,
     FailedRequirement,
     NeesRequirement,
+    NisRequirement,
     RmsRequirement,
 )
 from relnav_sim.results import layout
@@ -133,6 +134,8 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _rms(results, requirement, case, filter), EVERY_EPOCH
         case NeesRequirement():
             finding, basis = _nees(results, requirement, case, filter), EVERY_EPOCH
+        case NisRequirement():
+            finding, basis = _nis(results, requirement, case, filter)
         case ConvergedRequirement():
             finding, basis = _converged(results, requirement, case, filter)
         case FailedRequirement() | DivergedRequirement():
@@ -174,6 +177,24 @@ def _rms(results: Results, rule: RmsRequirement, case: int, filter: str) -> Find
     quantity, span = layout.QUANTITIES.index(rule.quantity), layout.SPANS.index(rule.span)
     values = _known(_completed(results, case, filter, "rms")[:, span, quantity])
     return on_a_mean(values, -math.inf, rule.limit, rule.confidence) if len(values) else None
+
+
+def _nis(results: Results, rule: NisRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
+    span = layout.SPANS.index(rule.span)
+    basis = EVERY_EPOCH if rule.sensor is None else f"every reading of {rule.sensor}"
+    total, dof = results.nis_sum(case, filter)[:, span], results.dof_sum(case, filter)[:, span]
+    if rule.sensor is not None:
+        by_sensor = results.by_sensor(case, filter)
+        if by_sensor is None or rule.sensor not in by_sensor.names:
+            return None, f"no reading of {rule.sensor}"
+        place = by_sensor.names.index(rule.sensor)
+        total, dof = by_sensor.nis_sum[:, span, place], by_sensor.dof_sum[:, span, place]
+    known = (results.statistic(case, filter, "failed") == 0) & (dof > 0)
+    low, high = (1 - rule.sigma_margin) ** 2, (1 + rule.sigma_margin) ** 2
+    if not known.any():
+        return None, basis
+    # Runs with more degrees of freedom weigh more, as in the sum that is chi-square.
+    return on_a_mean(total[known] / dof[known].mean(), low, high, rule.confidence), basis
 
 
 def _nees(results: Results, rule: NeesRequirement, case: int, filter: str) -> Finding | None:

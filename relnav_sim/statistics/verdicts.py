@@ -15,14 +15,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.bootstrap import RESAMPLES
 from relnav_sim.statistics.intervals import Interval, wilson_interval
 
 Array = NDArray[np.float64]
 Outcome = Literal["holds", "fails", "open"]
 Verdict = Literal["reproduced", "reproduced only if", "not reproduced"]
-
-LEVEL = 0.95
 
 
 def judged(effect: Interval, at_least: float = -math.inf, at_most: float = math.inf) -> Outcome:
@@ -64,12 +63,12 @@ def verdict(main: Iterable[Outcome], others: Iterable[Outcome] = ()) -> Verdict:
     return "reproduced only if" if "holds" in (*outcomes, *others) else "not reproduced"
 
 
-def shared_level(readings: int, level: float = LEVEL) -> float:
+def shared_level(readings: int, level: float = CONFIDENCE) -> float:
     """Return the confidence of each of several readings of which one is enough."""
     return 1 - (1 - level) / max(1, readings)
 
 
-def ratio_of_means(first: ArrayLike, second: ArrayLike, level: float = LEVEL) -> Interval:
+def ratio_of_means(first: ArrayLike, second: ArrayLike, level: float = CONFIDENCE) -> Interval:
     """Return the mean of one filter's figures over another's on the same runs, with its interval.
 
     The interval is Student's on the linearised ratio (Cochran 1977, eq. 6.4), which is honest for few runs as well;
@@ -91,7 +90,7 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike, level: float = LEVEL) ->
     return Interval(ratio, ratio - half, ratio + half, level, n)
 
 
-def mean_of_runs(values: ArrayLike, level: float = LEVEL) -> Interval:
+def mean_of_runs(values: ArrayLike, level: float = CONFIDENCE) -> Interval:
     """Return the mean over runs with Student's interval; runs without a figure (NaN) are left out."""
     sample = np.asarray(values, dtype=np.float64)
     sample = sample[~np.isnan(sample)]
@@ -105,13 +104,13 @@ def mean_of_runs(values: ArrayLike, level: float = LEVEL) -> Interval:
     return Interval(mean, mean - half, mean + half, level, n)
 
 
-def difference_of_means(first: ArrayLike, second: ArrayLike, level: float = LEVEL) -> Interval:
+def difference_of_means(first: ArrayLike, second: ArrayLike, level: float = CONFIDENCE) -> Interval:
     """Return the mean of first minus second on the same runs with Student's interval."""
     a, b = _paired(first, second)
     return mean_of_runs(a - b, level)
 
 
-def ratio_of_medians(first: ArrayLike, second: ArrayLike, level: float = LEVEL, seed: int = 0) -> Interval:
+def ratio_of_medians(first: ArrayLike, second: ArrayLike, level: float = CONFIDENCE, seed: int = 0) -> Interval:
     """Return the median of one filter's times over another's, with a percentile bootstrap interval over runs.
 
     A run that never got there may be given as infinite.
@@ -130,7 +129,7 @@ def ratio_of_medians(first: ArrayLike, second: ArrayLike, level: float = LEVEL, 
     return Interval(ratio, float(low), float(high), level, n)
 
 
-def difference_of_rates(first: int, second: int, trials: int, level: float = LEVEL) -> Interval:
+def difference_of_rates(first: int, second: int, trials: int, level: float = CONFIDENCE) -> Interval:
     """Return first/trials - second/trials with the score interval of Newcombe (1998), method 10.
 
     It takes the two as independent; on common runs it is wider than it need be.

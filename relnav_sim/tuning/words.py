@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from relnav_sim import __version__
 from relnav_sim.campaign.models import TuneOptions
 from relnav_sim.campaign.problems import listed
+from relnav_sim.report.metrics import ANEES, POSITION_RMS, VELOCITY_RMS
 from relnav_sim.statistics.intervals import Comparison, fewest_runs_to_decide
 from relnav_sim.tuning.edit import number_text
 from relnav_sim.tuning.objective import Figures, mean_log
 from relnav_sim.tuning.result import FilterTuning, Tuning
 
 NUMBERS = ("filter", "number", "start", "tuned", "cannot be told from the best")
-FIGURES = ("filter", "position RMS, m", "velocity RMS, m/s", "ANEES", "objective, tuned less start")
+FIGURES = ("filter", POSITION_RMS.heading, VELOCITY_RMS.heading, ANEES.heading, "objective, tuned less start")
 
 
 def number_rows(tuning: Tuning) -> list[Sequence[str]]:

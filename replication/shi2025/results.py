@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.report.tables import Column, Number, Row, Table, Words, shown_number
+from relnav_sim.report.tables import Column, Number, Row, Table, Words
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.verdicts import mean_of_runs
+from relnav_sim.wording import shown_number
 from replication import operations
 from replication.effects import judge
 from replication.evidence import found_in_words, number_of, runs_of

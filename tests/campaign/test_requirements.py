@@ -33,6 +33,8 @@ def test_they_are_read_and_change_no_hash(demo: str) -> None:
         ("{kind: errors, below_m: 1, share: 99.7}", "must be less than 1, not 99.7"),
         ("{kind: converged, within_s: 60, share: 0.9, below_m: 7}", "must be 1, 2, 5, 10, 20, 50 or 100, not 7"),
         ("{kind: nees, filters: [pf]}", "no filter is named 'pf'"),
+        ("{kind: nis, sensor: rader}", "no sensor is named 'rader'"),
+        ("{kind: nis, sigma_margin: 1}", "must be less than 1, not 1"),
         ("{kind: nes}", "there is no kind 'nes'; did you mean 'nees'?"),
         (
             "{kind: errors, below_m: 1, share: 0.9, from_s: 600}",

@@ -161,7 +161,10 @@ BAD = {
     "a negative period": (edit(RADAR, RADAR[:-1] + ", period_s: -1}"), "period_s: must be greater than 0, not -1"),
     "a period off the grid": (edit(RADAR, RADAR[:-1] + ", period_s: 1.5}"), "radar.period_s: 1.5 s is no whole"),
     "a misspelt sigma": (edit("range_sigma_m: 2", "range_sigma: 2"), "did you mean 'range_sigma_m'?"),
-    "a camera alone at the first fix": (edit(RADAR, CAMERA).partition("grid:")[0], "no sensor here gives a position by itself"),
+    "a camera alone at the first fix": (
+        edit(RADAR, CAMERA).partition("grid:")[0],
+        "no sensor here gives a position by itself",
+    ),
     "a linear filter with a camera": (
         edit(RADAR, CAMERA).replace(START, DISPERSED).partition("grid:")[0],
         "the kf filter needs a linear measurement, and camera gives none as spherical: leave camera out",

@@ -16,11 +16,19 @@ from relnav_sim.cli.source import newest_result, readable
 from relnav_sim.runner.shard_folder import shard_folder
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder with the whole campaign, shards and all."""
+    folder = tmp_path_factory.mktemp("finished")
+    run_campaign(parse_campaign(TEXT), folder / "small.h5", backend="sequential")
+    return folder
+
+
 @pytest.fixture
-def interrupted(tmp_path):
+def interrupted(finished, tmp_path):
     """A campaign of which one shard of four is missing, and the results file too."""
     out = tmp_path / "results" / "small.h5"
-    run_campaign(parse_campaign(TEXT), out, backend="sequential")
+    shutil.copytree(finished, out.parent)
     whole = out.rename(tmp_path / "whole.h5")
     sorted(shard_folder(out).glob("*.h5"))[0].unlink()
     return out, whole
@@ -130,6 +138,7 @@ def test_the_newest_may_be_unfinished(interrupted, tmp_path):
         newest_result(tmp_path / "nowhere")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_report_and_inspect(interrupted, monkeypatch):
     out, _ = interrupted
     monkeypatch.chdir(out.parents[1])

@@ -34,7 +34,7 @@ def test_in_plane_terms_are_the_average_gradient_of_j2(scene, i_deg):
     assert A[2, 3] * n == pytest.approx(2 * np.sqrt(1 + s), rel=1e-12)
 
 
-@pytest.mark.parametrize("i_deg", [30.0, 51.6, 97.6])
+@pytest.mark.parametrize("i_deg", [30.0, pytest.param(51.6, marks=pytest.mark.slow), 97.6])
 def test_growth_across_the_orbit_is_the_true_one(scene, i_deg):
     """Planes of different inclination drift apart under J2: up to 0.4 % of the distance a revolution."""
     s = scene(0.0, i_deg)

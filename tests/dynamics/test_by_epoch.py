@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from relnav_sim.dynamics.by_epoch import EPOCHS, PerChunk
+from relnav_sim.conventions import CHUNK_EPOCHS
+from relnav_sim.dynamics.by_epoch import PerChunk
 
 
 def test_callers_that_take_turns_share_every_chunk():
@@ -13,13 +14,13 @@ def test_callers_that_take_turns_share_every_chunk():
         return epochs**2
 
     chunks = PerChunk(squares)
-    for first in range(0, 4 * EPOCHS, EPOCHS):
+    for first in range(0, 4 * CHUNK_EPOCHS, CHUNK_EPOCHS):
         for _ in range(3):
             # A step begins at the epoch before its own, which the first one of a turn finds in the chunk before.
-            for epoch in range(max(first - 1, 0), first + EPOCHS - 1):
+            for epoch in range(max(first - 1, 0), first + CHUNK_EPOCHS - 1):
                 values, place = chunks.at(epoch)
                 assert values[place] == epoch**2
-    assert computed == [0, EPOCHS, 2 * EPOCHS, 3 * EPOCHS]
+    assert computed == [0, CHUNK_EPOCHS, 2 * CHUNK_EPOCHS, 3 * CHUNK_EPOCHS]
 
 
 def test_the_order_of_the_calls_changes_nothing():

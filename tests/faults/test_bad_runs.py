@@ -138,7 +138,8 @@ def test_exceptions_and_divergence(with_plugin):
 @pytest.mark.parametrize("workers", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
     here = with_plugin("kills")
-    code, _, stderr = here.run("run", "small.yaml", "--workers", workers)
+    # Smaller blocks, as each time that one is cut costs a new worker; the long check cuts those of four.
+    code, _, stderr = here.run("run", "small.yaml", "--workers", workers, "--set", f"block_runs={4 // int(workers)}")
     assert code == 1, stderr
     assert "1 run of a filter failed" in stderr and "Traceback" not in stderr
     assert failures(here.out) == {
@@ -158,7 +159,8 @@ def test_a_run_that_cannot_be_cut_is_blamed_the_second_time_only(with_plugin):
 @pytest.mark.parametrize("options", [("--backend", "sequential"), pytest.param((), marks=pytest.mark.slow)])
 def test_want_of_memory_is_no_failure_of_the_filter_and_is_tried_again(with_plugin, options):
     here = with_plugin("lacks")
-    code, _, stderr = here.run("run", "small.yaml", *options)
+    again, one = ("run", "small.yaml", *options), ("run", "small.yaml", "--only", "0:3", *options)
+    code, _, stderr = here.run(*again)
     assert code == 1 and "1 of the runs of filters lacked memory" in stderr and "failed;" not in stderr
     with open_results(here.out) as results:
         assert results.missing() == {(results.cases[0], "lacks"): (3,)}
@@ -168,18 +170,16 @@ def test_want_of_memory_is_no_failure_of_the_filter_and_is_tried_again(with_plug
         assert results.lacked_memory() == results.failures()
     assert (failure.run, failure.filter) == (3, "lacks")
     assert failure.reason.startswith("not enough memory: ") and "no room" in failure.reason
-    code, _, stderr = here.run("run", "small.yaml", *options)
+    (code, _, stderr), third = here.in_turn(again, one)
     assert code == 1 and "1 of the runs of filters lacked memory the last time; trying them again" in stderr
-    code, stdout, stderr = here.run("run", "small.yaml", "--only", "0:3", *options)
+    code, stdout, stderr = third
     assert code == 1 and "1 of the runs of filters lacked memory" in stderr and "failed;" not in stderr
     assert "wrote results/small.case_000.run_3.h5" in stdout
     (here.folder / "enough").touch()
-    code, _, stderr = here.run("run", "small.yaml", *options)
-    assert code == 0, stderr
-    again = here.out.rename(here.folder / "again.h5")
-    code, _, stderr = here.run("run", "small.yaml", "--backend", "sequential", "--fresh")
-    assert code == 0, stderr
-    assert_same_bits(again, here.out)
+    fresh = ("run", "small.yaml", "--backend", "sequential", "--out", "fresh.h5")
+    for code, _, stderr in here.in_turn(again, fresh):
+        assert code == 0, stderr
+    assert_same_bits(here.folder / "fresh.h5", here.out)
 
 
 ALONE = ("--set", "bound=false", "--set", "block_runs=1", "--runs", "4")

@@ -10,7 +10,7 @@ import pytest
 from relnav_process import members, wait_until, workers
 from small_campaign import assert_same_bits
 
-from relnav_sim import open_results
+from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.results.shards import read_shard
 
 # 12 blocks of a tenth of a second or more.
@@ -78,8 +78,7 @@ def kill_and_resume(make, folder, moments, rng):
 @pytest.fixture
 def reference(relnav):
     whole = relnav(*LONGER, folder="reference")
-    assert whole.run("run", "small.yaml", "--backend", "sequential")[0] == 0
-    return whole.out
+    return run_campaign(load_campaign(whole.folder / "small.yaml"), whole.out, backend="sequential")
 
 
 def test_killed_at_three_moments(relnav, reference):

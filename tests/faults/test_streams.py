@@ -93,7 +93,7 @@ def test_no_data_file_gets_the_number_of_a_closed_stream(relnav):
 @pytest.mark.parametrize(
     "words, code",
     [
-        ("list filters | true", 0),
+        pytest.param("list filters | true", 0, marks=pytest.mark.slow),
         ("validate small.yaml --set statistics.convergence_hold_s=10 | true", 0),
         ("validate small.yaml --set runs=0 2>&1 | true", 2),
         ("list noise >&-", 0),

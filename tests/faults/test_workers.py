@@ -7,7 +7,7 @@ import pytest
 from relnav_process import RELNAV
 from small_campaign import assert_same_bits
 
-from relnav_sim import open_results
+from relnav_sim import load_campaign, open_results, run_campaign
 
 SMALL = ("--runs", "2", "--set", "bound=false")
 SCRIPT = [sys.executable, "-P", *RELNAV[1:]]
@@ -20,7 +20,7 @@ MODULE = [sys.executable, "-m", "relnav_sim"]
 )
 def test_modules_of_the_working_folder_are_the_users(relnav, tmp_path, command):
     plain, here = relnav(folder="plain"), relnav()
-    assert plain.run("run", "small.yaml", "--backend", "sequential", *SMALL)[0] == 0
+    run_campaign(load_campaign(plain.folder / "small.yaml", ["runs=2", "bound=false"]), plain.out, backend="sequential")
     for name in ("random", "signal", "numpy", "copy", "re", "enum", "json", "joblib", "scipy", "queue", "socket"):
         (here.folder / f"{name}.py").write_text('print("my script")\n')
     done = subprocess.run(

@@ -129,6 +129,35 @@ def test_what_is_known_is_told_from_rounding(name, case):
     np.testing.assert_allclose(variances[~known], np.square(sd[~known]), rtol=1e-4)
 
 
+@pytest.mark.parametrize("beside", [False, True], ids=["alone", "noisy_channel_beside"])
+@pytest.mark.parametrize("name", KALMAN)
+def test_what_is_known_is_told_from_the_rounding_of_many_runs(name, beside):
+    """The same sum is read exactly four times, from 100 priors: each rounds in its own way, whatever the machine."""
+    rng, runs, h, g, variance = np.random.default_rng(5), 100, np.array([0.7, -1.9]), np.array([1.1, 0.4]), 0.04
+    A = rng.normal(size=(runs, 2, 2))
+    cov0 = A @ A.swapaxes(1, 2) + 0.05 * I2
+    mean0 = rng.normal(size=(runs, 2)) * 10 ** rng.uniform(-1, 4, size=(runs, 1))
+    x = mean0 + np.einsum("bij,bj->bi", np.linalg.cholesky(cov0), rng.normal(size=(runs, 2)))
+    z = np.stack([x @ h, x @ g], axis=1)[:, None] + np.sqrt(variance) * rng.normal(size=(runs, 4, 1)) * [0, 1]
+    rows = [0, 1] if beside else [0]
+    measurement = LinearMeasurement(np.array([h, g])[rows], np.diag([0, variance])[np.ix_(rows, rows)])
+    flt = create_filter(name, LinearDynamics(I2, NONE), measurement, **LIMITS.get(name, {}))
+    history = run_filter(flt, z[:, :, rows], mean0, cov0)
+    # Conditioned on h x, what is left is one number, the state along n, which the other channel reads four times.
+    n, Ph = np.array([-h[1], h[0]]) / np.linalg.norm(h), cov0 @ h
+    mean = mean0 + Ph * ((z[:, 0, 0] - mean0 @ h) / (Ph @ h))[:, None]
+    P = np.einsum("i,bij,j->b", n, cov0, n) - (Ph @ n) ** 2 / (Ph @ h)
+    if beside:
+        left = (z[:, :, 1] - (mean @ g)[:, None]).sum(axis=1)
+        P = 1 / (1 / P + 4 * (g @ n) ** 2 / variance)
+        mean = mean + np.outer(P * (g @ n) * left / variance, n)
+    assert not history.failures
+    error, size = history.mean[:, -1] - mean, np.abs(mean0).max(axis=1)
+    assert (np.abs(error @ h) <= 1e-14 * (1 + size)).all()
+    assert (np.abs(error @ n) <= 1e-5 * np.sqrt(P) + 1e-12 * size).all()
+    np.testing.assert_allclose(history.covariance[:, -1], P[:, None, None] * np.outer(n, n), rtol=1e-5, atol=1e-13)
+
+
 @pytest.mark.parametrize("R", [1e-8, 1e-12])
 @pytest.mark.parametrize("name", ["kf", "iekf", "ukf", "two_step", "adaptive_alpha_kf", "huber", "imm"])
 def test_a_velocity_that_drowns_in_rounding_is_refused(name, R):
@@ -216,6 +245,12 @@ def test_an_exact_nonlinear_reading_is_met_exactly():
     assert not history.failures
     # The nearest point of the circle, by Lagrange: along the prior mean. The search ends within 1e-8 sigma.
     np.testing.assert_allclose(history.mean[0, 0], 5 * np.array([2, 1]) / np.sqrt(5), atol=1e-8)
+    # Met once, it tells nothing when it comes again, however the first update was rounded.
+    mean0 = np.array([3.0, 4.0]) + np.random.default_rng(6).normal(scale=0.1, size=(50, 2))
+    again = run_filter(flt, np.full((50, 4, 1), 5.0), mean0, 0.01 * I2)
+    assert not again.failures
+    nearest = 5 * mean0 / np.linalg.norm(mean0, axis=1, keepdims=True)
+    np.testing.assert_allclose(again.mean, np.repeat(nearest[:, None], 4, axis=1), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", filter_kinds())

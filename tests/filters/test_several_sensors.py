@@ -239,6 +239,13 @@ def test_a_density_of_the_users_own_is_asked_for_whole_readings_only():
     R = np.diag([1.0, 0.5, 0.5])
     with pytest.raises(ValueError, match=r"at epoch 3 has channels missing.*no density.*`whole = True`"):
         run(Heavy(H, R), partial_z(), kind="particle", particles=50)
+    # What was refused leaves nothing behind.
+    filter = create_filter("particle", DYNAMICS, Heavy(H, R), particles=50)
+    with pytest.raises(ValueError, match="no density"):
+        run_filter(filter, partial_z(), np.zeros(2), np.eye(2))
+    again = run_filter(filter, Z[:2], np.zeros(2), np.eye(2))
+    fresh = run(Heavy(H, R), Z[:2], kind="particle", particles=50)
+    assert np.array_equal(again.mean, fresh.mean)
     # A filter that takes R alone has no use for the density.
     assert run(Heavy(H, R), partial_z()).dof[1, 3] == 2
 

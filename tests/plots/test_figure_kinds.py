@@ -54,9 +54,24 @@ def bounded(results: Results, monkeypatch: pytest.MonkeyPatch) -> Results:
     return results
 
 
+@pytest.fixture(scope="module")
+def sensed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+    """One case with two sensors, told apart."""
+    path = invent(
+        tmp_path_factory.mktemp("sensed"),
+        filters={"ekf": 1.0, "ukf": 1.1},
+        runs=RUNS,
+        sensors=True,
+        duration_s=600.0,
+        settle_s=100.0,
+    )
+    with open_results(path) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("kind", FIGURE_KINDS)
-def test_one_call_draws_it_with_units_on_every_axis(bounded: Results, kind: str) -> None:
-    drawn = figure(bounded, kind)
+def test_one_call_draws_it_with_units_on_every_axis(bounded: Results, sensed: Results, kind: str) -> None:
+    drawn = figure(sensed if kind == "availability" else bounded, kind)
     assert drawn.get_figwidth() == WIDTH_INCH
     assert png(drawn).startswith(b"\x89PNG")
     labels = [label for panel in drawn.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
@@ -328,7 +343,8 @@ def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, run
             try:
                 figure(results, kind).canvas.draw()
             except ValueError as error:
-                assert "varie" in str(error) or (failed and "completed" in str(error)), kind
+                told = "varie" in str(error) or (failed and "completed" in str(error))
+                assert told or (kind == "availability" and "tell sensors apart" in str(error)), kind
 
 
 def test_a_campaign_without_runs_is_said(make_result: ResultMaker) -> None:

@@ -12,9 +12,11 @@ from relnav_sim.results.read import Results
 ResultMaker = Callable[..., Path]
 
 
-@pytest.fixture
-def results(make_result: ResultMaker) -> Iterator[Results]:
-    with open_results(make_result(labels=("a=1", "a=2"), runs=9, failed={"ekf": [4]})) as opened:
+@pytest.fixture(scope="module")
+def results(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+    with open_results(
+        invent(tmp_path_factory.mktemp("figures"), labels=("a=1", "a=2"), runs=9, failed={"ekf": [4]})
+    ) as opened:
         yield opened
 
 

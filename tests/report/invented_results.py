@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sensors_result import CHANNELS, with_sensors
 
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 ResultMaker = Callable[..., Path]
 
 SETTLE_S = 500.0
+STORE_EVERY = 5
 AXIS_SIGMA = np.array([0.3, 0.4, 0.5, 4e-3, 3e-3, 6e-3])
 
 
@@ -59,6 +61,7 @@ def invented_result(
     duration_s: float = 6000.0,
     dispersed: bool = False,
     unknown: bool = False,
+    sensors: bool = False,
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -66,7 +69,7 @@ def invented_result(
         folder: Where the file goes.
         name: The campaign's name.
         labels: One label per case.
-        filters: How large each filter's errors are, 1 being what it claims.
+        filters: How large each filter's errors are, 1 being its formal sigma.
         runs: Runs computed.
         times: Stored epochs, over 6000 s.
         failed: Failed runs by filter, the same in every case.
@@ -83,6 +86,7 @@ def invented_result(
         duration_s: Length of the runs.
         dispersed: Every run flies a truth of its own, the range of which varies; otherwise all fly one at rest.
         unknown: Every error and sigma is NaN, though no run failed.
+        sensors: The filters take two sensors, those of `sensors_result`.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
@@ -95,6 +99,7 @@ def invented_result(
             dict(variables[i]) if variables else {"sensors.radar.range_sigma_m": i},
             names,
             dict.fromkeys(names, "0"),
+            CHANNELS if sensors else {},
         )
         for i, label in enumerate(labels)
     )
@@ -112,6 +117,12 @@ def invented_result(
             name: _filter_result(index, size, time_s, runs, failed.get(name, ()), settle_s)
             for name, size in sizes.items()
         }
+        if sensors:
+            step_s = duration_s / (times - 1) / STORE_EVERY
+            results = {
+                name: with_sensors(result, step_s, STORE_EVERY, settle_s, sizes[name] ** 2)
+                for name, result in results.items()
+            }
         if unknown:
             results = {name: _all_nan(result) for name, result in results.items()}
         for filter_name, summary in (summaries or {}).items():
@@ -164,6 +175,7 @@ def _filter_result(
             empty["std"][:, s] = part.std(axis=1)
             empty["rms"][:, s] = np.sqrt((part**2).mean(axis=1))
             empty["anees"][:, s, 0] = nees[:, span].mean(axis=1) / 6
+            empty["updates"][:, s] = span.sum()
             empty["nis_mean"][:, s] = 3 * size**2 * (1 + 0.02 * rng.normal(size=runs))
     empty["convergence"][:] = 100 + 20 * rng.normal(size=runs) * size
     empty["cpu_per_step"][:] = 1.0 + size

@@ -14,8 +14,8 @@ from relnav_sim.report.layouts import case_table, failures_table
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.tables import Number, Table, Words
-from relnav_sim.report.wording import short_labels
 from relnav_sim.results import open_results
+from relnav_sim.wording import short_labels
 
 ResultMaker = Callable[..., Path]
 

@@ -24,10 +24,11 @@ from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_tabl
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
-from relnav_sim.report.tables import MISSING, Number, Table, comma_separated
+from relnav_sim.report.tables import Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
 from relnav_sim.statistics.intervals import paired_differences
+from relnav_sim.wording import MISSING
 
 ResultMaker = Callable[..., Path]
 RUNS = 20
@@ -171,6 +172,7 @@ def test_a_case_is_named_once_in_the_overview_and_always_in_csv(make_result: Res
     assert headings == ["1: a=1"] * 3 + ["2: a=2"] * 3
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_stopping_rule_is_in_the_report(make_result: ResultMaker) -> None:
     rule = {
         "metric": "settled_r_rms_m", "filter": None, "half_width": 0.05, "at": [6, 12], "level": 0.95,
@@ -245,7 +247,7 @@ def test_a_filter_that_is_told_of_a_mixture_has_no_chi_square_band(make_result: 
     updates = {"updates": np.full((RUNS, 2), 50)}
     names = {"imm": 1.0, "ekf": 1.0}
     case = facts_of(make_result(runs=RUNS, filters=names, summaries=dict.fromkeys(names, updates)))
-    told = replace(case, filters=(replace(case.filters[0], nis_is_chi_square=False), *case.filters[1:]))
+    told = replace(case, filters=(replace(case.filters[0], mixture_sensors=("radar",)), *case.filters[1:]))
     rows = [row for row in consistency_table(told).rows if row.label == "95 % band if consistent"]
     assert [cell.text == MISSING for cell in rows[1].cells] == [True] + [False] * (len(case.filters) - 1)
     assert f"{case.filters[0].name}: noise assumed as a mixture" in consistency_table(told).caption

@@ -35,6 +35,7 @@ def hostile(make_result: ResultMaker) -> Path:
     )
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_terminal_gets_signs_only(hostile: Path, tmp_path: Path) -> None:
     for words in (
         ["inspect", str(hostile)],
@@ -55,6 +56,7 @@ def test_the_terminal_gets_signs_only(hostile: Path, tmp_path: Path) -> None:
         assert acting(page.read_text(encoding="utf-8")) == [], page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_text_that_spreadsheets_compute_has_an_apostrophe(hostile: Path, tmp_path: Path) -> None:
     out = tmp_path / "summary.csv"
     for words in (["export", "--out", str(out)], ["report", "--out", str(tmp_path / "out"), "--format", "csv"]):

@@ -96,15 +96,21 @@ def test_signs_that_no_font_has_are_no_warning(capfd: pytest.CaptureFixture[str]
     assert logging.getLogger("matplotlib").level == logging.NOTSET
 
 
+ODD_STARTS = {
+    "a backend that is missing": {"MPLBACKEND": "module://no_such_notebook.backend"},
+    "a backend that is none": {"MPLBACKEND": "nonsense"},
+    "settings that are broken": {"MATPLOTLIBRC": "broken.rc"},
+    "no folder for settings": {"MPLCONFIGDIR": "/dev/null/nowhere"},
+}
+TOGETHER = {name: value for environment in ODD_STARTS.values() for name, value in environment.items()}
+
+
 @pytest.mark.parametrize(
     "environment",
     [
-        {"MPLBACKEND": "module://no_such_notebook.backend"},
-        {"MPLBACKEND": "nonsense"},
-        {"MATPLOTLIBRC": "broken.rc"},
-        {"MPLCONFIGDIR": "/dev/null/nowhere"},
+        pytest.param(TOGETHER, id="all together"),
+        *(pytest.param(environment, id=name, marks=pytest.mark.slow) for name, environment in ODD_STARTS.items()),
     ],
-    ids=lambda environment: next(iter(environment)),
 )
 def test_matplotlib_starts_whatever_its_settings_are(environment: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / "broken.rc").write_bytes(BROKEN)

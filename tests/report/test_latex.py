@@ -68,6 +68,7 @@ def test_nothing_is_left_for_latex_to_read(text: str) -> None:
     assert not set(plain) & set('\\&%$#_{}~^"')
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_every_table_of_a_report(make_result: ResultMaker, tmp_path: Path) -> None:
     path = make_result(
         labels=("a=1", "b_c=2"), filters={"ekf": 1.0, "u_kf%": 0.9}, runs=8, failed={"ekf": [1]},

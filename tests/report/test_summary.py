@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
-from relnav_sim.report.wording import counted, figure, listed
 from relnav_sim.results import open_results
+from relnav_sim.wording import counted, listed, significant
 
 ResultMaker = Callable[..., Path]
 
@@ -67,8 +67,8 @@ def test_cases_are_counted(make_result: ResultMaker) -> None:
 def test_consistency_is_told_in_words(make_result: ResultMaker) -> None:
     text = " ".join(summarise(rankings_of(make_result(filters={"good": 1.0, "bold": 3.0, "shy": 0.5}, runs=40))))
     assert "good is consistent (ANEES near 1)" in text
-    assert "bold errs 3 times as much as it claims" in text or "bold errs 2.9" in text or "bold errs 3.0" in text
-    assert "shy claims 2" in text and "times larger errors than it makes" in text
+    assert re.search(r"bold is overconfident \(errors (3|2\.9\d*|3\.0\d*) times its formal sigma\)", text)
+    assert re.search(r"shy is conservative \(formal sigma 2\S* times its errors\)", text)
 
 
 def test_failures_missing_runs_and_lost_convergence_are_told(make_result: ResultMaker) -> None:
@@ -88,7 +88,12 @@ def test_nothing_completed_is_no_crash(make_result: ResultMaker) -> None:
 def test_words() -> None:
     assert [listed(["a"]), listed(["a", "b"]), listed(["a", "b", "c"])] == ["a", "a and b", "a, b and c"]
     assert [counted(1, "run"), counted(2, "run")] == ["1 run", "2 runs"]
-    assert [figure(0.012345), figure(123.4), figure(0.0), figure(3e-9)] == ["0.0123", "123", "0", "3.00e-09"]
+    assert [significant(0.012345), significant(123.4), significant(0.0), significant(3e-9)] == [
+        "0.0123",
+        "123",
+        "0",
+        "3.00e-09",
+    ]
 
 
 def test_the_runs_to_look_at_are_named(make_result: ResultMaker) -> None:

@@ -5,19 +5,9 @@ import math
 import pytest
 
 from relnav_sim.report.campaign_facts import filters_table
-from relnav_sim.report.tables import (
-    MINUS,
-    Column,
-    Number,
-    Row,
-    Table,
-    Words,
-    comma_separated,
-    decimals_for,
-    markdown,
-    shown_number,
-)
+from relnav_sim.report.tables import Column, Number, Row, Table, Words, comma_separated, decimals_for, markdown
 from relnav_sim.results import open_results
+from relnav_sim.wording import MINUS, shown_number
 
 
 def table(rows: tuple[Row, ...]) -> Table:

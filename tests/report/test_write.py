@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from relnav_sim.report import write_report
-from relnav_sim.report.tables import shown_number
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ResultsError
+from relnav_sim.wording import shown_number
 
 ResultMaker = Callable[..., Path]
 
@@ -144,7 +144,8 @@ def test_the_markdown_is_safe_and_complete(report: Path) -> None:
     assert all((report.parent / image).is_file() for image in images)
 
 
-def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path) -> None:
+def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("relnav_sim.plots.style.pdf", lambda _: b"%PDF")  # which no page holds
     path = make_result(labels=[f"sensors.radar.range_sigma_m={n}" for n in range(25)], filters={"ekf": 1.0}, runs=3)
     index = write_report(path, tmp_path / "out", most_figures=4, workers=1)
     assert index.stat().st_size < 5_000_000
@@ -165,17 +166,20 @@ def test_pictures_that_do_not_fit_are_linked(make_result: ResultMaker, tmp_path:
     assert sum(address.endswith(".png") for address in page.addresses) == 10
 
 
-def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path) -> None:
-    path = make_result(labels=[f"a={n}" for n in range(6)], filters={"ekf": 1.0, "kf": 1.1}, runs=3, times=11)
+def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("relnav_sim.report.compose._WORTH_A_PROCESS", 2)
+    path = make_result(labels=["a=0", "a=1"], filters={"ekf": 1.0}, runs=3, times=11)
     pages = [write_report(path, tmp_path / str(n), most_figures=4, workers=n).read_bytes() for n in (1, 2)]
     assert pages[0] == pages[1]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_unfinished_campaign_is_reported(make_result: ResultMaker, tmp_path: Path) -> None:
     index = write_report(make_result(filters={"ekf": 1.0}, runs=4, planned=9), tmp_path / "out", formats=("html",))
     assert "The campaign is not finished: 5 runs" in index.read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_filters_and_cases_without_runs_are_named(make_result: ResultMaker, tmp_path: Path) -> None:
     path = make_result(labels=("a=1", "a=2"), filters={"ekf": 1.0}, runs=3, waiting=["ukf"], computed_cases=1)
     index = write_report(path, tmp_path / "out")
@@ -189,6 +193,7 @@ def test_filters_and_cases_without_runs_are_named(make_result: ResultMaker, tmp_
     assert [row["position RMS [m]"] for row in rows[1:]] == ["no run yet"] * 3
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_folder_lies_beside_the_result_and_formats_choose(make_result: ResultMaker) -> None:
     path = make_result(filters={"ekf": 1.0}, runs=1)
     assert write_report(path, formats=("csv", "md")) == path.with_suffix("") / "report.md"
@@ -196,6 +201,7 @@ def test_the_folder_lies_beside_the_result_and_formats_choose(make_result: Resul
     assert write_report(path, formats=["csv"]) == path.with_suffix("") / "tables"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_report_can_be_written_twice(make_result: ResultMaker) -> None:
     path = make_result(filters={"ekf": 1.0}, runs=2)
     first = write_report(path).read_bytes()

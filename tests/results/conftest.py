@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, seal
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
 from relnav_sim.results.bound import BoundResult
@@ -24,7 +25,13 @@ TIMES = 7
 HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
-BIASES = layout.Columns(extra=("range_bias", "azimuth_bias"), extra_units=("m", "rad"))
+BIASES = layout.Columns(
+    augmented=("range_bias", "azimuth_bias"), augmented_units=("m", "rad"), sensors=("radar", "camera")
+)
+CHANNELS = {
+    "radar": (Channel("range", "m", "range"), Channel("azimuth", "rad", "azimuth", True)),
+    "camera": (Channel("elevation", "rad", "elevation", True),),
+}
 
 
 def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
@@ -32,7 +39,7 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.EXTRA):
+        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
@@ -88,7 +95,14 @@ def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> R
         seed=SEED,
         runs=runs,
         cases=tuple(
-            CaseHeader(f"id{i}", f"scale={i + 1}", {"sensors.radar.scale": i + 1}, tuple(filters), filter_ids(filters))
+            CaseHeader(
+                f"id{i}",
+                f"scale={i + 1}",
+                {"sensors.radar.scale": i + 1},
+                tuple(filters),
+                filter_ids(filters),
+                CHANNELS,
+            )
             for i in range(cases)
         ),
         constants={"mu_m3_s2": 3.986004418e14, "truth_zonals": 4},

@@ -5,6 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout
 from relnav_sim.results.block import FilterResult
 
@@ -30,7 +31,7 @@ def test_every_dataset_in_the_file_is_in_the_layout_and_described(result: Path) 
 
     with h5py.File(result) as file:
         file.visititems(visit)
-        assert set(file["case_000"]) == {"alpha_0.5", "ekf", *layout.RESERVED_NAMES}
+        assert set(file["case_000"]) == {"alpha_0.5", "ekf", *RESERVED_NAMES}
         assert set(file["case_000/ekf"]) >= {spec.name for spec in layout.FILTER}
     assert seen >= set(known) | set(tables)
 

@@ -75,9 +75,9 @@ def test_diagnostics(result: Path) -> None:
 
 def test_extra_states(result: Path, make_block) -> None:
     with open_results(result) as results:
-        assert results.extra(1, "ekf") is None
-        extra = results.extra(1, "alpha_0.5")
-    expected = make_block(1, range(5)).filters["alpha_0.5"].extra
+        assert results.augmented(1, "ekf") is None
+        extra = results.augmented(1, "alpha_0.5")
+    expected = make_block(1, range(5)).filters["alpha_0.5"].augmented
     assert extra.names == ("range_bias", "azimuth_bias") and extra.units == ("m", "rad")
     assert extra.mean.shape == (5, 2, 2) and extra.error.shape == (5, 7, 2)
     for part in ("estimate", "error", "sigma", "mean", "rms"):

@@ -21,5 +21,5 @@ def everything(path: Path) -> list[Any]:
             for name in header.filters:
                 found += [getattr(results, of)(case, name).tobytes() for of in ("error", "sigma", "nis", "nees")]
                 found += [results.distance(case, name).tobytes()]
-                found += [repr(results.extra(case, name)), repr(results.bound(case, name))]
+                found += [repr(results.augmented(case, name)), repr(results.bound(case, name))]
         return found

@@ -57,7 +57,7 @@ def data_of(path: Path) -> dict[tuple, np.ndarray]:
                         found[case.id, name, spec.name] = results.statistic(index, name, spec.name)
                 for key, values in results.diagnostics(index, name).items():
                     found[case.id, name, f"diagnostic {key}"] = values
-                extra = results.extra(index, name)
+                extra = results.augmented(index, name)
                 for part in ("estimate", "error", "sigma", "mean", "rms") if extra is not None else ():
                     found[case.id, name, f"extra {part}"] = getattr(extra, part)
                 for series in ("error", "sigma", "nis", "nees"):

@@ -1,7 +1,7 @@
 """A campaign that uses as much as possible at once: whatever holds for simple campaigns holds for it, to the bit.
 
-Manoeuvres with execution errors, accelerometers, a late radar with a bias and outliers, filters with extra states that
-are estimated and considered, mixtures, fixed and random samples, learned dynamics, bounds and diagnostics.
+Manoeuvres with execution errors, accelerometers, a late radar with a bias and outliers, filters with augmented states
+that are estimated and considered, mixtures, fixed and random samples, learned dynamics, bounds and diagnostics.
 """
 
 import json
@@ -149,9 +149,9 @@ def test_one_run_at_full_rate_is_that_of_the_campaign(tmp_path, reference):
             assert one.series(0, name, 2).error[::2].tobytes() == many.series(1, name, 2).error.tobytes()
             for key, values in one.diagnostics(0, name).items():
                 assert values[0].tobytes() == many.diagnostics(1, name)[key][2].tobytes()
-            if (extra := one.extra(0, name)) is not None:
-                assert extra.sigma[0, ::2].tobytes() == many.extra(1, name).sigma[2].tobytes()
-                assert extra.rms[0].tobytes() == many.extra(1, name).rms[2].tobytes()
+            if (extra := one.augmented(0, name)) is not None:
+                assert extra.sigma[0, ::2].tobytes() == many.augmented(1, name).sigma[2].tobytes()
+                assert extra.rms[0].tobytes() == many.augmented(1, name).rms[2].tobytes()
 
 
 @pytest.mark.slow
@@ -239,16 +239,16 @@ def test_a_bad_run_costs_no_other_run_its_extra_states_or_diagnostics(tmp_path, 
     with open_results(files[0]) as results:
         failures = {failure.filter: failure for _, failure in results.failures()}
         assert {(failure.run, name) for name, failure in failures.items()} == {(2, "bad_alpha_kf"), (2, "bad_ekf")}
-        assert failures["bad_ekf"].epoch == 9, "lost extra states are a failure at once, not when they are used"
+        assert failures["bad_ekf"].epoch == 9, "lost augmented states are a failure at once, not when they are used"
         for good in ("alpha_kf", "ekf"):
-            extra = results.extra(0, f"bad_{good}")
-            assert extra.names == results.extra(0, good).names
+            extra = results.augmented(0, f"bad_{good}")
+            assert extra.names == results.augmented(0, good).names
             assert np.isfinite(extra.rms[[0, 1, 3]]).all() and np.isfinite(extra.sigma[[0, 1, 3]]).all()
             assert results.diagnostics(0, f"bad_{good}").keys() == results.diagnostics(0, good).keys()
             for values in results.diagnostics(0, f"bad_{good}").values():
                 assert np.isfinite(values[[0, 1, 3]]).all()
         for part in ("estimate", "sigma", "rms"):  # to the bit where nothing is drawn
-            ours, theirs = (getattr(results.extra(0, name), part) for name in ("bad_ekf", "ekf"))
+            ours, theirs = (getattr(results.augmented(0, name), part) for name in ("bad_ekf", "ekf"))
             np.testing.assert_array_equal(ours[[0, 1, 3]], theirs[[0, 1, 3]])
 
 
@@ -335,5 +335,5 @@ def test_a_stranger_s_file_with_other_content_is_damaged_in_words(tmp_path, refe
     with h5py.File(path, "r+") as file:
         file.attrs["campaign_content"] = json.dumps(content)
         del file["case_000/ekf/extra_unit"]
-    with open_results(path) as results, pytest.raises(ResultsError, match="lacks units of its extra states"):
-        results.extra(0, "ekf")
+    with open_results(path) as results, pytest.raises(ResultsError, match="lacks units of its augmented states"):
+        results.augmented(0, "ekf")

@@ -1,5 +1,7 @@
 """Whole campaigns: the same bits however the work is cut, extended, resumed; changes refused, nothing lost."""
 
+import shutil
+
 import numpy as np
 import pytest
 from small_campaign import assert_same_bits, data_of
@@ -11,12 +13,28 @@ from relnav_sim.results.block import RefusedError
 from relnav_sim.results.changes import changed_keys
 
 
+@pytest.fixture(scope="module")
+def computed(make_campaign, tmp_path_factory):
+    """A folder with the whole campaign, shards and all."""
+    folder = tmp_path_factory.mktemp("computed")
+    run_campaign(make_campaign(), folder / "reference.h5", backend="sequential")
+    return folder
+
+
 @pytest.fixture
-def reference(campaign, tmp_path):
-    return run_campaign(campaign(), tmp_path / "reference.h5", backend="sequential")
+def reference(computed, tmp_path):
+    shutil.copytree(computed, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "reference.h5"
 
 
-@pytest.mark.parametrize("workers, backend", [(1, "loky"), (2, "loky"), (4, "loky"), (2, "sequential")])
+@pytest.mark.parametrize(
+    "workers, backend",
+    [
+        (2, "loky"),
+        (2, "sequential"),
+        *(pytest.param(workers, "loky", marks=pytest.mark.slow) for workers in (1, 4)),
+    ],
+)
 def test_workers_and_backend_do_not_show(campaign, tmp_path, reference, workers, backend):
     out = run_campaign(campaign(), tmp_path / "out.h5", workers=workers, backend=backend)
     assert_same_bits(reference, out)

@@ -87,15 +87,32 @@ def two_runs(make_campaign, tmp_path_factory):
     )
 
 
+def with_history(folder, text):
+    (folder / SESSIONS).unlink(missing_ok=True)
+    if text is not None:
+        (folder / SESSIONS).write_text(text)
+
+
 @pytest.mark.parametrize("text", NO_HISTORY.values(), ids=NO_HISTORY)
+def test_a_damaged_history_is_none(tmp_path, text):
+    with_history(tmp_path, text)
+    assert past_sessions(tmp_path) == []
+    end_session(tmp_path)
+    assert past_sessions(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, id=name, marks=() if name in ("missing", "cut", "no moment") else pytest.mark.slow)
+        for name, text in NO_HISTORY.items()
+    ],
+)
 def test_a_damaged_history_does_not_keep_a_campaign_from_going_on(two_runs, campaign, tmp_path, text):
     """Nor from being looked at, merged, or ended by a command whose own entry is gone."""
     out = tmp_path / "o.h5"
     folder = Path(shutil.copytree(shard_folder(two_runs), shard_folder(out)))
-    (folder / SESSIONS).unlink()
-    if text is not None:
-        (folder / SESSIONS).write_text(text)
-    assert past_sessions(folder) == []
+    with_history(folder, text)
     end_session(folder)
     with results_so_far(out) as so_far, open_results(so_far) as results:
         assert results.runs == (0, 1)

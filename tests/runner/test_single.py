@@ -9,9 +9,9 @@ from relnav_sim.results.block import RefusedError
 from relnav_sim.runner.single import run_single
 
 
-@pytest.fixture
-def whole(campaign, tmp_path):
-    return run_campaign(campaign(), tmp_path / "whole.h5", backend="sequential")
+@pytest.fixture(scope="module")
+def whole(make_campaign, tmp_path_factory):
+    return run_campaign(make_campaign(), tmp_path_factory.mktemp("whole") / "whole.h5", backend="sequential")
 
 
 @pytest.mark.parametrize("trace, every", [(False, 4), (True, 1)])

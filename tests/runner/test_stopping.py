@@ -54,8 +54,13 @@ def test_stops_at_the_first_look_that_meets_the_rule(campaign, tmp_path, all_run
         assert results.stopping["widest"] == pytest.approx(widest(all_runs, expected), rel=1e-9)
         assert results.stopping["at"] == [4, 6, 9]
     assert any(f"stopped at {expected} runs" in sentence for sentence in said)
-    other = run_campaign(parsed, tmp_path / "b.h5", workers=2)
-    assert_same_bits(out, other)
+
+
+@pytest.mark.parametrize("look", [pytest.param(4, marks=pytest.mark.slow), 6, pytest.param(9, marks=pytest.mark.slow)])
+def test_workers_stop_where_one_process_does(campaign, tmp_path, all_runs, look):
+    parsed = campaign("runs=12", RULE.format(widest(all_runs, look) * 1.0001))
+    alone = run_campaign(parsed, tmp_path / "a.h5", backend="sequential")
+    assert_same_bits(alone, run_campaign(parsed, tmp_path / "b.h5", workers=2))
 
 
 def test_goes_on_to_all_runs_where_the_rule_is_never_met(campaign, tmp_path, all_runs):

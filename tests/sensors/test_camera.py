@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from relnav_sim.astro.constants import RADIUS_M
-from relnav_sim.astro.line_of_sight import sight_vector
-from relnav_sim.sensors import Sensed, SensorSuite, filter_inputs, sensor_measurement
+from relnav_sim.astro.line_of_sight import polar, sight_vector
+from relnav_sim.measurements.augmented import AugmentedMeasurement
+from relnav_sim.sensors import ErrorShares, Sensed, SensorSuite, filter_inputs, sensor_measurement
 from relnav_sim.sensors.camera import CameraOptions
 
 SIGMA_DEG = 0.5
@@ -115,6 +116,47 @@ def test_spherical_form_is_the_radars_angles(scene):
     sensed = Sensed(np.zeros(1), scene.truth(place, 1).chief, scene.truth(place, 1).deputy, None, 1.0)
     assert options["camera"].off_pole(sensed) is not None
     assert scene.sensors(radar=None, **camera())["camera"].off_pole(sensed) is None
+
+
+@pytest.mark.parametrize("place", ["ahead", "on the axis of azimuth", "beside that axis"])
+@pytest.mark.parametrize("kind", ["camera", "radar"])
+def test_augmented_biases_are_the_turns_that_the_noise_makes(scene, place, kind):
+    """Read with a bias of 0.1 and -0.2 deg and next to no noise, told of it by the augmented states."""
+    bias = np.radians([0.1, -0.2])
+    small = {"kind": "gaussian", "scale": 1e-6}
+    values = [1.0, -2.0] if kind == "camera" else [0.0, 1.0, -2.0]
+    own = {"form": "tangent", "angle_sigma_deg": 0.1, "noise": [small, {"kind": "bias", "value": values}]}
+    section = {"camera": own} if kind == "camera" else {"radar": own}
+    options, _, inputs = run(scene, PLACES[place], runs=2, epochs=3, **section)
+    model = sensor_measurement(kind, options, scene.ORBIT, scene.STEP_S)
+    shares = ErrorShares({"azimuth": np.array([1.0, 0.0]), "elevation": np.array([0.0, 1.0])}, np.zeros((3, 2)))
+    told = AugmentedMeasurement(model, 6, options[kind].distortion(shares, "spherical"))
+    z = told.take(inputs[kind], 0)
+    state = np.broadcast_to([*PLACES[place], 0.0, 0.0, 0.0, *bias], (2, 8))
+    # The axes at both ends differ by the bias times the tangent of half the angle off the boresight.
+    np.testing.assert_allclose((z[:, 1] - told.predict(state, 1))[:, -2:], 0, atol=np.square(bias).sum())
+    untold = state * ([1.0] * 6 + [0.0] * 2)
+    np.testing.assert_allclose((z[:, 1] - told.predict(untold, 1))[:, -2:], [bias] * 2, atol=np.square(bias).sum())
+
+
+@pytest.mark.parametrize("form", ["tangent", "spherical"])
+@pytest.mark.parametrize("kind", ["camera", "radar"])
+@pytest.mark.parametrize("latency_s", [0.0, 0.4])
+def test_an_augmented_turn_of_the_host_moves_what_is_read(scene, form, kind, latency_s):
+    """The body turned by scipy, about the nadir frame's axes, against what the augmented states say."""
+    mounting, dtheta = [35, -20, 50], np.array([3e-4, -2e-4, 1e-4])
+    own = {"form": form, "mounting_deg": mounting, "latency_s": latency_s}
+    options = scene.sensors(radar=None, **camera(**own)) if kind == "camera" else scene.sensors(radar=own)
+    model = sensor_measurement(kind, options, scene.ORBIT, scene.STEP_S)
+    told = AugmentedMeasurement(model, 6, options[kind].distortion(ErrorShares({}, np.eye(3)), "spherical"))
+    radial, along, normal = 60.0, 900.0, -250.0
+    nadir = np.array([along, -normal, -radial])
+    seen = Rotation.from_euler("ZYX", mounting, degrees=True).inv().apply(Rotation.from_rotvec(-dtheta).apply(nadir))
+    z = np.stack(polar(tuple(seen)))[1 if kind == "camera" else 0 :]
+    taken = told.take(np.broadcast_to(z, (1, 1, len(z))), 0)[:, 0]
+    state = np.array([[radial, along, normal, 0, 0, 0, *dtheta]])
+    np.testing.assert_allclose((taken - told.predict(state, 0))[:, -2:], 0, atol=3e-7)
+    assert np.abs((taken - told.predict(state * ([1] * 6 + [0] * 3), 0))[:, -2:]).max() > 1e-4
 
 
 def test_bits_do_not_depend_on_chunks_or_on_the_other_runs(scene):

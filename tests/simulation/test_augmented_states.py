@@ -1,4 +1,4 @@
-"""Extra states in campaigns: where they start, what they gain, what is refused."""
+"""Augmented states in campaigns: where they start, what they gain, what is refused."""
 
 import numpy as np
 import pytest
@@ -83,9 +83,9 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     assert low < anees["estimating"] < high < 10 < anees["ignoring"]
     # The bias is the same in all runs and one sigma of what was expected, so the band holds from above only.
     assert anees["considering"] < high
-    bias = found["estimating"].extra
+    bias = found["estimating"].augmented
     assert (bias.names, bias.units) == (("azimuth_bias",), ("rad",))
-    assert found["ignoring"].extra is None
+    assert found["ignoring"].augmented is None
     np.testing.assert_allclose(bias.estimate - bias.error, np.radians(0.5), rtol=1e-5)
     z = bias.error[:, -1, 0] / bias.sigma[:, -1, 0]
     low, high = chi2.ppf([0.0005, 0.9995], 10)
@@ -93,7 +93,7 @@ def test_a_bias_is_found_or_accounted_for(tmp_path, kind):
     # The settled span is 15 stored points of 280 epochs here; both say the same to what that thinning leaves.
     thinned = np.sqrt(np.mean(np.square(bias.error[:, 1:, 0]), axis=1))
     np.testing.assert_allclose(bias.rms[:, 1, 0], thinned, rtol=0.5)
-    considered = found["considering"].extra
+    considered = found["considering"].augmented
     assert (considered.estimate == 0).all()
     np.testing.assert_allclose(considered.sigma, np.radians(0.5), rtol=1e-6)
 
@@ -122,7 +122,7 @@ def test_an_accelerometer_s_bias_is_found(tmp_path, carrier):
     low, high = chi2.ppf([0.0005, 0.9995], 6 * runs) / (6 * runs)
     anees = {name: found[name].nees[:, -1].mean() / 6 for name in extras}
     assert low < anees["estimating"] < high and low < anees["considering"] < high < 10 < anees["ignoring"]
-    bias = found["estimating"].extra
+    bias = found["estimating"].augmented
     assert bias.names == tuple(f"accelerometer_bias_{axis}" for axis in "xyz")
     z = bias.error[:, -1] / bias.sigma[:, -1]
     low, high = chi2.ppf([0.0005, 0.9995], 3 * runs)

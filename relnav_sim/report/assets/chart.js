@@ -12,14 +12,14 @@
   const legend = document.getElementById("chart-legend");
   const DASHES = ["", "7 3", "4 2 1 2"];
   const KINDS = {
-    position: { label: "position RMS", unit: "m", log: true, claimed: "claimed" },
-    velocity: { label: "velocity RMS", unit: "m/s", log: true, claimed: "claimed" },
+    position: { label: "position RMS", unit: "m", log: true, formal: "formal" },
+    velocity: { label: "velocity RMS", unit: "m/s", log: true, formal: "formal" },
     nees: { label: "NEES / 6", unit: "", log: false },
-    nis: { label: "NIS / 3", unit: "", log: false },
+    nis: { label: "NIS per degree of freedom", unit: "", log: false },
   };
   ["x", "y", "z", "vx", "vy", "vz"].forEach((name, place) => {
     const axis = data.cases[0].axes[place % 3];
-    if (axis) KINDS[name] = { label: `${name} error (${axis}), median run`, unit: place > 2 ? "m/s" : "m", log: false, claimed: "± 3 sigma", signed: true };
+    if (axis) KINDS[name] = { label: `${name} error (${axis}), median run`, unit: place > 2 ? "m/s" : "m", log: false, formal: "± 3 sigma", signed: true };
   });
 
   const unpack = ([low, high, logarithmic, text]) => {
@@ -77,9 +77,9 @@
       const place = data.filters.indexOf(filter);
       const look = { colour: `var(--f${place % 7})`, dash: DASHES[Math.floor(place / 7) % 3], filter };
       lines.push({ ...look, values: unpack(curves[name]), width: 1.6, main: true });
-      if (!kind.claimed) continue;
-      const claimed = unpack(curves[`${name}_claimed`]);
-      const parts = kind.signed ? [claimed.map((v) => 3 * v), claimed.map((v) => -3 * v)] : [claimed];
+      if (!kind.formal) continue;
+      const formal = unpack(curves[`${name}_formal`]);
+      const parts = kind.signed ? [formal.map((v) => 3 * v), formal.map((v) => -3 * v)] : [formal];
       parts.forEach((values) => lines.push({ ...look, values, width: 1, dash: kind.signed ? "5 3" : "1.5 2.5" }));
     }
     if (one.bound[name]) lines.push({ colour: "var(--ink)", dash: "7 3 1.5 3", values: unpack(one.bound[name]), width: 1.3, filter: "bound", main: true });

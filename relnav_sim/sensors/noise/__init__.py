@@ -21,6 +21,7 @@ from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.law import (
     WhiteLaw,
     constant_part,
+    has_outages,
     has_white_part,
     is_white,
     probability_below,
@@ -46,6 +47,7 @@ __all__ = [
     "WhiteLaw",
     "check_parts",
     "constant_part",
+    "has_outages",
     "has_white_part",
     "is_white",
     "noise_kinds",

@@ -15,6 +15,7 @@ from relnav_sim.sensors.noise.bias import BiasNoise
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.mixture import MixtureNoise
+from relnav_sim.sensors.noise.outage import OutageNoise
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,11 @@ class WhiteLaw:
 def has_white_part(parts: Sequence[Options]) -> bool:
     """Return whether any part is white noise."""
     return any(isinstance(part, GaussianNoise | MixtureNoise) for part in parts)
+
+
+def has_outages(parts: Sequence[Options]) -> bool:
+    """Return whether there are times without a reading."""
+    return any(isinstance(part, OutageNoise) for part in parts)
 
 
 def is_white(parts: Sequence[Options]) -> bool:

@@ -9,9 +9,10 @@ import numpy as np
 
 from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
-from relnav_sim.report.layouts import INTERVALS, numbers
+from relnav_sim.report.layouts import INTERVALS
+from relnav_sim.report.metrics import numbers
 from relnav_sim.report.tables import Column, Row, Table
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates
 from relnav_sim.statistics.intervals import mean_interval
 
 _SETTLED = 1
@@ -19,30 +20,30 @@ _SHOWN_UNITS = {"rad": ("deg", degrees(1.0)), "m/s^2": ("um/s^2", 1e6)}
 """Unit that a table shows in place of an SI unit, and the factor to it."""
 
 
-def extra_table(case: CaseFacts) -> Table | None:
-    """Return the errors of the extra states, settled, and the sigma stated at the end; None where no filter has any."""
+def augmented_table(case: CaseFacts) -> Table | None:
+    """Return the errors of the augmented states, settled, and their formal sigma at the end; None if none has any."""
     states = {
         name: unit
         for item in case.filters
-        if item.extra is not None
-        for name, unit in zip(item.extra.names, item.extra.units, strict=True)
+        if item.augmented is not None
+        for name, unit in zip(item.augmented.names, item.augmented.units, strict=True)
     }
     if not states:
         return None
     rows: list[Row] = []
     for name, unit in states.items():
         shown, factor = _SHOWN_UNITS.get(unit, (unit, 1.0))
-        figures: tuple[tuple[str, Callable[[ExtraStates], Array]], ...] = (
+        figures: tuple[tuple[str, Callable[[AugmentedStates], Array]], ...] = (
             ("rms error, settled", lambda extra: extra.rms[:, _SETTLED]),
             ("mean error, settled", lambda extra: extra.mean[:, _SETTLED]),
-            ("stated sigma at the end", lambda extra: extra.sigma[:, -1]),
+            ("formal sigma at the end", lambda extra: extra.sigma[:, -1]),
         )
         for place, (what, of) in enumerate(figures):
             cells = numbers([mean_interval(factor * _of_state(item, name, of)) for item in case.filters])
             rows.append(Row(f"{name}, {what}", cells, shown, opens_block=place == 0 and bool(rows)))
     return Table(
-        name=f"case_{case.number:03d}_extra",
-        title="Extra states",
+        name=f"case_{case.number:03d}_augmented",
+        title="Augmented states",
         caption=f"States that a filter carries behind position and velocity. {INTERVALS} Errors are missing where the "
         "truth is not known; a state that is only considered keeps its mean at 0 and its sigma.",
         corner="figure",
@@ -51,8 +52,8 @@ def extra_table(case: CaseFacts) -> Table | None:
     )
 
 
-def _of_state(item: FilterFacts, name: str, of: Callable[[ExtraStates], Array]) -> Array:
+def _of_state(item: FilterFacts, name: str, of: Callable[[AugmentedStates], Array]) -> Array:
     """Return a figure of one state, one for each run that did not fail; NaN where the filter has no such state."""
-    if item.extra is None or name not in item.extra.names:
+    if item.augmented is None or name not in item.augmented.names:
         return np.full(len(item.runs), np.nan)[item.ok]
-    return of(item.extra)[item.ok][:, item.extra.names.index(name)]
+    return of(item.augmented)[item.ok][:, item.augmented.names.index(name)]

@@ -6,12 +6,27 @@ import math
 import re
 from collections.abc import Sequence
 
-from relnav_sim.report.tables import shown_number
-
+MINUS = "\N{MINUS SIGN}"
+MISSING = "\N{EN DASH}"
+MOST_DECIMALS = 6
+_LARGEST_PLAIN = 1e5
 _PATH = r"(?:(?<=[ ,])|^)(?:[A-Za-z_]\w*\.)+(?P<last>[A-Za-z_]\w*\.[A-Za-z_]\w*=)"
 
 
-def figure(value: float, digits: int = 3) -> str:
+def shown_number(value: float, decimals: int) -> str:
+    """Return a number as text: plain with ``decimals``, or with an exponent where it is huge."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(value):
+        return "∞" if value > 0 else f"{MINUS}∞"
+    lost = decimals >= MOST_DECIMALS and 0 < abs(value) < 0.5 * 10.0**-MOST_DECIMALS
+    text = f"{value:.2e}" if abs(value) >= _LARGEST_PLAIN else f"{value:.0e}" if lost else f"{value:.{decimals}f}"
+    if text.startswith("-") and not text.strip("-0."):
+        text = text[1:]
+    return text.replace("-", MINUS, 1) if text.startswith("-") else text
+
+
+def significant(value: float, digits: int = 3) -> str:
     """Return a number for a sentence: so many significant digits, no exponent unless it is huge or tiny."""
     if not math.isfinite(value) or value == 0:
         return shown_number(value, 0)
@@ -23,7 +38,7 @@ def between(low: float, high: float) -> str:
     """Return an interval for a sentence, or nothing where there is none."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return ""
-    return f" [{figure(low)}, {figure(high)}]"
+    return f" [{significant(low)}, {significant(high)}]"
 
 
 def listed(words: Sequence[str]) -> str:

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.results import layout
-from relnav_sim.results.block import ExtraStates
+from relnav_sim.results.block import AugmentedStates
 from relnav_sim.statistics import moments
 from relnav_sim.statistics.errors import ScoringRules
 
 Array = NDArray[np.float64]
 
 
-class ExtraAccumulator:
-    """Takes successive chunks of a block's estimates of e extra states and gives their results at the end.
+class AugmentedAccumulator:
+    """Takes successive chunks of a block's estimates of e augmented states and gives their results at the end.
 
     Args:
         runs: Number of runs in the block.
@@ -33,7 +33,7 @@ class ExtraAccumulator:
         lengths = layout.sizes(runs, len(rules.stored_s)) | {"extra": len(names)}
         self._series = {
             spec.name.removeprefix("extra_"): np.full(layout.shape(spec, lengths), np.nan, dtype=spec.dtype)
-            for spec in layout.EXTRA
+            for spec in layout.AUGMENTED
             if "time" in spec.dims
         }
 
@@ -60,13 +60,13 @@ class ExtraAccumulator:
             self._early = _added(self._early, error, sound, (epochs > 0) & ~settled)
             self._settled = _added(self._settled, error, sound, settled)
 
-    def result(self) -> ExtraStates:
+    def result(self) -> AugmentedStates:
         """Return the results over everything counted."""
         with np.errstate(over="ignore", invalid="ignore"):
             spans = [moments.merged(self._early, self._settled), self._settled]
             mean = np.stack([span.known(span.mean).T for span in spans], axis=1)
             rms = np.stack([span.rms().T for span in spans], axis=1)
-        return ExtraStates(self._names, self._units, mean=mean, rms=rms, **self._series)
+        return AugmentedStates(self._names, self._units, mean=mean, rms=rms, **self._series)
 
 
 def _added(before: moments.Moments, error: Array, sound: NDArray[np.bool_], part: NDArray[np.bool_]) -> moments.Moments:

@@ -1,0 +1,110 @@
+"""Noise of a reading that is given in axes which err: the orbit frame that a craft computes for itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, joint_components
+
+Array = NDArray[np.float64]
+_UPPER = np.triu_indices(6)
+COLUMNS = len(_UPPER[0])
+"""Numbers behind a reading that tell the covariance of its frame."""
+
+
+def with_frame(z: Array, covariance: Array) -> Array:
+    """Return readings (runs, K, m) with the frame's covariance (runs or 1, K, 6, 6) behind: (runs, K, m + COLUMNS)."""
+    told = np.broadcast_to(covariance[..., *_UPPER], (*z.shape[:2], COLUMNS))
+    return np.concatenate([z, told], axis=-1)
+
+
+class FrameError(MeasurementDefaults):
+    """A measurement whose readings are given in a frame with a white error.
+
+    A frame turned by a small theta, with a rate that is off, moves the relative state (r, v) in it to r + r x theta,
+    v + v x theta + r x phi (see `astro.frame_error`). With H the Jacobian and P the covariance of theta and phi,
+    R grows by G P G^T, G = H [[r x], 0; [v x], [r x]]. For a sensor on the deputy that is right to |r| over the
+    radius of the orbit.
+
+    Args:
+        base: The measurement in a frame without error; its state begins with position and velocity, RTN.
+        covariance: P (6, 6), RTN, rad and rad/s; None: each reading has its own behind it, from `with_frame`.
+    """
+
+    def __init__(self, base: Measurement, covariance: Array | None = None) -> None:
+        self.base = base
+        self.dimension = base.dimension
+        self.angles = getattr(base, "angles", ())
+        self.depends_on = getattr(base, "depends_on", None)
+        self.states = getattr(base, "states", None)
+        self.whole = getattr(base, "whole", False)
+        self._constant = covariance
+        self._told = np.zeros((1, 0, 6, 6))
+        self._first_epoch = 0
+
+    def take(self, z: Array, first_epoch: int) -> Array:
+        """Return the readings (runs, K, m) without the covariances behind them, which are kept."""
+        if self._constant is None:
+            m = self.dimension
+            self._told = np.empty((*z.shape[:2], 6, 6))
+            self._told[..., *_UPPER] = z[..., m:]
+            self._told[..., *_UPPER[::-1]] = z[..., m:]
+            self._first_epoch = first_epoch
+            z = z[..., :m]
+        take = getattr(self.base, "take", None)
+        return z if take is None else np.asarray(take(z, first_epoch))
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return the base's h(states)."""
+        return self.base.predict(states, epoch)
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return the base's dh/dx."""
+        return self.base.jacobian(states, epoch)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return the base's residual."""
+        return self.base.residual(z, predicted)
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return the base's R and what the frame adds at `mean` (runs, n): (runs, m, m)."""
+        return self.base.noise(mean, epoch) + self._added(mean, epoch)
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the base's components, the frame's part added to each: (runs, k, m, m)."""
+        mixture = self.base.mixture(mean, epoch)
+        if mixture is None:
+            return None
+        weights, covariances = joint_components(mixture)
+        return Mixture(weights, covariances + self._added(mean, epoch)[:, None], shared=True)
+
+    def _added(self, mean: Array, epoch: int) -> Array:
+        """Return G P G^T (runs, m, m)."""
+        P = self._constant if self._constant is not None else self._told[:, epoch - self._first_epoch]
+        return frame_noise(self.base.jacobian(mean, epoch), mean, P)
+
+
+def frame_noise(H: Array, states: Array, covariance: Array) -> Array:
+    """Return G P G^T (runs, m, m), what an error of the frame adds to R.
+
+    Args:
+        H: Jacobian of a measurement, (m, n) or (runs, m, n).
+        states: Where it is taken, (runs, n).
+        covariance: P, (6, 6) or (runs, 6, 6).
+    """
+    D = np.zeros((len(states), 6, 6))
+    D[:, :3, :3] = D[:, 3:, 3:] = _cross_matrices(states[:, :3])
+    D[:, 3:, :3] = _cross_matrices(states[:, 3:6])
+    G = H[..., :6] @ D
+    return symmetric(G @ covariance @ transpose(G))
+
+
+def _cross_matrices(vectors: Array) -> Array:
+    """Return [v x] (runs, 3, 3) of vectors (runs, 3)."""
+    x, y, z = vectors.T
+    matrices = np.zeros((len(vectors), 3, 3))
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
+    return matrices

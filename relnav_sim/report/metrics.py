@@ -1,0 +1,152 @@
+"""The metrics of tables, each declared once: label, unit, value, format.
+
+A table names the metrics it shows and takes everything else from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from relnav_sim.conventions import CONFIDENCE
+from relnav_sim.plots.axes import Array
+from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
+from relnav_sim.report.tables import Cell, Number, Words, decimals_for
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
+from relnav_sim.statistics.verdicts import ratio_of_means
+from relnav_sim.wording import counted
+
+NOT_JUDGED = "cannot be judged"
+Cells = Callable[[CaseFacts, Sequence[Interval], int], tuple[Cell, ...]]
+PerRun = Callable[[FilterFacts, Span], Array]
+
+
+def _no_run_by_itself(item: FilterFacts, span: Span) -> Array:
+    return np.full(len(item.runs), np.nan)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric of one filter in one case.
+
+    Attributes:
+        label: Its name in tables.
+        unit: Its unit; empty without one.
+        value: Its value over a span with its interval, from the filter's completed runs.
+        cells: Its cells for the filters of a case: the values, and how many columns each cell takes.
+        per_run: One value for each computed run (n,); NaN where a run by itself has none.
+        numeric: Whether its cells are numbers with intervals.
+    """
+
+    label: str
+    unit: str
+    value: Callable[[FilterFacts, Span], Interval]
+    cells: Cells
+    per_run: PerRun = _no_run_by_itself
+    numeric: bool = True
+
+    @property
+    def heading(self) -> str:
+        """Its label with its unit, as a column is headed."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+    def row(self, case: CaseFacts, span: Span, width: int = 1) -> tuple[Cell, ...]:
+        """Return the cells of all filters of a case over a span, each ``width`` columns wide."""
+        return self.cells(case, [self.value(item, span) for item in case.filters], width)
+
+
+def numbers(values: Sequence[Interval], span: int = 1, notes: Sequence[str] = ()) -> tuple[Number, ...]:
+    """Return the values of one row with a common number of decimals."""
+    decimals = decimals_for([f.estimate for f in values], [(f.high - f.low) / 2 for f in values])
+    return tuple(
+        Number(f.estimate, f.low, f.high, decimals, span, note)
+        for f, note in zip(values, notes or [""] * len(values), strict=True)
+    )
+
+
+def diverged_note(item: FilterFacts) -> str:
+    """Return in how many of its runs a filter diverged, those that failed left out."""
+    return f"diverged in {item.diverged_completed} of {counted(item.completed, 'run')}"
+
+
+def ratio_cells(case: CaseFacts, ratios: Sequence[Interval], width: int = 1) -> tuple[Cell, ...]:
+    """Return each filter's ratio to a bound, with how many of its runs diverged; no number where most of them did."""
+    shown = numbers(
+        [NO_INTERVAL if item.mostly_diverged else ratio for item, ratio in zip(case.filters, ratios, strict=True)],
+        width,
+    )
+    return tuple(
+        cell
+        if not item.diverged_completed
+        else Words(diverged_note(item), math.inf, width, mark="failed")
+        if item.mostly_diverged
+        else replace(cell, note=f"({diverged_note(item)})", mark="failed")
+        for item, cell in zip(case.filters, shown, strict=True)
+    )
+
+
+def _over_runs(label: str, unit: str, per_run: PerRun, cells: Cells | None = None) -> Metric:
+    """Return a metric that is the mean over the completed runs of one value per computed run."""
+
+    def value(item: FilterFacts, span: Span) -> Interval:
+        return mean_interval(per_run(item, span)[item.ok])
+
+    return Metric(label, unit, value, cells or _numbers, per_run)
+
+
+def _numbers(case: CaseFacts, values: Sequence[Interval], width: int) -> tuple[Cell, ...]:
+    return numbers(values, width)
+
+
+def _convergence_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tuple[Cell, ...]:
+    """Return the times with in how many runs a filter converged; no number where a run is too short to show any."""
+    if not case.shows_convergence:
+        return (Words(NOT_JUDGED, math.inf, width),) * len(case.filters)
+    return numbers(values, width, [_converged_note(item) for item in case.filters])
+
+
+def _converged_note(item: FilterFacts) -> str:
+    return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
+
+
+def _nis_per_dof(item: FilterFacts, span: Span) -> Interval:
+    place = span_index(span)
+    known = item.ok & (item.dof[:, place] > 0)
+    return ratio_of_means(item.nis_sum[known, place], item.dof[known, place])
+
+
+def _mean_cost(item: FilterFacts, span: Span) -> Interval:
+    # Without an interval: runs of one block are timed together, so they are no sample.
+    known = item.cpu_us[item.ok & np.isfinite(item.cpu_us)]
+    return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, CONFIDENCE, known.size)
+
+
+def _failed_share(item: FilterFacts, span: Span) -> Interval:
+    return Interval(item.failed / len(item.runs), math.nan, math.nan, CONFIDENCE, len(item.runs))
+
+
+def _failed_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tuple[Cell, ...]:
+    return tuple(
+        Words(f"{item.failed} of {share.runs}", share.estimate, width, mark="failed" if item.failed else "")
+        for item, share in zip(case.filters, values, strict=True)
+    )
+
+
+POSITION_RMS = _over_runs("position RMS", "m", lambda item, span: item.errors("rms", span, "r"))
+VELOCITY_RMS = _over_runs("velocity RMS", "m/s", lambda item, span: item.errors("rms", span, "v"))
+TIMES_BOUND = Metric("position RMS / bound", "", lambda item, span: item.times_bound[span], ratio_cells)
+CONVERGENCE = _over_runs("convergence time", "s", lambda item, span: item.convergence_s, _convergence_cells)
+ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
+NIS = _over_runs("mean NIS", "", lambda item, span: item.consistency("nis", span))
+NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))
+CPU = Metric("CPU per step", "µs", _mean_cost, _numbers, lambda item, span: item.cpu_us)
+FAILED = Metric("failed runs", "", _failed_share, _failed_cells, numeric=False)
+
+
+def nis_metric(cases: Sequence[CaseFacts]) -> Metric:
+    """Return how the NIS of these cases is told: as it is, or per degree of freedom where their updates differ."""
+    known = {case.dimension for case in cases} - {None}
+    return NIS_PER_DOF if len(known) > 1 or any(case.mixes_dimensions for case in cases) else NIS
