@@ -39,30 +39,32 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
         config = case.config
         key = "".join(
             part.model_dump_json() for part in (config.clock, config.truth, *config.sensors.values(), config.start)
-        )
+        ) + json.dumps(_sensors_of(config))
         if key not in found and len(found) < MOST_GEOMETRIES:
             found[key] = _nominal_warnings(config)
         if key in found:
             said.append((case.label, found[key]))
     unseen = len(campaign.cases) - len(said)
     rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
-    return (*_together(said), *rest)
+    return (*together(said), *rest)
 
 
 def flown_warnings(
-    content: Mapping[str, Any], cases: Iterable[tuple[str, Mapping[str, Any], Array, Array]]
+    content: Mapping[str, Any],
+    cases: Iterable[tuple[str, Mapping[str, Any], Array, Array, Mapping[str, Sequence[str]]]],
 ) -> tuple[str, ...]:
     """Return the same of a campaign that was run, from the truth that was stored.
 
     Args:
         content: The campaign's content, as `Campaign.content`.
-        cases: Of each case label, values of the varied paths, stored epochs (K,) in s, and true states of the deputy
-            relative to the chief (runs or 1, K, 6), RTN, m and m/s.
+        cases: Of each case label, values of the varied paths, stored epochs (K,) in s, true states of the deputy
+            relative to the chief (runs or 1, K, 6), RTN, m and m/s, and the sensors that each filter names; none: it
+            goes by all.
     """
     said: list[tuple[str, list[str]]] = []
     if not {"truth", "sensors"} <= content.keys():
         return ()
-    for label, variables, times_s, relative in cases:
+    for label, variables, times_s, relative, filters in cases:
         varied: Any = {key: content[key] for key in ("truth", "sensors")}
         for text, value in variables.items():
             if text.partition(".")[0] in varied:
@@ -73,8 +75,10 @@ def flown_warnings(
         except ValidationError:
             said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
             continue
-        said.append((label, sight_warnings(sensors, _flown(truth, sensors, times_s, relative))))
-    return _together(said)
+        every = tuple(relative_sensors(sensors))
+        going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
+        said.append((label, sight_warnings(sensors, _flown(truth, sensors, times_s, relative), going_by)))
+    return together(said)
 
 
 def _nominal_warnings(config: CaseConfig) -> list[str]:
@@ -87,15 +91,21 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
     ended = [
         f"In the nominal trajectory {reason}; every run ends about then." for reason in trajectory.failures.values()
     ]
-    sentences = sight_warnings(config.sensors, truth)
+    sentences = sight_warnings(config.sensors, truth, _sensors_of(config))
     giving = [name for name, each in relative.items() if each.gives_fix]
     if isinstance(config.start, FirstFixStart) and giving:
         chance = reading_probability(config.sensors, giving[0], at_start, 0, clock.step_s)
         if not chance.all(axis=-1).any():
             sentences.append(
-                f"The {giving[0]} gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
+                f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
+                "fail; take start.kind dispersed or given."
             )
     return [*ended, *sentences]
+
+
+def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
+    """Return the sensors that each filter of a case goes by."""
+    return {name: tuple(relative_sensors(config.sensors, each.sensors)) for name, each in config.filters.items()}
 
 
 def _flown(options: TruthOptions, sensors: Sensors, times_s: Array, relative: Array) -> Truth:
@@ -112,7 +122,7 @@ def _flown(options: TruthOptions, sensors: Sensors, times_s: Array, relative: Ar
     return Truth(times_s, chief, deputy, relative)
 
 
-def _together(said: Sequence[tuple[str, Sequence[str]]]) -> tuple[str, ...]:
+def together(said: Sequence[tuple[str, Sequence[str]]]) -> tuple[str, ...]:
     """Return the sentences of all cases, each once, with the cases it holds for where these are not all."""
     holds: dict[str, list[int]] = {}
     for number, (_, sentences) in enumerate(said):

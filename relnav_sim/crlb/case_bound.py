@@ -1,4 +1,4 @@
-"""The Cramér-Rao bound of one case: its truth, its measurement chain and its filters' models in one recursion."""
+"""The Cramér-Rao bound of one case: its truth, its sensors and its filters' models in one recursion."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.campaign import Case
+from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.conventions import CHUNK_EPOCHS
-from relnav_sim.crlb.fisher import ReadingInformation
+from relnav_sim.crlb.case_observability import case_observability
+from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
+from relnav_sim.crlb.start import start_covariance
 from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
-from relnav_sim.sensors import reading_probability, relative_sensors, sensor_measurement
-from relnav_sim.sensors.noise import noise_parts, white_law
-from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
+from relnav_sim.sensors import reading_probability, relative_sensors
+from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import nominal_chief, truth_trajectory
+from relnav_sim.truth import truth_trajectory
 
 Array = NDArray[np.float64]
 
@@ -50,17 +52,18 @@ def bound_surviving(case: Case, seed: int, learned: Learned) -> BoundResult:
 
 def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult:
     """Return the result of a case that has no bounds; `retry` where another attempt may succeed."""
-    return BoundResult(seed, case.id, case.filter_ids, None, {}, reason, retry)
+    return BoundResult(seed, case.id, case.filter_ids, None, {}, reason=reason, retry=retry)
 
 
 def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundResult:
-    """Return the bound of a perfect model and the bounds of the filters' own models at the stored epochs.
+    """Return the bounds of perfect models and of the filters' own models at the stored epochs.
 
-    The information of a reading is that of the campaign's radar at the true states, with its white noise as simulated
-    and the white errors of attitude and orbit beside it, times the probability that there is a reading, on average
-    over the ensemble of truths. Biases and correlated errors are not in it.
+    Each filter is bounded by the readings of its own sensors. The information of a reading is that of the sensor at the
+    true states, with its white noise as simulated and the white errors of attitude and orbit beside it, times the
+    probability that there is a reading, on average over the ensemble of truths. Biases and correlated errors are not
+    in it.
 
-    The perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
+    A perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
     and zonal harmonics, about the true chief's orbit and along the true relative motion. A filter's model has the
     transitions of its own dynamics along the same states (about the true orbit of the chief where it estimates that)
     and its own process noise. Transitions are those at the ensemble's mean state: their spread is of the size of
@@ -74,13 +77,18 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
     config = case.config
     learned = learned or Learned()
     truth = _ensemble(config, seed)
-    information = _Information(config, truth)
+    information = {name: SensorInformation(name, config, truth.relative) for name in truth.probability}
+    every = tuple(information)
+    sensors = {name: _sensors_of(entry, config) for name, entry in config.filters.items()}
     sharers: dict[str, list[str]] = {}
     for name, entry in config.filters.items():
         sharers.setdefault(model_key(entry), []).append(name)
-    models = {"": Model(partial(perfect_dynamics, config), config, about_chief=True)}
+    models = {
+        ("", of): Model(partial(perfect_dynamics, config), config, about_chief=True)
+        for of in dict.fromkeys((every, *sensors.values()))
+    }
     models |= {
-        key: Model(
+        (key, sensors[names[0]]): Model(
             partial(believed_dynamics, names, config, seed, learned),
             config,
             extension_of(config.filters[names[0]], config),
@@ -88,29 +96,47 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
         )
         for key, names in sharers.items()
     }
-    bounds: dict[str, Array] = {}
-    for keys in _with_the_same_states(models):
-        bounds |= dict(zip(keys, _side_by_side([models[key] for key in keys], config, truth, information), strict=True))
+    bounds: dict[_Key, Array] = {}
+    for keys in _alike(models):
+        own = {name: information[name] for name in keys[0][1]}
+        found = _side_by_side([models[key] for key in keys], config, truth, information, own)
+        bounds |= dict(zip(keys, found, strict=True))
     broken = {key: model.broken for key, model in models.items() if model.broken}
+    perfect = {of: bounds["", of] for key, of in models if not key and ("", of) not in broken}
     return BoundResult(
         seed=seed,
         case_id=case.id,
         filter_ids=case.filter_ids,
-        perfect=None if "" in broken else bounds[""],
-        filters={name: bounds[key] for key, names in sharers.items() if key not in broken for name in names},
+        perfect=perfect.get(every),
+        filters={
+            name: bounds[key, of] for key, of in models if key and (key, of) not in broken for name in sharers[key]
+        },
+        observability=case_observability(config),
+        perfect_of={name: perfect[of] for name, of in sensors.items() if of != every and of in perfect},
         reason="; ".join(
-            f"{', '.join(sharers.get(key, ['perfect model']))}: {message_of(error)}" for key, error in broken.items()
+            f"{', '.join(sharers.get(key, ['perfect model']))}: {message_of(error)}"
+            for (key, _), error in broken.items()
         ),
         retry=any(lacks_memory(error) for error in broken.values()),
     )
 
 
-def _with_the_same_states(models: Mapping[str, Model]) -> list[list[str]]:
-    """Return the keys of models in groups with the same extra states."""
-    groups: list[list[str]] = []
+_Key = tuple[str, tuple[str, ...]]
+"""What tells models of the motion apart, empty of a perfect one, and the sensors whose readings count."""
+
+
+def _sensors_of(entry: FilterEntry, config: CaseConfig) -> tuple[str, ...]:
+    """Return the sensors that a filter goes by, in the order of the campaign."""
+    chosen = relative_sensors(config.sensors, entry.sensors)
+    return tuple(name for name in relative_sensors(config.sensors) if name in chosen)
+
+
+def _alike(models: Mapping[_Key, Model]) -> list[list[_Key]]:
+    """Return the keys of models in groups with the same sensors and the same extra states."""
+    groups: list[list[_Key]] = []
     for key, model in models.items():
         for group in groups:
-            if models[group[0]].has_states_of(model):
+            if group[0][1] == key[1] and models[group[0]].has_states_of(model):
                 group.append(key)
                 break
         else:
@@ -119,13 +145,17 @@ def _with_the_same_states(models: Mapping[str, Model]) -> list[list[str]]:
 
 
 def _side_by_side(
-    models: Sequence[Model], config: CaseConfig, truth: _Ensemble, information: _Information
+    models: Sequence[Model],
+    config: CaseConfig,
+    truth: _Ensemble,
+    every: Mapping[str, SensorInformation],
+    own: Mapping[str, SensorInformation],
 ) -> Iterator[Array]:
-    """Yield the bound of each of some models with the same states, (times, 8)."""
+    """Yield the bound of each of some models with the same states and the same sensors of their own, (times, 8)."""
     clock, extra = config.clock, models[0].extra
     n = models[0].dimension
     covariances = np.full((clock.stored, len(models), n, n), np.nan)
-    start = _start(config, truth, information, extra)
+    start = _start(config, truth, every, extra)
     if start is not None:
         covariances[0] = start
         recursion = BoundRecursion(covariances[0])
@@ -133,7 +163,7 @@ def _side_by_side(
             states = truth.relative_mean[epochs - 1]
             steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in models]
             transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
-            noise_roots, roots = matrix_root(noises), matrix_root(information.at(epochs, extra))
+            noise_roots, roots = matrix_root(noises), matrix_root(truth.information(own, epochs, extra))
             for k, epoch in enumerate(epochs):
                 recursion.advance(transitions[k], noise_roots[k], roots[k])
                 if epoch % clock.store_every == 0:
@@ -169,6 +199,13 @@ class _Ensemble:
     relative_mean: Array
     probability: Mapping[str, Array]
 
+    def information(
+        self, sensors: Mapping[str, SensorInformation], epochs: NDArray[np.int64], extra: Extension | None
+    ) -> Array:
+        """Return the information of some sensors' readings at some epochs (K,), (K, n, n)."""
+        probability = {name: self.probability[name][:, epochs] for name in sensors}
+        return joint_information(sensors, self.relative[:, epochs], probability, extra)
+
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     runs = tuple(range(ENSEMBLE if config.truth.is_dispersed else 1))
@@ -195,100 +232,16 @@ def _mean(values: Array) -> Array:
         return np.asarray(np.where(known, values, 0.0).sum(axis=0) / known.sum(axis=0))
 
 
-class _SensorInformation:
-    """The information of one sensor's readings along an ensemble of truths, E[H^T I H]."""
-
-    def __init__(self, name: str, config: CaseConfig, truth: _Ensemble) -> None:
-        options = relative_sensors(config.sensors)[name]
-        orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-        self._name, self._config, self._truth = name, config, truth
-        self._model = sensor_measurement(
-            name, config.sensors, orbit, step_s, assumed_noise="nominal", assumed_latency="none"
-        )
-        self._alone = np.flatnonzero(~np.array(options.needs_direction()))
-        law = white_law(noise_parts(options.noise), len(options.channels))
-        self._reading: ReadingInformation | None = None
-        if len(law.weights) > 1:
-            self._own = np.diag(np.square(law.nominal * options.sigmas))
-            attitude = np.concatenate([self._attitude(states) for states in truth.relative])
-            self._reading = ReadingInformation(law.weights, law.scales * options.sigmas, attitude)
-
-    def _attitude(self, states: Array) -> Array:
-        """Return the covariance that the attitude's error adds to the angles, (N, 2, 2)."""
-        R = self._model.noise(states, 0) - self._own
-        return np.asarray(np.broadcast_to(R[..., 1:, 1:], (len(states), 2, 2)))
-
-    def _noise_information(self, states: Array) -> Array:
-        """Return the Fisher information (N, m, m) that noise leaves about the channels."""
-        if self._reading is not None:
-            return self._reading.at(self._attitude(states))
-        R = self._model.noise(states, 0)
-        return np.asarray(np.linalg.inv(np.broadcast_to(R, (len(states), *R.shape[-2:]))))
-
-    def at(self, epochs: NDArray[np.int64], extra: Extension | None = None) -> Array:
-        """Return the information of the readings at some epochs, (K, n, n); 0 where no trajectory goes on.
-
-        Args:
-            epochs: (K,).
-            extra: States behind the six that readings depend on too; they count as 0.
-        """
-        states, probability = self._truth.relative[:, epochs], self._truth.probability[self._name][:, epochs]
-        flat = states.reshape(-1, 6)
-        H, noise = self._jacobian(flat, extra), self._noise_information(flat)
-        whole = probability.min(axis=-1)
-        total = self._weighed(H, noise, whole)
-        if len(self._alone):
-            # What is left of a reading without direction.
-            part = probability[..., self._alone].min(axis=-1) - whole
-            if (part > 0).any():
-                kept = np.asarray(np.linalg.inv(np.linalg.inv(noise)[:, self._alone[:, None], self._alone]))
-                total = total + self._weighed(H[:, self._alone], kept, part)
-        going = np.maximum((~np.isnan(whole)).sum(axis=0), 1)
-        return np.asarray(total / going[:, None, None])
-
-    def _weighed(self, H: Array, noise: Array, probability: Array) -> Array:
-        """Return the sum (K, n, n) over the ensemble of the information times its probability (b, K)."""
-        n = H.shape[-1]
-        information = (H.swapaxes(1, 2) @ noise @ H).reshape(*probability.shape, n, n)
-        # Where nothing is measured the information may be anything, as of a target on the radar's axis.
-        weighed = np.where(probability[..., None, None] > 0, probability[..., None, None] * information, 0.0)
-        return np.asarray(weighed.sum(axis=0))
-
-    def _jacobian(self, states: Array, extra: Extension | None) -> Array:
-        """Return H (N, m, n) at states (N, 6)."""
-        if extra is None:
-            H = self._model.jacobian(states, 0)
-        else:
-            whole = np.concatenate([states, np.zeros((len(states), len(extra.names)))], axis=1)
-            H = augmented_measurement(extra, self._name, self._model, self._config).jacobian(whole, 0)
-        return np.broadcast_to(H, (len(states), *H.shape[-2:]))
-
-
-class _Information:
-    """The information of some sensors' readings together; their errors count as independent."""
-
-    def __init__(self, config: CaseConfig, truth: _Ensemble) -> None:
-        self._sensors = {name: _SensorInformation(name, config, truth) for name in relative_sensors(config.sensors)}
-
-    def at(
-        self, epochs: NDArray[np.int64], extra: Extension | None = None, names: Sequence[str] | None = None
-    ) -> Array:
-        """Return the information at some epochs, (K, n, n), of the sensors of these names; None: of all."""
-        each = [self._sensors[name].at(epochs, extra) for name in (self._sensors if names is None else names)]
-        return each[0] if len(each) == 1 else np.asarray(sum(each))
-
-
-def _start(config: CaseConfig, truth: _Ensemble, information: _Information, extra: Extension | None) -> Array | None:
+def _start(
+    config: CaseConfig, truth: _Ensemble, sensors: Mapping[str, SensorInformation], extra: Extension | None
+) -> Array | None:
     """Return J_0^-1 (n, n), the covariance of the error with which filters start at best; None where none can."""
-    start = config.start
-    behind = np.zeros(0) if extra is None else extra.sigma
-    if isinstance(start, FirstFixStart):
-        name = fix_sensor(config)
-        # A run without a first fix has failed and does not count.
-        share = float(truth.probability[name][:, 0].min(axis=-1).mean())
-        if not share > 0:
-            return None
-        J = information.at(np.zeros(1, dtype=np.int64), extra, [name])[0] / share
-        J[3:, 3:] += np.diag(1 / np.square([*start.velocity_sigma_m_s, *behind]))
-        return np.asarray(np.linalg.inv(J))
-    return np.diag(np.square([*start.position_sigma_m, *start.velocity_sigma_m_s, *behind]))
+    if not isinstance(config.start, FirstFixStart):
+        return start_covariance(config.start, None, extra)
+    name = fix_sensor(config)
+    # A run without a first fix has failed and does not count.
+    share = float(truth.probability[name][:, 0].min(axis=-1).mean())
+    if not share > 0:
+        return None
+    fix = truth.information({name: sensors[name]}, np.zeros(1, dtype=np.int64), extra)[0] / share
+    return start_covariance(config.start, fix, extra)

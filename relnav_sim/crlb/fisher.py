@@ -112,42 +112,55 @@ def _on_all_sides(weights: Array, covariances: Array) -> Array:
 
 
 class ReadingInformation:
-    """Information in a radar reading whose angles also carry a Gaussian error of the attitude.
+    """Information in a reading of which two channels, or none, also carry a Gaussian error of the attitude.
 
-    The noise is a mixture of range, azimuth and elevation with independent channels in each component, plus a
-    Gaussian of covariance A on the two angles, which moves with the line of sight. Under a mixture the information is
-    integrated at Chebyshev nodes over the range of A that is met and interpolated between them, with more nodes until
-    fewer of them would do within `TOLERANCE`: errors are then some 1e-6, and 1e-3 at most where 9 nodes in each of
-    three directions, the most there are, do not suffice (a line of sight near the axis of the azimuth).
+    The noise is a mixture with independent channels in each component, plus a Gaussian of covariance A on the two
+    channels that show a direction, which moves with the line of sight. Under a mixture the information is integrated at
+    Chebyshev nodes over the range of A that is met and interpolated between them, with more nodes until fewer of them
+    would do within `TOLERANCE`: errors are then some 1e-6, and 1e-3 at most where 9 nodes in each of three directions,
+    the most there are, do not suffice (a line of sight near the axis of the azimuth).
 
     Interpolated is I^-1 - A, which A moves from one constant to another, over three bounded variables:
     a_i / (a_i + d) for the diagonal of A, and the correlation that A leaves beside d, the least variance of an angle.
 
     Args:
         weights: (k,) probabilities of the joint components.
-        deviations: (k, 3) standard deviations of range (m), azimuth and elevation (rad).
-        attitude: (N, 2, 2) covariances A, rad^2, whose range the nodes shall cover; NaN is passed over.
+        deviations: (k, m) standard deviations of the channels, m up to 3: of a radar range (m), azimuth and elevation
+            (rad).
+        attitude: (N, 2, 2) covariances A, rad^2, whose range the nodes shall cover; NaN is passed over. (N, 0, 0) where
+            no channel shows a direction.
+        directed: The channels that A is about.
     """
 
-    def __init__(self, weights: Array, deviations: Array, attitude: Array) -> None:
+    def __init__(self, weights: Array, deviations: Array, attitude: Array, directed: tuple[int, ...] = (1, 2)) -> None:
         self._weights = weights
         self._variances = np.square(deviations)
-        self._d = float(self._variances[:, 1:].min())
+        self._m = deviations.shape[1]
+        self._directed = np.array(directed, dtype=int)
+        self._row, self._column = np.ix_(self._directed, self._directed)
+        self._constant: Array | None = None
+        if len(weights) == 1:
+            return
+        if not directed:
+            self._constant = self._exact(np.zeros((0, 0)))
+            return
+        self._d = float(self._variances[:, self._directed].min())
         known = self._bounded(attitude[~np.isnan(attitude).any(axis=(1, 2))])
         self._low: Array = known.min(axis=0, initial=1.0)
         self._high: Array = known.max(axis=0, initial=-1.0)
         self._nodes: list[Array] = []
-        if len(weights) > 1:
-            self._refine()
+        self._refine()
 
     def at(self, attitude: Array) -> Array:
-        """Return the information (N, 3, 3) at attitude covariances (N, 2, 2); NaN stays NaN."""
+        """Return the information (N, m, m) at attitude covariances (N, 2, 2) or (N, 0, 0); NaN stays NaN."""
+        if self._constant is not None:
+            return np.broadcast_to(self._constant, (len(attitude), self._m, self._m))
         if len(self._weights) == 1:
-            R = np.zeros((len(attitude), 3, 3))
-            R[:, 1:, 1:] = attitude
+            R = np.zeros((len(attitude), self._m, self._m))
+            R[:, self._row, self._column] = attitude
             return _inverse(R + np.diag(self._variances[0]))
         R = self._between(self._bounded(attitude))
-        R[:, 1:, 1:] += attitude
+        R[:, self._row, self._column] += attitude
         return _inverse(R)
 
     def _refine(self) -> None:
@@ -160,7 +173,7 @@ class ReadingInformation:
             places = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1)
             values = np.stack([self._effective(place) for place in places.reshape(-1, 3)])
             before = self._between(places.reshape(-1, 3)) if self._nodes else None
-            self._nodes, self._values = nodes, values.reshape(*places.shape[:3], 9)
+            self._nodes, self._values = nodes, values.reshape(*places.shape[:3], self._m**2)
             scale = np.sqrt(np.einsum("nii->ni", values))
             if before is None:
                 continue
@@ -168,27 +181,33 @@ class ReadingInformation:
                 return
 
     def _effective(self, place: Array) -> Array:
-        """Return I^-1 - A (3, 3) at one place."""
+        """Return I^-1 - A (m, m) at one place."""
         diagonal = self._d * place[:2] / (1 - place[:2])
         mixed = place[2] * np.sqrt((diagonal + self._d).prod())
         attitude = np.array([[diagonal[0], mixed], [mixed, diagonal[1]]])
         effective = _inverse(self._exact(attitude))
-        effective[1:, 1:] -= attitude
+        effective[self._row, self._column] -= attitude
         return effective
 
     def _exact(self, attitude: Array) -> Array:
-        """Return the information (3, 3) at one A; a range that switches alone is taken by itself."""
-        ranges, angles = self._marginal([0]), self._marginal([1, 2])
-        parts = [([0, 1, 2], (self._weights, self._variances))]
-        if len(ranges[0]) * len(angles[0]) == len(self._weights):
-            parts = [([0], ranges), ([1, 2], angles)]
-        information = np.zeros((3, 3))
-        for channels, (weights, variances) in parts:
+        """Return the information (m, m) at one A; channels that switch alone are taken by themselves."""
+        information = np.zeros((self._m, self._m))
+        for channels in self._groups():
+            weights, variances = self._marginal(channels)
             covariances = variances[:, :, None] * np.eye(len(channels))
-            if len(channels) > 1:
-                covariances[:, -2:, -2:] += attitude
+            own = [channels.index(channel) for channel in self._directed if channel in channels]
+            if own:
+                row, column = np.ix_(own, own)
+                covariances[:, row, column] += attitude
             information[np.ix_(channels, channels)] = mixture_information(weights, covariances)
         return information
+
+    def _groups(self) -> list[list[int]]:
+        """Return the channels in groups that switch independently; A keeps its channels together."""
+        alone = [[channel] for channel in range(self._m) if channel not in self._directed]
+        groups = [*alone, self._directed.tolist()] if len(self._directed) else alone
+        counts = [len(self._marginal(group)[0]) for group in groups]
+        return groups if np.prod(counts) == len(self._weights) else [list(range(self._m))]
 
     def _marginal(self, channels: list[int]) -> tuple[Array, Array]:
         """Return the mixture of some channels alone: weights (k,) and variances (k, channels)."""
@@ -203,9 +222,9 @@ class ReadingInformation:
         return np.stack([a / (a + d), b / (b + d), mixed / np.sqrt((a + d) * (b + d))], axis=-1)
 
     def _between(self, places: Array) -> Array:
-        """Return I^-1 - A (N, 3, 3) at places (N, 3) by Lagrange's polynomials through the nodes."""
+        """Return I^-1 - A (N, m, m) at places (N, 3) by Lagrange's polynomials through the nodes."""
         by_a, by_b, by_mixed = (_lagrange(nodes, places[:, i]) for i, nodes in enumerate(self._nodes))
-        return np.einsum("na,nb,nc,abcv->nv", by_a, by_b, by_mixed, self._values).reshape(-1, 3, 3)
+        return np.einsum("na,nb,nc,abcv->nv", by_a, by_b, by_mixed, self._values).reshape(-1, self._m, self._m)
 
 
 def _lagrange(nodes: Array, x: Array) -> Array:

@@ -124,11 +124,38 @@ def sigmas_of(results: Results, case: CaseFacts, item: FilterFacts, rows: NDArra
 def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter: str | None = None) -> Array | None:
     """Return the bound on the RMS errors (epochs, 8), x y z vx vy vz r v in the axes of the case; None if not stored.
 
-    With a filter: the bound for that filter's own process noise; without, the one for a perfect model.
+    With a filter: the bound for that filter's own process noise; without, the one for a perfect model: with the sensors
+    of the case's filters where all go by the same, else with all sensors, which no filter beats either.
     """
-    stored = results.bound(case.index, filter)
-    if stored is None:
-        return None
+    if filter is not None:
+        stored = results.bound(case.index, filter)
+    elif len({item.sensors for item in case.filters}) == 1:
+        stored = results.perfect_bound(case.index, case.filters[0].name)
+    else:
+        stored = results.bound(case.index)
+    return None if stored is None else _of_components(stored, case, rows)
+
+
+def perfect_bounds(
+    results: Results, case: CaseFacts, rows: NDArray[np.int64], filters: Sequence[FilterFacts]
+) -> list[tuple[str, Array]]:
+    """Return the bounds of perfect models, as `bound_of`, one for each set of sensors that some filters go by.
+
+    Each with what a legend calls it: "bound", and the sensors where there are several.
+    """
+    found: list[tuple[str, Array]] = []
+    for item in filters:
+        stored = results.perfect_bound(case.index, item.name)
+        if stored is not None and not any(np.array_equal(stored, other, equal_nan=True) for _, other in found):
+            found.append((" + ".join(item.sensors) or "all sensors", stored))
+    return [
+        ("bound" if len(found) == 1 else f"bound, {label}", _of_components(stored, case, rows))
+        for label, stored in found
+    ]
+
+
+def _of_components(stored: Array, case: CaseFacts, rows: NDArray[np.int64]) -> Array:
+    """Return a stored bound at some epochs, (epochs, 8), in the axes of the case."""
     sources = [source_component(name, case.axes)[0] for name in (*AXIS_COMPONENTS, "r", "v")]
     return stored[rows][:, [layout.QUANTITIES.index(source) for source in sources]]
 

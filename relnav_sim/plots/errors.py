@@ -17,6 +17,7 @@ from relnav_sim.plots.data import (
     facts_of,
     largest,
     leading_filter,
+    perfect_bounds,
     run_row,
     sigmas_of,
     speed_unit,
@@ -80,7 +81,8 @@ def errors_with_envelope(
     view = window(facts, from_s, until_s)
     errors, sigmas = (read(results, facts, item, view.rows) for read in (errors_of, sigmas_of))
     bound = bound_of(results, facts, view.rows, item.name)
-    bound = bound_of(results, facts, view.rows) if bound is None else bound
+    if bound is None:
+        bound = next((found for _, found in perfect_bounds(results, facts, view.rows, [item])), None)
     row = run_row(item, facts, run) if item.completed else 0
     labels = _envelope_labels(item, row, bound is not None)
     colour = line_styles(facts.all_filters)[item.name].colour

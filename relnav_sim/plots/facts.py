@@ -17,6 +17,7 @@ from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.convergence_seen import seen_until_s
@@ -65,12 +66,14 @@ class FilterFacts:
         diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
-            the Cramér-Rao bound of a perfect model over the same; NaN where the result holds none.
+            the Cramér-Rao bound of a perfect model with its sensors over the same; NaN where the result holds none.
         times_own_bound: The same of the bound of the filter's own model.
         augmented: What it found out about its augmented states; None where it has none.
         by_sensor: What came of each of its sensors; None where the result does not tell them apart.
         mixture_sensors: Sensors whose noise it believes to be a mixture of Gaussians, under which only the mean of the
             NIS is known.
+        observability: What its sensors can tell it of the state; None where the result does not say.
+        named_sensors: Names of its sensors where it names any; empty: all of the case.
     """
 
     name: str
@@ -92,6 +95,13 @@ class FilterFacts:
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
     mixture_sensors: tuple[str, ...] = ()
+    observability: Observability | None = None
+    named_sensors: tuple[str, ...] = ()
+
+    @property
+    def observable(self) -> bool:
+        """Whether its sensors can observe the state, as far as the result says."""
+        return self.observability is None or self.observability.observable
 
     @property
     def nis_is_chi_square(self) -> bool:
@@ -351,7 +361,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     times_s, by_sensor = results.time_s(index), results.by_sensor(index, name)
     whole_state = layout.BLOCKS.index("full")
     ok = statistic("failed") == 0
-    bounds = results.bound(index), results.bound(index, name)
+    bounds = results.perfect_bound(index, name), results.bound(index, name)
     r = np.full((int(ok.sum()), len(times_s)), np.nan)
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
@@ -380,6 +390,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         augmented=results.augmented(index, name),
         by_sensor=by_sensor,
         mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
+        observability=results.observability(index, name),
+        named_sensors=results.named_sensors(index, name),
     )
 
 

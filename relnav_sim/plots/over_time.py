@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names
 from relnav_sim.plots.data import (
     Case,
-    bound_of,
     chosen_filters,
     errors_of,
     facts_of,
+    perfect_bounds,
     rms_over_runs,
     run_row,
     sigmas_of,
@@ -69,7 +69,8 @@ def rms_over_time(
     """Draw the RMS over runs of position and velocity error against time, a line per filter, log axis, with the bound.
 
     Dotted lines of a filter's colour are its formal sigma: the root mean over runs of its covariance's trace. The black
-    dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model.
+    dash-dotted line, where it is stored, is the posterior Cramer-Rao bound of a filter with a perfect model, one line
+    for each set of sensors that the filters go by.
 
     Args:
         results: An opened result.
@@ -87,9 +88,9 @@ def rms_over_time(
     view = window(facts, from_s, until_s)
     items = chosen_filters(facts, filters)
     styles = line_styles(facts.all_filters)
-    bound = bound_of(results, facts, view.rows)
+    bounds = perfect_bounds(results, facts, view.rows, items)
     with house_style():
-        labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
+        labels = [shown_name(item.name) for item in items] + ["formal"] + [label for label, _ in bounds]
         figure = new_figure(2.8 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
         handles: list[Any] = []
@@ -111,10 +112,10 @@ def rms_over_time(
             handles.append(line)
         for panel, quantity, unit in zip(panels, ("position", "velocity"), ("m", "m/s"), strict=True):
             if any(item.completed for item in items):
-                if bound is not None:
+                for dashes, (_, bound) in zip(_bound_dashes(bounds), bounds, strict=True):
                     limit = bound[:, 6 + (quantity == "velocity")]
                     panel.plot(
-                        view.times, np.where(limit > 0, limit, np.nan), color=BOUND, linestyle="-.", linewidth=1.0
+                        view.times, np.where(limit > 0, limit, np.nan), color=BOUND, linestyle=dashes, linewidth=1.0
                     )
                 _leave_out_zeros(panel)
                 log_axis(panel, "y")
@@ -128,7 +129,7 @@ def rms_over_time(
         time_axis(panels[-1], view.times, view.unit)
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.12, wspace=0.1)
         handles.append(key(FORMAL, ":", 0.9))
-        legend_above(figure, [*handles, key(BOUND, "-.", 1.0)] if bound is not None else handles, labels)
+        legend_above(figure, [*handles, *(key(BOUND, dashes, 1.0) for dashes in _bound_dashes(bounds))], labels)
     return figure
 
 
@@ -186,8 +187,8 @@ def covariance_against_error(
     view = window(facts, from_s, until_s)
     items = [item for item in chosen_filters(facts, filters) if item.completed]
     styles = line_styles(facts.all_filters)
-    bound = bound_of(results, facts, view.rows)
-    labels = [shown_name(item.name) for item in items] + ["formal"] + (["bound"] if bound is not None else [])
+    bounds = perfect_bounds(results, facts, view.rows, items)
+    labels = [shown_name(item.name) for item in items] + ["formal"] + [label for label, _ in bounds]
     with house_style():
         figure = new_figure(3.45 + legend_height(labels))
         panels = figure.subplots(3, 2, sharex=True)
@@ -214,8 +215,8 @@ def covariance_against_error(
                     linestyle=":",
                     linewidth=1.1,
                 )
-            if bound is not None and items:
-                panel.plot(view.times, factor * bound[:, index], color=BOUND, linestyle="-.", linewidth=1.0)
+            for dashes, (_, bound) in zip(_bound_dashes(bounds), bounds, strict=True):
+                panel.plot(view.times, factor * bound[:, index], color=BOUND, linestyle=dashes, linewidth=1.0)
             if items:
                 _leave_out_zeros(panel)
                 log_axis(panel, "y")
@@ -227,7 +228,7 @@ def covariance_against_error(
             time_axis(panel, view.times, view.unit)
         margins(figure, 0.5, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.58)
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
-        handles += [key(FORMAL, ":", 1.1), *([key(BOUND, "-.", 1.0)] if bound is not None else [])]
+        handles += [key(FORMAL, ":", 1.1), *(key(BOUND, dashes, 1.0) for dashes in _bound_dashes(bounds))]
         legend_above(figure, handles, labels)
     return figure
 
@@ -298,6 +299,11 @@ def consistency_over_time(
         handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
         legend_above(figure, [*handles, Patch(color=BAND)], labels)
     return figure
+
+
+def _bound_dashes(bounds: Sequence[tuple[str, Array]]) -> list[Any]:
+    """Return how the line of each bound is drawn: dash-dotted, with a dot more for each further set of sensors."""
+    return ["-." if not place else (0, (6, 2, *(1, 2) * (place + 1))) for place in range(len(bounds))]
 
 
 def consistency_words(case: CaseFacts) -> FigureWords:

@@ -51,7 +51,13 @@ def geometry(results: Results) -> tuple[str, ...]:
     return flown_warnings(
         results.campaign_content,
         (
-            (header.label, header.variables, results.time_s(index), results.truth(index))
+            (
+                header.label,
+                header.variables,
+                results.time_s(index),
+                results.truth(index),
+                {name: results.named_sensors(index, name) for name in header.filters},
+            )
             for index, header in enumerate(results.headers)
             if any(len(results.case_runs(index, name)) for name in header.filters)
         ),

@@ -437,7 +437,7 @@ def _anees_band(case: CaseFacts, item: FilterFacts) -> Band | None:
 def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]:
     """Return what makes every further table of a case that has runs, by what it is about; None: nothing to show."""
     case = ranking.case
-    comparison = {"comparison": partial(comparison_table, ranking)} if len(ranking.standings) > 1 else {}
+    comparison = {"comparison": partial(comparison_table, ranking)} if len(ranking.ranked) > 1 else {}
     return {
         **comparison,
         "worst runs": partial(worst_runs_table, case),

@@ -56,8 +56,8 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     over = spans.pop() if len(spans) == 1 else "the settled span"
     above = "Above the best: relative difference on the same runs."
     above += (
-        " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound of "
-        "a perfect model; none for a filter that diverged in half of its runs or more."
+        " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound "
+        "of a perfect model with the filter's sensors; none for a filter that diverged in half of its runs or more."
         if bounded
         else ""
     )
@@ -97,7 +97,9 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
     standing = ranking.of(name)
     if standing is None:
         return Words("no completed run", math.inf)
-    if len(ranking.standings) == 1:
+    if not standing.facts.observable:
+        return Words("not observable", math.inf)
+    if len(ranking.ranked) == 1:
         return Words("the only one", 0.0)
     if standing is ranking.best:
         return Words("best", 0.0, mark="best")

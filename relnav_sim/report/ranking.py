@@ -82,7 +82,7 @@ class Ranking:
 
     Attributes:
         case: The case.
-        standings: The filters.
+        standings: The filters; last those whose sensors can't observe the state, which no comparison is made with.
         position: All pairs that have runs in common, by the RMS of the position error, m.
         velocity: The same by the RMS of the velocity error, m/s; a family of its own.
     """
@@ -98,9 +98,14 @@ class Ranking:
         return self.standings[0]
 
     @property
+    def ranked(self) -> tuple[Standing, ...]:
+        """The filters that are compared: those whose sensors can observe the state."""
+        return tuple(item for item in self.standings if item.facts.observable)
+
+    @property
     def undecided(self) -> tuple[Standing, ...]:
         """The filters that can't be told apart from the best."""
-        return tuple(item for item in self.standings[1:] if not item.told_apart)
+        return tuple(item for item in self.ranked[1:] if not item.told_apart)
 
     @property
     def compared_runs(self) -> int:
@@ -115,7 +120,7 @@ class Ranking:
     @property
     def has_too_few_runs(self) -> bool:
         """Whether no pair can be decided, however large its difference."""
-        return len(self.standings) > 1 and self.compared_runs < self.fewest_runs
+        return len(self.ranked) > 1 and self.compared_runs < self.fewest_runs
 
     def of(self, name: str) -> Standing | None:
         """Return a filter's standing, None where it has no completed run."""
@@ -125,7 +130,10 @@ class Ranking:
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
     order = [item.name for item in case.by_accuracy]
-    pairs = {component: _pairs(case, order, component) for component in ("r", "v")}
+    # A ranking of filters that can't observe the state would be one of their start.
+    order.sort(key=lambda name: not case.filter(name).observable)
+    compared = [name for name in order if case.filter(name).observable]
+    pairs = {component: _pairs(case, compared, component) for component in ("r", "v")}
     against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
     for name in order:

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from relnav_sim.campaign.warnings import together
 from relnav_sim.plots.facts import FilterFacts, Span
 from relnav_sim.report.layouts import WORST_RUNS
 from relnav_sim.report.metrics import ANEES, CPU, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
+from relnav_sim.results.observability import not_observable
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import between, counted, listed, short_labels, significant
 
@@ -40,25 +42,28 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
                 f"Case {ranking.case.number} ({label}): {verdict(ranking)}"
                 for ranking, label in zip(computed, labels, strict=True)
             ]
+    sentences += _not_observable(computed)
     sentences += [*_limit(computed), *_consistency(computed), *_convergence(computed), *_cost(computed)]
     return (*sentences, *_worth_a_look(computed), *_diverged(computed), *_missing(rankings), *_failures(rankings))
 
 
 def verdict(ranking: Ranking) -> str:
     """Return which filter of a case has the smallest position error, by how much, and whether that is decided."""
+    if not ranking.ranked:
+        return "Not observable: no filter's sensors can tell the state, so that a ranking would be one of the start."
     best, runs = ranking.best, ranking.best.position.runs
     size = f"{significant(best.position.estimate)} m{between(best.position.low, best.position.high)}"
     lost = _lost(best.facts)
-    if len(ranking.standings) == 1:
+    if len(ranking.ranked) == 1:
         velocity = f"velocity RMS {significant(best.velocity.estimate)} m/s"
         return f"{best.name}: position RMS {size}, {velocity} over {counted(runs, 'run')}{lost}."
     if runs == 1:
-        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.standings])
+        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.ranked])
         return f"One run decides nothing. Its position RMS: {sizes}."
     if ranking.has_too_few_runs:
-        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.standings])
+        sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in ranking.ranked])
         return f"{_too_few_runs(ranking)} Position RMS: {sizes}."
-    told_apart = [item for item in ranking.standings[1:] if item.told_apart]
+    told_apart = [item for item in ranking.ranked[1:] if item.told_apart]
     behind = f"; {_behind(told_apart)}" if told_apart else ""
     if not ranking.undecided:
         return f"{best.name} has the smallest position error, RMS {size}{lost}{behind}."
@@ -77,7 +82,7 @@ def _lost(item: FilterFacts) -> str:
 
 
 def _too_few_runs(ranking: Ranking) -> str:
-    runs, filters = counted(ranking.compared_runs, "run"), counted(len(ranking.standings), "filter")
+    runs, filters = counted(ranking.compared_runs, "run"), counted(len(ranking.ranked), "filter")
     return f"{runs} in common can't decide between {filters}: it takes {ranking.fewest_runs} or more."
 
 
@@ -106,9 +111,12 @@ def _behind(standings: Sequence[Standing]) -> str:
     return listed(parts)
 
 
-def _across_cases(rankings: Sequence[Ranking]) -> str:
-    total = len(rankings)
-    if all(len(ranking.standings) == 1 for ranking in rankings):
+def _across_cases(all_rankings: Sequence[Ranking]) -> str:
+    total = len(all_rankings)
+    rankings = [ranking for ranking in all_rankings if ranking.ranked]
+    if not rankings:
+        return verdict(all_rankings[0])
+    if all(len(ranking.ranked) == 1 for ranking in rankings):
         sizes = [ranking.best.position.estimate for ranking in rankings]
         name, low, high = rankings[0].best.name, significant(min(sizes)), significant(max(sizes))
         return f"{name}: position RMS between {low} and {high} m over {counted(total, 'case')}."
@@ -125,12 +133,35 @@ def _across_cases(rankings: Sequence[Ranking]) -> str:
             parts.append(f"{names[0]} has the smallest position error in {where}{_margin(won)}")
         else:
             parts.append(f"{listed(names)} can't be told apart in {where}")
+    if len(rankings) < total:
+        parts.append(f"the state is not observable in {_of_all(total - len(rankings), total)}")
     return f"{'; '.join(parts)}."
+
+
+def _not_observable(rankings: Sequence[Ranking]) -> list[str]:
+    """Return which filters can't observe the state by their sensors, as `validate` says it before the run."""
+    return list(
+        together(
+            [
+                (
+                    ranking.case.label,
+                    not_observable(
+                        {
+                            item.name: item.observability
+                            for item in ranking.case.filters
+                            if item.observability is not None
+                        }
+                    ),
+                )
+                for ranking in rankings
+            ]
+        )
+    )
 
 
 def _margin(won: Sequence[Ranking]) -> str:
     """Return by how much the next filter is worse in the cases that a filter wins beyond doubt."""
-    margins = [ranking.standings[1].percent.estimate for ranking in won if len(ranking.standings) > 1]
+    margins = [ranking.ranked[1].percent.estimate for ranking in won if len(ranking.ranked) > 1]
     if not margins or not np.isfinite(margins).all():
         return ""
     low, high = significant(min(margins)), significant(max(margins))
@@ -145,6 +176,7 @@ def _of_all(count: int, total: int) -> str:
 
 def _limit(rankings: Sequence[Ranking]) -> list[str]:
     """Return how far the best filter of each case is from the bound; where it diverged, no distance is worth a word."""
+    rankings = [ranking for ranking in rankings if ranking.ranked]
     best = [(ranking.best.facts, ranking.best.facts.times_bound[ranking.case.span]) for ranking in rankings]
     bounded = [(item, ratio) for item, ratio in best if math.isfinite(ratio.estimate)]
     known = sorted((ratio for item, ratio in bounded if not item.mostly_diverged), key=lambda ratio: ratio.estimate)
@@ -159,6 +191,8 @@ def _limit(rankings: Sequence[Ranking]) -> list[str]:
     size = size if len(known) == 1 else f"{significant(low.estimate)} to {significant(high.estimate)}"
     each = "the best filter's" if len(known) == 1 else "in each case the best filter's"
     text = f"Limit: {each} position RMS is {size} times the Cramér-Rao bound of a perfect model"
+    if any(item.named_sensors for item, _ in bounded):
+        text += " that goes by the same sensors"
     if not diverged:
         return [f"{text}."]
     where = (

@@ -61,6 +61,10 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         yield "trajectory", results.truth_runs(case).astype(float)
         yield "time", results.time_s(case)
         return
+    yield "perfect_bound", results.perfect_bound(case, filter)
+    observed = results.observability(case, filter)
+    for part in ("ratio", "direction", "sigma_ratio") if observed is not None else ():
+        yield part, getattr(observed, part)
     yield "runs", results.case_runs(case, filter).astype(float)
     for spec in layout.SUMMARY:
         if not spec.timing:

@@ -31,18 +31,20 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
     nodes = {"/": xarray.Dataset(attrs=store.attributes(file))}
     for name in [name for name in store.names(file) if name.startswith("case_")]:
         case = store.subgroup(file, name)
-        nodes[name] = _dataset(path, case, (layout.TRUTH, *_bound(case)) if "failures" in store.names(case) else ())
+        nodes[name] = _dataset(path, case, (layout.TRUTH, *_limits(case)) if "failures" in store.names(case) else ())
         for child in [child for child in store.names(case) if store.is_group(case, child)]:
             group = store.subgroup(case, child)
             columns = columns_of(group)
             units = (layout.AUGMENTED_UNIT,) if columns.augmented else ()
-            specs = (*columns.datasets, *units, *_bound(group))
+            specs = (*columns.datasets, *units, *_limits(group))
             nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
     return xarray.DataTree.from_dict(nodes)
 
 
-def _bound(group: h5py.Group) -> tuple[layout.Dataset, ...]:
-    return (layout.BOUND,) if layout.BOUND.name in store.names(group) else ()
+def _limits(group: h5py.Group) -> tuple[layout.Dataset, ...]:
+    """Return what a group holds of bounds and observability."""
+    held = store.names(group)
+    return tuple(spec for spec in layout.LIMITS if spec.name in held)
 
 
 def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> xarray.Dataset:

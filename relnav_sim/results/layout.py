@@ -89,6 +89,7 @@ DIMENSIONS = {
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
+        Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
@@ -263,8 +264,36 @@ TRUTH = Dataset(
 BOUND = Dataset(
     "bound", ("time", "quantity"), _F8, STATE_UNITS,
     "posterior Cramer-Rao bound on the rms error over runs under the white part of the noise: beside the truth of a "
-    f"perfect model, in a filter's group of its own model and process noise {_QUANTITY_NOTE}",
+    f"perfect model that goes by all sensors, in a filter's group of its own model, process noise and sensors "
+    f"{_QUANTITY_NOTE}",
 )  # fmt: skip
+
+PERFECT_BOUND = Dataset(
+    "perfect_bound", BOUND.dims, _F8, STATE_UNITS,
+    f"the same bound of a perfect model that goes by the filter's sensors {_QUANTITY_NOTE}",
+)  # fmt: skip
+"""Only in the group of a filter that goes by some of the sensors."""
+
+OBSERVABILITY = (
+    Dataset(
+        "observability", ("time",), _F8, "1",
+        "posterior over prior sigma in the direction of position and velocity of which the readings so far tell least; "
+        "1: nothing",
+    ),
+    Dataset(
+        "weakest_direction", ("state",), _F8, "1",
+        "that direction at the end, as a change of the state at the start in its prior sigmas; of unit length over "
+        "position and velocity",
+    ),
+    Dataset(
+        "sigma_ratio", ("state",), _F8, "1", "posterior over prior sigma of each state by itself, from all readings",
+    ),
+)  # fmt: skip
+"""Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
+observable) and ``weakest`` (the direction in words) of the group go with it."""
+
+LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
+"""What a case's group or a filter's may hold of what readings can tell at most."""
 
 FAILURES = (
     Dataset("run", ("failure",), _I8, "1", "run that failed"),

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
-from relnav_sim.results.bound import stored_bound
+from relnav_sim.results.bound import stored_bound, stored_observability
 from relnav_sim.results.header import read_header
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.pieces import columns_of, read_failures
+from relnav_sim.results.settings import filter_settings
 
 if TYPE_CHECKING:
     import xarray
@@ -383,18 +385,32 @@ class Results:
 
         Args:
             case: The case.
-            filter: The filter whose own model and process noise count; None: a perfect model, without process noise.
+            filter: The filter whose own model, process noise and sensors count; None: a perfect model, without process
+                noise, that goes by all sensors of the case.
 
         Returns:
             None where the file holds no bound.
         """
-        index = self.case_index(case) if filter is None else self._check(case, filter)
-        group = self._case(index)
-        if filter is not None:
-            if filter not in store.names(group):
-                return None
-            group = store.subgroup(group, filter)
-        return stored_bound(group)
+        group = self._case(self.case_index(case)) if filter is None else self._held(case, filter)
+        return None if group is None else stored_bound(group)
+
+    def perfect_bound(self, case: int | str, filter: str) -> Array | None:
+        """Return the bound of a perfect model that goes by the same sensors as a filter, as `bound` does, (K, 8)."""
+        group = self._held(case, filter)
+        own = None if group is None else stored_bound(group, layout.PERFECT_BOUND)
+        return self.bound(case) if own is None else own
+
+    def observability(self, case: int | str, filter: str) -> Observability | None:
+        """Return what the readings of a filter's sensors can tell of the state, None where it is not known."""
+        group = self._held(case, filter)
+        return None if group is None else stored_observability(group)
+
+    def named_sensors(self, case: int | str, filter: str) -> tuple[str, ...]:
+        """Return the names of the sensors that a filter goes by, as the campaign says; empty: all of the case."""
+        index = self._check(case, filter)
+        named = self.headers[index].variables.get(f"filters.{filter}.sensors")
+        named = named or filter_settings(self, index, filter).get("sensors")
+        return tuple(map(str, named)) if isinstance(named, list | tuple) else ()
 
     def failures(self, case: int | str | None = None) -> tuple[tuple[str, Failure], ...]:
         """Return the failures as (case label, failure), of one case or of all."""
@@ -435,6 +451,11 @@ class Results:
         if filter not in names:
             raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
         return index
+
+    def _held(self, case: int | str, filter: str) -> h5py.Group | None:
+        """Return the group of a filter; None where none of its runs has been computed yet."""
+        group = self._case(self._check(case, filter))
+        return store.subgroup(group, filter) if filter in store.names(group) else None
 
     def _filter_group(self, index: int, filter: str) -> h5py.Group:
         group = self._case(index)

@@ -1,12 +1,26 @@
-"""All that a user should know of a campaign before it runs: its geometry, and what its runs are too short to show."""
+"""What a user should know of a campaign before it runs: its geometry, its observability, what it is too short for."""
 
 from __future__ import annotations
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.campaign.warnings import campaign_warnings
+from relnav_sim.campaign.warnings import campaign_warnings, together
+from relnav_sim.crlb.case_observability import case_observability
+from relnav_sim.results.observability import not_observable
 from relnav_sim.statistics.convergence_seen import convergence_warnings
+
+MOST_CASES = 12
+"""Cases whose observability is looked at before a run."""
 
 
 def warnings_before(campaign: Campaign) -> tuple[str, ...]:
     """Return the warnings of a campaign, a sentence each; none where all is well."""
-    return (*campaign_warnings(campaign), *convergence_warnings(campaign))
+    return (*campaign_warnings(campaign), *observability_warnings(campaign), *convergence_warnings(campaign))
+
+
+def observability_warnings(campaign: Campaign) -> tuple[str, ...]:
+    """Return which filters of a campaign can't observe the state by their sensors, a sentence each."""
+    looked = campaign.cases[:MOST_CASES]
+    found = together([(case.label, not_observable(case_observability(case.config))) for case in looked])
+    unseen = len(campaign.cases) - len(looked)
+    rest = [f"The observability of {unseen} more cases was not looked at; the report says it of all."]
+    return (*found, *rest) if found and unseen else found

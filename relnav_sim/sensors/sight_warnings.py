@@ -1,6 +1,8 @@
-"""What the geometry does to a radar's readings, in plain sentences: said before a campaign runs, and in its report."""
+"""What the geometry does to the sensors' readings, in plain sentences: before a campaign runs, and in its report."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,29 +27,51 @@ RARE = 1e-6
 _WINDOWS_NAMED = 3
 
 
-def sight_warnings(sensors: Sensors, truth: TrueStates) -> list[str]:
+def sight_warnings(
+    sensors: Sensors, truth: TrueStates, filters: Mapping[str, Sequence[str]] | None = None
+) -> list[str]:
     """Return sentences on what the geometry does to the readings at some epochs; none where all is well.
 
     Args:
         sensors: The sensors of a campaign.
         truth: Epochs (K,), increasing, and true states (runs or 1, K, 6).
+        filters: The sensors that each filter goes by; those that none goes by do not matter. Default: all matter.
     """
     relative = relative_sensors(sensors)
-    if not relative:
-        return []
+    going_by = {"": tuple(relative)} if filters is None else filters
     offset = truth.deputy[..., :3] - truth.chief[..., :3]
     distance = np.sqrt(np.square(offset).sum(axis=-1))
-    said = _met(distance, truth.times_s)
+    said = _met(distance, truth.times_s) if relative else []
+    blind: dict[str, Flags] = {}
     for name, options in relative.items():
+        if not any(name in names for names in going_by.values()):
+            continue
         met = sensed(truth, options.host, 1.0)
         seen = options.in_reach(met) & np.isfinite(distance)
         # Whether a reading is due does not matter: the epochs here are those that were looked at, not all there are.
         always = {each: own.model_copy(update={"period_s": None, "offset_s": 0.0}) for each, own in sensors.items()}
         heard = (reading_probability(always, name, truth, 0, 1.0) > 0).any(axis=-1) & seen
-        said += _out_of_sight(name, options, seen, heard, distance)
+        blind[name] = np.asarray(np.isfinite(distance).any(axis=1) & ~heard.any(axis=1))
+        said += _out_of_sight(name, options, seen, blind[name], distance)
         said += _near_pole(name, options, met, heard, truth.times_s)
         said += _below_zero(name, options, heard, distance)
-    return said
+    return said + _only_predicting(going_by, blind)
+
+
+def _only_predicting(filters: Mapping[str, Sequence[str]], blind: Mapping[str, Flags]) -> list[str]:
+    """Return which filters have no reading at all in some runs, as no sensor of theirs gives any."""
+    lost = {name: np.logical_and.reduce([blind[sensor] for sensor in names]) for name, names in filters.items()}
+    which: dict[str, list[str]] = {}
+    for name, runs in lost.items():
+        if runs.any():
+            which.setdefault(_of_runs(runs), []).append(name)
+    return [
+        f"The filters only predict{runs}."
+        if len(names) == len(filters)
+        else f"The filter{'s' if len(names) > 1 else ''} {', '.join(names)} only predict{'' if len(names) > 1 else 's'}"
+        f"{runs}: none of {'their' if len(names) > 1 else 'its'} sensors gives a reading."
+        for runs, names in which.items()
+    ]
 
 
 def _met(distance: Array, times_s: Array) -> list[str]:
@@ -60,12 +84,10 @@ def _met(distance: Array, times_s: Array) -> list[str]:
     ]
 
 
-def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, heard: Flags, distance: Array) -> list[str]:
-    flown = np.isfinite(distance).any(axis=1)
-    blind = np.asarray(flown & ~heard.any(axis=1))
+def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, blind: Flags, distance: Array) -> list[str]:
     if not blind.any():
         return []
-    why = "its sensors are never all at work"
+    why = "it, or what its host needs to know of itself, is never at work"
     if not seen[blind].any():
         near, far = np.nanmin(distance[blind]), np.nanmax(distance[blind])
         limits = options.range_limits_m
@@ -74,7 +96,7 @@ def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, heard:
             "range_limits_m" if outside else "field of view" if limits is None else "range_limits_m or field of view"
         )
         why = f"the other craft, {near:.4g} to {far:.4g} m away, is never within its {where}"
-    return [f"The {name} gives no reading in the whole run{_of_runs(blind)}: {why}. The filters only predict."]
+    return [f"The {name} gives no reading in the whole run{_of_runs(blind)}: {why}."]
 
 
 def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: Flags, times_s: Array) -> list[str]:
@@ -88,11 +110,16 @@ def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: 
     if not near.any():
         return []
     nearest_deg = round(float(from_axis_deg[near].min()), 2)
+    tangent = (
+        f", or take sensors.{name}.form: tangent, which has no such axis"
+        if "form" in type(options).model_fields
+        else ""
+    )
     return [
         f"The line of sight is within {near_deg:.3g} deg of the {name}'s azimuth axis {_when(near, times_s)}, nearest "
         f"{nearest_deg:g} deg: azimuth turns quickly there and does not exist on the axis, so that filters err or "
         "diverge for this reason alone, and a comparison says how they bear it. Turn it with "
-        f"sensors.{name}.mounting_deg to compare them elsewhere, or take form: tangent, which has no pole."
+        f"sensors.{name}.mounting_deg to compare them elsewhere{tangent}."
     ]
 
 
@@ -103,8 +130,8 @@ def _below_zero(name: str, options: RelativeSensorOptions, heard: Flags, distanc
         return []
     return [
         f"About {100 * share:.2g} % of the readings of the {name} are missing because their range would not be "
-        f"positive: its sigma is {options.sigmas[0]:g} m at separations from {distance[heard].min():.4g} m. The rest "
-        "is biased towards long ranges, which no filter is told."
+        f"positive: its noise is of the size of the separation, from {distance[heard].min():.4g} m. The rest is biased "
+        "towards long ranges, which no filter is told."
     ]
 
 

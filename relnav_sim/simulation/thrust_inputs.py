@@ -14,6 +14,7 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.known_thrust import kicks_of
 from relnav_sim.sensors import hosts_of, own_sensor
 from relnav_sim.sensors.noise import noise_parts, white_variance
+from relnav_sim.truth import TruthOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
 
@@ -68,14 +69,12 @@ class ThrustInputs:
         return self._inputs[known, carries_bias]
 
     def _planned(self, times_s: Array) -> tuple[Array, Array | None]:
-        forces = np.zeros((1, len(times_s), len(CRAFT), 2, 3))
         noise = np.zeros((len(times_s), 6, 6))
         for thrust, errors in self._plan:
-            own = step_forces(thrust, times_s, self._step_s)
-            forces[:, :, thrust.craft] += own
             if errors.any:
+                own = step_forces(thrust, times_s, self._step_s)
                 noise += planned_noise(thrust, errors, own, times_s, self._step_s)
-        return forces, noise if noise.any() else None
+        return planned_forces(self._config.truth, times_s, self._step_s), noise if noise.any() else None
 
     def _measured(self, z: Mapping[str, Array], plan: Array) -> tuple[Array, Array, Array]:
         """Return what is measured; the plan stands in for a craft without accelerometer and for missing readings.
@@ -131,6 +130,24 @@ class ThrustInputs:
             growth[:, k] = total * total - before * before
         self._gained[craft] = total
         return growth
+
+
+def planned_forces(truth: TruthOptions, times_s: Array, step_s: float) -> Array:
+    """Return the specific force that is planned in the steps that end at some epochs, as `KnownThrust.take` wants it.
+
+    Args:
+        truth: The truth with its manoeuvres.
+        times_s: Epochs (K,), s.
+        step_s: Time between epochs, s.
+
+    Returns:
+        (1, K, 2, 2, 3) m/s^2.
+    """
+    forces = np.zeros((1, len(times_s), len(CRAFT), 2, 3))
+    for manoeuvre in truth.manoeuvres.values():
+        thrust = planned(manoeuvre)
+        forces[:, :, thrust.craft] += step_forces(thrust, times_s, step_s)
+    return forces
 
 
 def planned_noise(thrust: Thrust, errors: ExecutionErrors, forces: Array, times_s: Array, step_s: float) -> Array:

@@ -31,7 +31,7 @@ def diverged_runs(results: Results, case: int | str, filter: str) -> Mask:
     """Return which runs of a result a filter has lost, by every sign that the result can show (runs,)."""
     failed = results.statistic(case, filter, "failed") == 1
     lost = diverged(failed, results.statistic(case, filter, "outside_late"))
-    bound = results.bound(case)
+    bound = results.perfect_bound(case, filter)
     if bound is None:
         return lost
     r = np.linalg.norm(results.error(case, filter)[..., :3], axis=-1)

@@ -233,7 +233,7 @@ def _lost(
     lost, basis = results.statistic(case, filter, "failed") == 1, EVERY_EPOCH
     if rule.kind == "diverged":
         lost = diverged_runs(results, case, filter)
-        if results.bound(case) is not None:
+        if results.perfect_bound(case, filter) is not None:
             basis = f"{EVERY_EPOCH}; the bound at {stored_epochs(results, case)}"
     kept = share_of_runs(int((~lost).sum()), len(lost))
     finding = on_a_share(kept, 1 - rule.at_most, rule.confidence)

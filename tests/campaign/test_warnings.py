@@ -31,7 +31,7 @@ def test_the_safety_ellipse_leaves_the_axis_when_it_should(carrier):
     n, t = 1.0831e-3, np.arange(0, 2401, 10.0)
     c, s = np.cos(n * t), np.sin(n * t)
     flown = np.stack([200 * c, -400 * s, 200 * s, -200 * n * s, -400 * n * c, 200 * n * c], axis=-1)[None]
-    (after,) = flown_warnings(campaign.content, [("base", {}, t, flown)])
+    (after,) = flown_warnings(campaign.content, [("base", {}, t, flown, {"ekf": ()})])
     assert "azimuth axis from 0 to 30 s, nearest 0 deg" in after
 
 
@@ -42,14 +42,15 @@ def test_cases_are_named_where_they_differ():
     assert found[1].startswith("In case sensors.radar.range_sigma_m=500: About ")
     campaign = parse_campaign(text)
     t, flown = np.array([0.0, 10.0]), np.tile([200.0, 0, 0, 0, -0.43, 0.2], (1, 2, 1))
-    cases = [(case.label, case.variables, t, flown) for case in campaign.cases]
+    cases = [(case.label, case.variables, t, flown, {"ekf": ()}) for case in campaign.cases]
     assert [sentence[:40] for sentence in flown_warnings(campaign.content, cases)] == [s[:40] for s in found]
 
 
 def test_a_start_without_a_reading_and_a_fall_are_said_before_the_run():
     text = ELLIPSE.replace("CARRIER", "chief, range_limits_m: [210, 900]")
     assert [s for s in campaign_warnings(parse_campaign(text)) if "first_fix" in s] == [
-        "The radar gives no reading at 0 s, where start.kind first_fix needs one: every run would fail."
+        "The radar gives no position at 0 s, where start.kind first_fix needs one: every run would fail; take "
+        "start.kind dispersed or given."
     ]
     down = "  manoeuvres: {down: {time_s: 60, delta_v_m_s: [0, -200, 0]}}\nsensors:"
     found = campaign_warnings(parse_campaign(ELLIPSE.replace("CARRIER", "chief").replace("sensors:", down)))

@@ -13,7 +13,7 @@ from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.results.bound import write_bound
 from relnav_sim.runner.bound_task import bound_tasks
-from relnav_sim.sensors import SensorSuite, filter_inputs, measurement_model, reading_probability
+from relnav_sim.sensors import SensorSuite, filter_inputs, reading_probability, sensor_measurement
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory
 
@@ -31,7 +31,7 @@ def test_under_gaussian_noise_it_is_the_covariance_of_a_kalman_filter_linearised
     config = made.cases[0].config
     truth = truth_trajectory(config.truth, 40, RandomSource(made.seed, (0,))).at(np.arange(41.0)).relative[0]
     orbit = nominal_chief(config.truth)
-    radar = measurement_model("polar", "total", config.sensors, orbit)
+    radar = sensor_measurement("radar", config.sensors, orbit, 1.0)
     F = cw_transition(orbit.mean_motion_rad_s, 1.0)
     Q = process_noise_matrix(config.filters["ekf"].process_noise, cw_system(orbit.mean_motion_rad_s), 1.0)
     P, found = None, []
@@ -95,10 +95,15 @@ def test_the_probability_of_a_reading_is_that_of_the_simulated_sensors(campaign)
     source = RandomSource(1, tuple(range(2000)))
     truth = truth_trajectory(config.truth, 40, source).at(np.arange(41.0))
     z = SensorSuite(config.sensors, source, 1.0).measure(truth, 0)
-    share = np.isfinite(filter_inputs(config.sensors, z, truth)["polar"][..., 0]).mean(axis=0)
-    probability = reading_probability(config.sensors, truth, 0, 1.0)[0]
+    share = np.isfinite(filter_inputs(config.sensors, z, truth)["radar"]["spherical"]).mean(axis=0)
+    probability = reading_probability(config.sensors, "radar", truth, 0, 1.0)[0]
     assert (np.abs(share - probability) <= 4.5 * np.sqrt(probability * (1 - probability) / 2000)).all()
-    assert probability[0] == 1 and (probability[20:24] == 0).all() and 0.2 < probability[40] < 0.5
+    assert (
+        (probability[0] == 1).all()
+        and (probability[20:24] == 0).all()
+        and (probability[:, 1] == probability[:, 2]).all()
+    )
+    assert 0.2 < probability[40, 1] < 0.5 < probability[40, 0] < 0.7  # the range does without the star tracker
 
 
 def test_a_campaign_can_do_without(campaign, tmp_path):

@@ -17,6 +17,7 @@ from relnav_sim.results import layout, seal
 from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.pieces import shard_piece
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shards import shard_name, write_shard
@@ -80,10 +81,20 @@ def filter_ids(names: Iterable[str]) -> dict[str, str]:
 
 
 def bound(case: int, filters: Sequence[str] = FILTERS) -> BoundResult:
-    """Return made-up bounds of a case."""
+    """Return made-up bounds of a case, whose alpha filter goes by some of the sensors."""
     numbers = {name: np.random.default_rng([case, len(name)]).uniform(size=(TIMES, 8)) for name in ("", *filters)}
     perfect = numbers.pop("")
-    return BoundResult(SEED, f"id{case}", filter_ids(filters), perfect, numbers)
+    some = {name: numbers[name] / 2 for name in filters if name != "ekf"}
+    seen = {name: observability(case, name) for name in filters}
+    return BoundResult(SEED, f"id{case}", filter_ids(filters), perfect, numbers, some, seen)
+
+
+def observability(case: int, name: str) -> Observability:
+    """Return what the readings are made up to tell a filter."""
+    rng = np.random.default_rng([case, len(name), 7])
+    states = (*layout.COMPONENTS, *(() if name == "ekf" else ("range_bias",)))
+    numbers = rng.uniform(size=TIMES), rng.uniform(size=len(states)), rng.uniform(size=len(states))
+    return Observability(("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position")
 
 
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:

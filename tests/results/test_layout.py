@@ -11,7 +11,7 @@ from relnav_sim.results.block import FilterResult
 
 
 def test_every_dataset_in_the_file_is_in_the_layout_and_described(result: Path) -> None:
-    known = {spec.name: spec for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND)}
+    known = {spec.name: spec for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS)}
     tables = {spec.name: spec for spec in layout.FAILURES}
     seen = set()
 
@@ -37,14 +37,14 @@ def test_every_dataset_in_the_file_is_in_the_layout_and_described(result: Path) 
 
 
 def test_every_dataset_has_units_and_a_meaning() -> None:
-    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND, *layout.FAILURES):
+    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS, *layout.FAILURES):
         assert spec.long_name and (spec.units or spec.dtype == "str")
         assert set(spec.dims) <= set(layout.DIMENSIONS)
 
 
 def test_the_documentation_has_every_dataset_as_it_is() -> None:
     text = (Path(__file__).parents[2] / "docs" / "results-file.md").read_text(encoding="utf-8")
-    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, layout.BOUND, *layout.FAILURES):
+    for spec in (*layout.FILTER, *layout.OWN, layout.TRUTH, *layout.LIMITS, *layout.FAILURES):
         meaning = spec.long_name.replace("|", "\\|")
         kind = spec.dtype.lstrip("<|")
         row = f"| `{spec.name}` | {', '.join(spec.dims)} | {spec.units or '-'} | {kind} | {meaning} |"

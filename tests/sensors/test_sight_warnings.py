@@ -1,4 +1,4 @@
-"""Warnings about a radar's geometry, against geometry and probabilities computed here."""
+"""Warnings about the sensors' geometry, against geometry and probabilities computed here."""
 
 import re
 
@@ -72,7 +72,7 @@ def test_runs_are_counted_where_they_differ(scene):
         (
             [0, 500.0, 0],
             {"noise": [{"kind": "gaussian"}, {"kind": "outage", "windows_s": [[0, 1e4]]}]},
-            "its sensors are never all at work",
+            "it, or what its host needs to know of itself, is never at work",
         ),
         ([0, 0, 0], {}, "within 1 m of each other from 0 to 2 s"),
     ],
@@ -80,6 +80,7 @@ def test_runs_are_counted_where_they_differ(scene):
 def test_a_target_that_is_never_seen_is_named(scene, relative, radar, sentence):
     found = sight_warnings(scene.sensors(radar={**RADAR, **radar}), scene.truth(relative, 11))
     assert sentence in found[0]
+    assert found[-1] == "The filters only predict."
 
 
 @pytest.mark.parametrize(
@@ -99,7 +100,7 @@ def test_negative_ranges_do_not_exist_and_their_share_is_said(scene, noise, nega
     options = scene.sensors(radar={"range_sigma_m": 1000.0, "angle_sigma_deg": 0.05, "noise": noise})
     truth = scene.truth([0.0, 500.0, 0.0], 400)
     (sentence,) = sight_warnings(options, truth)
-    said = float(re.search(r"About (\S+) % of the readings are missing", sentence).group(1))
+    said = float(re.search(r"About (\S+) % of the readings of the radar are missing", sentence).group(1))
     assert said == pytest.approx(100 * negative, rel=0.05)  # two digits
     z = SensorSuite(options, scene.source(100), scene.STEP_S).measure(truth, 0)["radar"]
     missing = np.isnan(z)
@@ -107,6 +108,40 @@ def test_negative_ranges_do_not_exist_and_their_share_is_said(scene, noise, nega
     assert z[~missing].reshape(-1, 3)[:, 0].min() > 0
     n = missing[..., 0].size
     assert abs(missing[..., 0].mean() - negative) < 5 * np.sqrt(negative * (1 - negative) / n)
+
+
+def two(scene, near, far):
+    """Return sensors: a radar that sees to 600 m and one from there on, each with further options."""
+    return {
+        "near": scene.sensors(radar={**RADAR, "range_limits_m": (1.0, 600.0), **near})["radar"],
+        "far": scene.sensors(radar={**RADAR, "range_limits_m": (600.0, 5000.0), **far})["radar"],
+    }
+
+
+def test_filters_are_named_that_go_by_blind_sensors_alone(scene):
+    truth = scene.truth([0.0, 1000.0, 0.0], 11)
+    filters = {"a": ("near",), "b": ("near", "far"), "c": ("near",), "d": ("far",)}
+    blind, predicting = sight_warnings(two(scene, {}, {}), truth, filters)
+    assert blind == (
+        "The near gives no reading in the whole run: the other craft, 1000 to 1000 m away, is never within its "
+        "range_limits_m."
+    )
+    assert predicting == "The filters a, c only predict: none of their sensors gives a reading."
+    other = scene.truth([[0.0, 1000.0, 0.0], [0.0, 500.0, 0.0]], 11)
+    found = sight_warnings(two(scene, {}, {}), other, {"a": ("near",), "b": ("near", "far")})
+    assert [sentence for sentence in found if "predict" in sentence] == [
+        "The filter a only predicts in 1 of 2 runs: none of its sensors gives a reading."
+    ]
+
+
+def test_sensors_that_no_filter_goes_by_do_not_matter(scene):
+    truth = scene.truth([1000.0, 0.0, 0.0], 11)
+    sensors = two(scene, {}, {"mounting_deg": (0.0, 90.0, 0.0)})
+    assert sight_warnings(sensors, truth, {"a": ("far",)}) == []
+    assert len(sight_warnings(sensors, truth, {"a": ("far", "near")})) == 1
+    upright = two(scene, {}, {})
+    (pole,) = sight_warnings(upright, truth, {"a": ("far",)})
+    assert "the far's azimuth axis" in pole and "sensors.far.mounting_deg" in pole
 
 
 def test_a_range_that_is_well_known_is_no_reason(scene):

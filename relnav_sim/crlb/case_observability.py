@@ -1,0 +1,188 @@
+"""Whether the filters of a case can observe the state by their sensors, from the nominal truth and their own models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig, FirstFixStart
+from relnav_sim.containment import Containment
+from relnav_sim.crlb.information import SensorInformation, joint_information
+from relnav_sim.crlb.models import model_key
+from relnav_sim.crlb.observability import direction_in_words, observability
+from relnav_sim.crlb.start import start_covariance
+from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.known_thrust import KnownThrust
+from relnav_sim.dynamics.registry import build_dynamics, dynamics_kinds
+from relnav_sim.results.observability import NOT_OBSERVABLE, Observability
+from relnav_sim.sensors import reading_probability, relative_sensors
+from relnav_sim.sensors.due import steps_per_reading
+from relnav_sim.simulation.augmented_states import extension_of
+from relnav_sim.simulation.start import fix_sensor
+from relnav_sim.simulation.thrust_inputs import known_thrust, planned_forces
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_chief, nominal_truth, truth_trajectory
+
+Array = NDArray[np.float64]
+
+MOST_STEPS = 300
+"""Steps into which a run is cut, however many epochs it has: each stands for the readings of all its epochs."""
+
+LEAST_SIGMA = 1e-3
+"""Least sigma of the start that counts, as a share of the separation and of the speed at which the orbit turns it: a
+start that is known better than any reading could tell is no want of observability."""
+
+
+def case_observability(config: CaseConfig) -> dict[str, Observability]:
+    """Return what the readings of its sensors can tell each filter of a case, by name.
+
+    Left out are filters of which it can't be said: nothing to start from, or a model that can't be made or followed.
+
+    Readings count at the state that a filter's own model reaches from the true start, with the manoeuvres that the
+    filter is told of: about any other trajectory a model seems to learn from what it leaves out. Where and when there
+    are readings is taken from the nominal truth. Noise counts by its covariance. In place of learned dynamics, which
+    take a training to know, stands ``cw``.
+
+    Args:
+        config: The case.
+    """
+    looked = _Looked.at(config)
+    found: dict[str, Observability | None] = {}
+    keys: dict[str, str] = {}
+    for name, entry in config.filters.items():
+        keys[name] = f"{model_key(entry)} {known_thrust(entry, config)}"
+        if keys[name] not in found:
+            found[keys[name]] = None
+            # A model of the user's own may raise anything, and on a sensor's axis there are no angles.
+            with Containment(), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                found[keys[name]] = _observability(entry, looked)
+    return {name: one for name, key in keys.items() if (one := found[key]) is not None}
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """A case at the epochs that are looked at.
+
+    Attributes:
+        config: The case, with the longer step.
+        every: Epochs of the campaign in one step.
+        times_s: Ends of the steps, and 0, (K + 1,), s.
+        start: True relative state at the start, (6,).
+        chances: By sensor, the expected number of readings of each channel in the step to each epoch, (1, K + 1, m).
+        fix: Probability of the channels of the reading at the start, by sensor, (1, 1, m).
+        stored: For each stored epoch of the campaign, the last of these epochs that is no later, (times,).
+    """
+
+    config: CaseConfig
+    every: int
+    times_s: Array
+    start: Array
+    chances: dict[str, Array]
+    fix: dict[str, Array]
+    stored: NDArray[np.int64]
+
+    @classmethod
+    def at(cls, config: CaseConfig) -> _Looked:
+        clock = config.clock
+        every = max(-(-(clock.epochs - 1) // MOST_STEPS), 1)
+        step_s = every * clock.step_s
+        times_s = np.asarray(np.arange((clock.epochs - 1) // every + 1) * step_s, dtype=np.float64)
+        truth = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,))).at(times_s)
+        chances, fix = {}, {}
+        for name, options in relative_sensors(config.sensors).items():
+            # Whether a reading is due at just these epochs does not matter, but how many there are.
+            always = {**config.sensors, name: options.model_copy(update={"period_s": None, "offset_s": 0.0})}
+            likely = np.nan_to_num(reading_probability(always, name, truth, 0, step_s)[:1])
+            fix[name] = likely[:, :1] * (options.offset_s == 0)
+            begun = times_s >= options.offset_s
+            chances[name] = likely * begun[:, None] * (every / steps_per_reading(options.period_s, clock.step_s))
+        return cls(
+            config=config.model_copy(update={"clock": clock.model_copy(update={"step_s": step_s})}),
+            every=every,
+            times_s=times_s,
+            start=truth.relative[0, 0],
+            chances=chances,
+            fix=fix,
+            stored=np.minimum(np.arange(clock.stored) * clock.store_every // every, len(times_s) - 1),
+        )
+
+
+def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:
+    config = looked.config
+    extra = extension_of(entry, config)
+    motion = _motion(entry, extra, looked)
+    states, transitions = _followed(motion, looked, 0 if extra is None else len(extra.names))
+    P = _prior(looked, extra)
+    if P is None or not np.isfinite(states).all():
+        return None
+    names = tuple(relative_sensors(config.sensors, entry.sensors))
+    along = states[None, :, :6]
+    sensors = {name: SensorInformation(name, config, along, mixture=False) for name in names}
+    information = joint_information(sensors, along, looked.chances, extra)[1:]
+    # Where a channel does not exist, as the azimuth on its axis, nothing is told.
+    information = np.where(np.isfinite(information).all(axis=(1, 2), keepdims=True), information, 0.0)
+    behind = () if extra is None else extra.names
+    kept = [i for i in range(6 + len(behind)) if extra is None or i - 6 not in extra.considered]
+    rows, columns = np.ix_(kept, kept)
+    weakest = observability(transitions[:, rows, columns], information[:, rows, columns], P[rows, columns], leading=6)
+    augmented = tuple(behind[i - 6] for i in kept[6:])
+    sigmas = np.sqrt(np.diag(P[rows, columns]))
+    scaled = weakest.direction / sigmas
+    return Observability(
+        sensors=names,
+        ratio=np.concatenate([[1.0], weakest.ratio])[looked.stored],
+        states=("x", "y", "z", "vx", "vy", "vz", *augmented),
+        direction=scaled / np.linalg.norm(scaled[:6]),
+        sigma_ratio=weakest.sigma_ratio,
+        blind=int((weakest.ratios > NOT_OBSERVABLE).sum()),
+        weakest=direction_in_words(weakest.direction, P[rows, columns], looked.start, augmented),
+    )
+
+
+def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dynamics:
+    """Return the motion that a filter believes in, with the manoeuvres that it is told of, over the longer steps."""
+    config = looked.config
+    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    options = entry.dynamics
+    if "training_track" in options.needs:
+        options = dynamics_kinds()["cw"].model_validate({"kind": "cw"})
+    motion = build_dynamics(options, DynamicsContext(orbit, entry.process_noise, step_s))
+    if config.truth.manoeuvres and known_thrust(entry, config) != "none":
+        pushed = KnownThrust(motion, orbit, step_s)
+        pushed.take(planned_forces(config.truth, looked.times_s, step_s), 0)
+        motion = pushed
+    return motion if extra is None else extra.dynamics(motion, orbit, step_s)
+
+
+def _followed(motion: Dynamics, looked: _Looked, behind: int) -> tuple[Array, Array]:
+    """Return the states (K + 1, n) that a model reaches from the true start, and its transitions (K, n, n)."""
+    n = 6 + behind
+    states, transitions = np.zeros((len(looked.times_s), n)), np.zeros((len(looked.times_s) - 1, n, n))
+    states[0, :6] = looked.start
+    for k in range(1, len(states)):
+        before, step = states[k - 1 : k], Step(k, looked.config.clock.step_s)
+        transitions[k - 1] = np.reshape(motion.transition(before, step), (n, n))
+        states[k] = motion.propagate(before, step)[0]
+    return states, transitions
+
+
+def _prior(looked: _Looked, extra: Extension | None) -> Array | None:
+    """Return the covariance (n, n) at the start; None where there is no first fix to start from."""
+    start, fix = looked.config.start, None
+    if isinstance(start, FirstFixStart):
+        name = fix_sensor(looked.config)
+        if not looked.fix[name].all():
+            return None
+        state = looked.start[None, None]
+        fix = SensorInformation(name, looked.config, state, mixture=False).at(state, looked.fix[name], extra)[0]
+    P = start_covariance(start, fix, extra)
+    separation = np.linalg.norm(looked.start[:3])
+    turned = nominal_chief(looked.config.truth).mean_motion_rad_s * separation
+    least = np.square(LEAST_SIGMA * np.repeat([separation, turned], 3))
+    P[:6, :6] += np.diag(np.maximum(least - np.diag(P)[:6], 0.0))
+    return P if np.isfinite(P).all() else None

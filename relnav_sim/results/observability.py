@@ -1,0 +1,97 @@
+"""What the readings of a filter's sensors can tell of the state at all, as a result holds it and says it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NOT_OBSERVABLE = 0.9
+"""Ratio of posterior to prior sigma above which, at the end of a run, the readings have told next to nothing."""
+_FILTERS_NAMED = 8
+
+
+@dataclass(frozen=True)
+class Observability:
+    """What readings tell a filter beyond its start, in the direction in which they tell least.
+
+    Attributes:
+        sensors: The sensors whose readings they are.
+        ratio: Posterior over prior sigma in the weakest direction of the relative state, at stored epochs, (times,).
+        states: Names of the states: position and velocity, RTN, and the augmented ones that are estimated, (n,).
+        direction: The weakest direction at the end, in sigmas of the start, (n,): of unit length over position and
+            velocity; of the augmented states what goes with it.
+        sigma_ratio: Posterior over prior sigma of each state by itself at the end, (n,).
+        blind: Number of independent directions of position and velocity with a ratio above `NOT_OBSERVABLE` at the end.
+        weakest: The weakest direction in words.
+    """
+
+    sensors: tuple[str, ...]
+    ratio: Array
+    states: tuple[str, ...]
+    direction: Array
+    sigma_ratio: Array
+    blind: int
+    weakest: str
+
+    @property
+    def observable(self) -> bool:
+        """Whether the readings tell something of the whole relative state."""
+        return self.blind == 0
+
+    def agrees(self, other: Observability) -> bool:
+        """Return whether both say the same, bit for bit."""
+        words = [(one.sensors, one.states, one.blind, one.weakest) for one in (self, other)]
+        return words[0] == words[1] and all(map(np.array_equal, self.arrays, other.arrays))
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Its numbers: ratio, direction and sigma_ratio."""
+        return self.ratio, self.direction, self.sigma_ratio
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """The augmented states of which the readings tell next to nothing."""
+        pairs = list(zip(self.states, self.sigma_ratio, strict=True))[6:]
+        return tuple(name for name, ratio in pairs if ratio > NOT_OBSERVABLE)
+
+
+def not_observable(found: Mapping[str, Observability]) -> list[str]:
+    """Return a sentence for each set of sensors that can't observe the state, and for untold augmented states.
+
+    Args:
+        found: Of filters by name.
+    """
+    said: dict[str, list[str]] = {}
+    for name, one in found.items():
+        if sentence := _sentence(one):
+            said.setdefault(sentence, []).append(name)
+    return [f"{_filters(names)} {sentence}" for sentence, names in said.items()]
+
+
+def _sentence(found: Observability) -> str:
+    """Return what is said of a filter behind its name; nothing where all is well."""
+    by = f"(sensor{'s' if len(found.sensors) > 1 else ''} {', '.join(found.sensors)})"
+    if not found.observable:
+        many = f"{found.blind} of 6 directions, the weakest along " if found.blind > 1 else ""
+        return (
+            f"{by}: not observable: {many}{found.weakest}. At the end the readings leave {100 * found.ratio[-1]:.3g} % "
+            "of the start's sigma there, so the error says how good the start was, not how good the filter is."
+        )
+    if found.untold:
+        states = f"state{'s' if len(found.untold) > 1 else ''} {', '.join(found.untold)}"
+        return (
+            f"{by}: the readings tell next to nothing of the augmented {states} beyond the sigma at the start; "
+            "mode: consider accounts for what can't be told."
+        )
+    return ""
+
+
+def _filters(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_FILTERS_NAMED])
+    more = f" and {len(names) - _FILTERS_NAMED} more" if len(names) > _FILTERS_NAMED else ""
+    return f"Filter{'s' if len(names) > 1 else ''} {shown}{more}"
