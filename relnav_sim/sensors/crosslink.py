@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.filters.kalman import Channel
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
 from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below

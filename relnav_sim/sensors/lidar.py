@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.astro.line_of_sight import half_open
-from relnav_sim.filters.kalman import Channel
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import ELEVATION, RadarDistortion, radar_errors
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging
