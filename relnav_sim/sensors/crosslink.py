@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.dynamics.augmentation.kinds import ClockOptions, ExtraStateOption, RangeBiasOptions
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
 from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
@@ -87,6 +88,14 @@ class CrosslinkOptions(RelativeSensorOptions):
         bias, drift = (streams.constant("clock", 2) * [self.clock_bias_sigma_m, self.clock_drift_sigma_m_s]).T
         rate = np.broadcast_to(drift[:, None], (len(drift), len(times_s)))
         return np.stack([bias[:, None] + rate * times_s, rate], axis=-1)
+
+    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+        """Return the error of the clocks."""
+        if not self.clock_drift_sigma_m_s:
+            return (RangeBiasOptions(sigma_m=self.clock_bias_sigma_m),) if self.clock_bias_sigma_m else ()
+        # A bias a millionth of the noise is as good as none, and keeps covariances definite.
+        bias = self.clock_bias_sigma_m or 1e-6 * self.range_sigma_m
+        return (ClockOptions(sigma_m=bias, drift_sigma_m_s=self.clock_drift_sigma_m_s),)
 
     def no_echo(self, distance: Array) -> Array:
         """Return the probability of a reading that does not exist because its range would not be positive."""

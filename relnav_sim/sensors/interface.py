@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
@@ -247,6 +248,13 @@ class RelativeSensorOptions(SensorOptions):
         """Return what a filter's augmented states do to the readings: by default they add to the channels."""
         e = shares.turn.shape[1]
         return AdditiveBias(np.stack([shares.channels.get(name, np.zeros(e)) for name in self.channel_names]))
+
+    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+        """Return the constant or slow errors that each run draws, as the augmented states that they are; default: none.
+
+        No filter is told of them unless it carries such states itself, but none can know better.
+        """
+        return ()
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +36,15 @@ def extension_of(entry: FilterEntry, config: CaseConfig) -> Extension | None:
     if not entry.augment:
         return None
     return extension(entry.augment, relative_sensors(config.sensors, entry.sensors), config.clock.step_s)
+
+
+def drawn_extension(config: CaseConfig, names: Sequence[str]) -> Extension | None:
+    """Return the errors that each run draws of some sensors, as augmented states; None where there are none."""
+    sensors = relative_sensors(config.sensors, names)
+    options = [
+        error.model_copy(update={"sensor": name}) for name, each in sensors.items() for error in each.drawn_errors()
+    ]
+    return extension(options, sensors, config.clock.step_s) if options else None
 
 
 def augmented_measurement(
