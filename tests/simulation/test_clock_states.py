@@ -68,14 +68,14 @@ def test_clocks_are_found_or_accounted_for(tmp_path):
     nis = found["estimating"].nis[:, 1:]
     low, high = chi2.ppf([0.0005, 0.9995], 2 * nis.size)
     assert low < nis.sum() < high
-    clock = found["estimating"].extra
+    clock = found["estimating"].augmented
     assert (clock.names, clock.units) == (("clock_bias", "clock_drift"), ("m", "m/s"))
     low, high = chi2.ppf([0.0005, 0.9995], RUNS)
     for k in (10, 20, -1):
         z = clock.error[:, k] / clock.sigma[:, k]
         assert ((low < np.square(z).sum(axis=0)) & (np.square(z).sum(axis=0) < high)).all()
     assert (clock.sigma[:, -1] < np.array([0.2, 0.02]) * [3, 2e-3]).all()  # and they were found
-    considered = found["considering"].extra
+    considered = found["considering"].augmented
     assert (considered.estimate == 0).all()
     t = np.arange(0, 5601, 200)
     np.testing.assert_allclose(considered.sigma[..., 1], 2e-3, rtol=1e-6)
@@ -103,7 +103,7 @@ def test_two_sensors_may_each_have_a_bias_of_their_own(tmp_path):
     biases = "[{kind: range_bias, sigma_m: 3}, {kind: range_bias, sigma_m: 3, sensor: link}]"
     outcome = simulate_block(campaign(tmp_path, entry("ekf", biases), both).cases[0], 3, range(2))
     assert not outcome.broken
-    assert outcome.result.filters["ekf"].extra.names == ("range_bias", "link_range_bias")
+    assert outcome.result.filters["ekf"].augmented.names == ("range_bias", "link_range_bias")
 
 
 @pytest.mark.parametrize(
