@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.astro.constants import RADIUS_M
-from relnav_sim.astro.line_of_sight import half_open, polar, sight_vector
+from relnav_sim.astro.line_of_sight import half_open
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
@@ -128,11 +128,8 @@ class CameraOptions(SightSensorOptions):
 
         That is the estimated one; (runs, K, 2), NaN where the host does not know it.
         """
-        if frame.body_to_orbit is None:
-            return {"spherical": z}
-        sight = sight_vector(np.ones(z.shape[:-1]), z[..., 0], z[..., 1])
-        _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
-        return {"spherical": np.stack([half_open(azimuth), elevation], axis=-1)}
+        at_unit_range = np.concatenate([np.ones_like(z[..., :1]), z], axis=-1)
+        return {"spherical": self.in_estimated_frame(at_unit_range, frame)[..., 1:]}
 
     def measurement(self, context: MeasurementContext) -> Measurement:
         """Return the camera as a filter is told of it."""
