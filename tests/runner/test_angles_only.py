@@ -26,7 +26,7 @@ def test_the_bound_says_that_only_a_manoeuvre_tells_the_distance(campaign):
     before = int(1200 / campaign.cases[0].config.clock.store_every_s)
     for bound in bounds:
         np.testing.assert_allclose(bound[: before + 1], bounds[0][: before + 1], rtol=1e-9)
-        assert bound[before] > 0.9 * bound[0]  # flight.md's measure of what can't be observed
+        assert bound[before] > 0.9 * bound[0]  # nothing learned that counts
     quiet, *burnt = bounds
     assert quiet[-1] > 0.9 * quiet[0]
     for bound in burnt:
