@@ -23,7 +23,7 @@ from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors
-from relnav_sim.simulation.augmented_states import extension_of
+from relnav_sim.simulation.augmented_states import drawn_extension, extension_of
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
@@ -62,7 +62,7 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
     Each filter is bounded by the readings of its own sensors. The information of a reading is that of the sensor at the
     true states, with its white noise as simulated and the white errors of attitude and orbit beside it, times the
     probability that there is a reading, on average over the ensemble of truths. Biases and correlated errors are not
-    in it.
+    in it, but for those that a sensor says each run draws: a perfect model has them as unknown states.
 
     A perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
     and zonal harmonics, about the true chief's orbit and along the true relative motion. A filter's model has the
@@ -85,7 +85,7 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
     for name, entry in config.filters.items():
         sharers.setdefault(model_key(entry), []).append(name)
     models = {
-        ("", of): Model(partial(perfect_dynamics, config), config, about_chief=True)
+        ("", of): Model(partial(perfect_dynamics, config), config, drawn_extension(config, of), about_chief=True)
         for of in dict.fromkeys((every, *sensors.values()))
     }
     models |= {
