@@ -80,7 +80,7 @@ class FrameError(MeasurementDefaults):
         return Mixture(weights, covariances + self._added(mean, epoch)[:, None], shared=True)
 
     def _added(self, mean: Array, epoch: int) -> Array:
-        """Return G P G^T (runs, m, m); 0 before the first readings, when filters may ask how many components there are."""
+        """Return G P G^T (runs, m, m); 0 before the first readings, when filters may ask for the components."""
         if self._constant is not None:
             P = self._constant
         elif self._told is not None:
