@@ -91,6 +91,7 @@ def test_in_a_long_outage_residuals_have_the_covariance_that_filters_are_told(lo
     truth = np.concatenate([part.truth.relative for part in parts], axis=1)
     z = model.take(joined(parts, config, name), 0)
     assert np.isfinite(z).all()
+    assert (reading_probability(config.sensors, name, parts[0].truth, 0, 2.0) == 1).all()
     sigmas = {}
     for epoch in (10, 31, 100, 200, 320, 345):
         x = np.broadcast_to(truth[:, epoch], (200, 6))
