@@ -41,7 +41,7 @@ class Key:
 def keys_of(shape: Shape) -> tuple[Key, ...]:
     """Return the keys of a section, `kind` first."""
     rows = [
-        Key(name, _takes(key), _default(key, name in shape.required), key.description)
+        Key(name, _takes(key), _default(name, key, name in shape.required), key.description)
         for name, key in shape.keys.items()
     ]
     return tuple(sorted(rows, key=lambda key: key.name != "kind"))
@@ -184,9 +184,9 @@ def _bounds(node: dict[str, Any]) -> str:
     return f" {', '.join(found)}" if found else ""
 
 
-def _default(shape: Shape, required: bool) -> str:
+def _default(name: str, shape: Shape, required: bool) -> str:
     # A kind tells the forms of a section apart, so it must stand there whatever its model's default.
-    if required or "const" in shape.node:
+    if required or ("const" in shape.node and name == "kind"):
         return "required"
     value = shape.node.get("default")
     if value is None:

@@ -43,17 +43,16 @@ class FrameError(MeasurementDefaults):
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
         self._constant = covariance
-        self._told = np.zeros((1, 0, 6, 6))
+        self._told: Array | None = None
         self._first_epoch = 0
 
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the readings (runs, K, m) without the covariances behind them, which are kept."""
         if self._constant is None:
             m = self.dimension
-            self._told = np.empty((*z.shape[:2], 6, 6))
-            self._told[..., *_UPPER] = z[..., m:]
-            self._told[..., *_UPPER[::-1]] = z[..., m:]
-            self._first_epoch = first_epoch
+            told = np.empty((*z.shape[:2], 6, 6))
+            told[..., *_UPPER] = told[..., *_UPPER[::-1]] = z[..., m:]
+            self._told, self._first_epoch = told, first_epoch
             z = z[..., :m]
         take = getattr(self.base, "take", None)
         return z if take is None else np.asarray(take(z, first_epoch))
@@ -91,8 +90,13 @@ class FrameError(MeasurementDefaults):
         return Mixture(weights, covariances + self._added(mean, epoch)[:, None], shared=True)
 
     def _added(self, mean: Array, epoch: int) -> Array:
-        """Return G P G^T (runs, m, m)."""
-        P = self._constant if self._constant is not None else self._told[:, epoch - self._first_epoch]
+        """Return G P G^T (runs, m, m); 0 before the first readings, when filters may ask for the components."""
+        if self._constant is not None:
+            P = self._constant
+        elif self._told is not None:
+            P = self._told[:, epoch - self._first_epoch]
+        else:
+            P = np.zeros((6, 6))
         return frame_noise(self.base.jacobian(mean, epoch), mean, P)
 
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from relnav_sim.campaign.checks import LINEAR_ONLY
 from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import advance
 from relnav_sim.sensors import reading_probability, sensor_measurement
 from relnav_sim.simulation import chunks as chunks_module
@@ -89,6 +91,7 @@ def test_in_a_long_outage_residuals_have_the_covariance_that_filters_are_told(lo
     truth = np.concatenate([part.truth.relative for part in parts], axis=1)
     z = model.take(joined(parts, config, name), 0)
     assert np.isfinite(z).all()
+    assert (reading_probability(config.sensors, name, parts[0].truth, 0, 2.0) == 1).all()
     sigmas = {}
     for epoch in (10, 31, 100, 200, 320, 345):
         x = np.broadcast_to(truth[:, epoch], (200, 6))
@@ -211,3 +214,26 @@ def test_the_host_knows_of_its_own_burns():
     states = np.concatenate([part.orbits["chief"].states for part in parts], axis=1)
     chief = np.concatenate([part.truth.chief for part in parts], axis=1)
     assert np.abs(states - chief)[:, 31:330, 3:].max() < 0.2
+
+
+def test_every_filter_goes_by_readings_whose_frame_is_told():
+    """Outliers, lost channels and a frame that each reading tells, all at once."""
+    sampling = {"alpha_kf": "samples: 100", "mkf": "samples: 100", "skf": "samples: 100"}
+    noise = "[{kind: mixture, scale: 5, fraction: 0.2}, {kind: outage, windows_s: [[10, 14]]}]"
+    settings = [
+        "clock.duration_s=40",
+        COARSE,
+        f"sensors.radar.noise={noise}",
+        "sensors.relative_gnss={position_sigma_m: 1, period_s: 4}",
+        f"sensors.star_tracker={{cross_boresight_sigma_arcsec: 9, about_boresight_sigma_arcsec: 30, noise: {noise}}}",
+    ]
+    text = TEXT[: TEXT.index("filters:")].replace("OUTAGE", "{kind: outage, windows_s: [[8, 20]]}") + "filters:\n"
+    learned = {"gp_ekf", "gp_ukf", "gp_particle", "mf_upf"}
+    for kind in sorted(set(filter_kinds()) - learned):
+        form = "cartesian" if kind in LINEAR_ONLY else "spherical"
+        more = f", {sampling[kind]}" if kind in sampling else ", particles: 300" if "particle" in kind else ""
+        text += f"  {kind}: {{kind: {kind}, dynamics: {{kind: cw}}, measurement: {form}, assumed_noise: mixture{more},"
+        text += " process_noise: {acceleration_psd_m2_s3: 1.0e-6}}\n"
+    outcome = simulate_block(parse_campaign(text + "statistics: {settle_s: 20}\n", settings).cases[0], 3, [0, 1])
+    assert {name: each.reason for name, each in outcome.broken.items()} == {}
+    assert outcome.result.failures == ()
