@@ -272,18 +272,6 @@ class RelativeSensorOptions(SensorOptions):
         """Whether one reading gives a position, so that filters can start from it."""
         return type(self).first_fix is not RelativeSensorOptions.first_fix
 
-    def information(self, measurement: Measurement, states: Array) -> Array:
-        """Return the Fisher information (N, m, m) that the noise of a reading leaves about its channels.
-
-        By default the inverse of the covariance, which is what Gaussian noise leaves.
-
-        Args:
-            measurement: From `measurement`, told the total noise.
-            states: True relative states (N, 6).
-        """
-        R = np.asarray(measurement.noise(states, 0))
-        return np.asarray(np.linalg.inv(np.broadcast_to(R, (len(states), *R.shape[-2:]))))
-
 
 def within(limits: tuple[float, float] | None, distance: Array) -> Flags:
     """Return where a distance, m, can be measured: within the limits, and not zero, where there is no direction."""

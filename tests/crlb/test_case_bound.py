@@ -68,8 +68,8 @@ def test_a_perfect_model_is_never_worse_and_noise_that_is_known_never_hurts(camp
 
 
 def test_nothing_is_learned_where_nothing_is_measured(campaign):
-    gap = "sensors.gnss.noise=[{kind: gaussian}, {kind: outage, windows_s: [[10, 25]]}]"
-    free, cut = bound_of(campaign, ONE, "clock.store_every_s=1"), bound_of(campaign, ONE, "clock.store_every_s=1", gap)
+    gap = "grid={sensors.radar.noise: [[{kind: gaussian}, {kind: outage, windows_s: [[10, 25]]}]]}"
+    free, cut = (bound_of(campaign, noise, "clock.store_every_s=1") for noise in (ONE, gap))
     np.testing.assert_array_equal(cut.perfect[:10], free.perfect[:10])
     assert (np.diff(cut.perfect[9:25, 6]) > 0).all()
     assert cut.perfect[25, 6] < cut.perfect[24, 6]
