@@ -67,6 +67,8 @@ def test_it_takes_few_steps_however_many_epochs_there_are(own_sensors):
     assert coarse["radar"].ratio[-1] / fine["radar"].ratio[-1] == pytest.approx(np.sqrt(10), rel=0.02)
     rare = observed(TEXT, "clock.step_s=1", "sensors.radar.period_s=10")
     assert rare["radar"].ratio[-1] == pytest.approx(coarse["radar"].ratio[-1], rel=0.02)
+    seldom = "sensors.star_tracker={cross_boresight_sigma_arcsec: 1, about_boresight_sigma_arcsec: 1, period_s: 7}"
+    assert observed(TEXT, "clock={duration_s: 3003, step_s: 1, store_every_s: 1}", seldom)["camera"].blind == 1
     late = observed(TEXT, "sensors.radar.offset_s=3000")
     assert (late["radar"].ratio[:-1] == 1).all() and late["radar"].blind > 0
 
