@@ -7,6 +7,7 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.crlb.case_bound import case_bound
 from relnav_sim.crlb.case_observability import MOST_STEPS, case_observability
+from relnav_sim.plots import rms_over_time
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
@@ -98,7 +99,15 @@ def test_validate_and_the_report_say_the_same_and_rank_the_others(own_sensors, t
     out = run_campaign(campaign, tmp_path / "out.h5", backend="sequential")
     with open_results(out) as results:
         ranking = rank(case_facts(results, 0))
-        headline, second, *_ = summarise([ranking])
+        headline, second, limit, *_ = summarise([ranking])
+        assert limit.startswith("Limit: ") and ("that goes by the same sensors" in limit) == (
+            ranking.best.name != "both"
+        )
+        labels = [text.get_text() for text in rms_over_time(results).legends[0].get_texts()]
+        assert labels[-3:] == ["bound, radar + camera", "bound, camera", "bound, radar"]
+        for name, ratio in ((item.name, item.times_bound["whole"].estimate) for item in ranking.case.filters):
+            error, bound = results.error(0, name)[:, 1:, :3], results.perfect_bound(0, name)[1:, 6]
+            assert ratio == pytest.approx(np.sqrt(np.square(error).sum(axis=2).mean() / np.square(bound).mean()))
         assert second == said
         assert "camera" not in headline and [item.name for item in ranking.ranked] != [*ranking.case.names]
         (pair,) = ranking.position
