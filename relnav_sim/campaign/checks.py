@@ -9,7 +9,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.dynamics.augmentation.kinds import extension
+from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
@@ -61,6 +61,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
+            yield from _check_sensor_errors(name, entry, parts.sensors)
             yield from _check_distortions(name, entry, parts.sensors)
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
@@ -189,6 +190,26 @@ def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: Sensors) -
             )
 
 
+def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
+    """Yield the extra states that are errors of no sensor here, or that add to a channel that another adds to."""
+    if not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # said already
+    known = relative_sensors(sensors, entry.sensors)
+    taken: dict[tuple[str | None, str], str] = {}  # by sensor and channel
+    for place, option in enumerate(entry.augment):
+        path: Path = ("filters", name, "augment", place)
+        try:
+            sensor = sensor_of(option, known)
+        except ValueError as error:
+            yield Problem(path, str(error))
+            continue
+        for channel in option.channels:
+            if (sensor, channel) in taken:
+                other = taken[sensor, channel]
+                yield Problem(path, f"{other} is an error of {sensor}'s {channel} too, and no reading tells them apart")
+            taken[sensor, channel] = option.kind
+
+
 def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
     """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
     if not entry.augment or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
@@ -197,7 +218,7 @@ def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Itera
     try:
         extra = extension(entry.augment, known, step_s=1.0)
     except ValueError:
-        return  # an error of no sensor here is no matter of the form
+        return  # an error of no sensor here is said already
     for each, options in known.items():
         try:
             options.distortion(

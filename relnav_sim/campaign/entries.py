@@ -72,8 +72,8 @@ class FilterEntry(Options):
 
     augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(
         default=(),
-        description="Extra states that the filter carries behind position and velocity: biases of the radar, errors "
-        "of the attitude, drag, bias of the accelerometer; each estimated or only accounted for. Default: none",
+        description="Extra states that the filter carries behind position and velocity: biases of sensors, errors "
+        "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
     )
 
     @field_validator("sensors")
@@ -86,9 +86,11 @@ class FilterEntry(Options):
     @field_validator("augment")
     @classmethod
     def _each_once(cls, augment: tuple[ExtraStateOption, ...]) -> tuple[ExtraStateOption, ...]:
-        kinds = [option.kind for option in augment]
-        if twice := sorted({kind for kind in kinds if kinds.count(kind) > 1}):
-            raise ValueError(f"{twice[0]} stands there twice; a filter carries each kind of extra state once")
+        kinds = [(option.kind, option.sensor) for option in augment]
+        if twice := sorted({kind for kind, sensor in kinds if kinds.count((kind, sensor)) > 1}):
+            raise ValueError(
+                f"{twice[0]} stands there twice; a filter carries each kind of extra state once for each sensor"
+            )
         return augment
 
     def __reduce__(self) -> tuple[Callable[[dict[str, Any]], FilterEntry], tuple[dict[str, Any]]]:

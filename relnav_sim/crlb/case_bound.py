@@ -14,6 +14,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.crlb.case_observability import case_observability
+from relnav_sim.crlb.host_frames import HostFrames
 from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
@@ -22,7 +23,7 @@ from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors
-from relnav_sim.simulation.augmented_states import extension_of
+from relnav_sim.simulation.augmented_states import drawn_extension, extension_of
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
@@ -61,7 +62,7 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
     Each filter is bounded by the readings of its own sensors. The information of a reading is that of the sensor at the
     true states, with its white noise as simulated and the white errors of attitude and orbit beside it, times the
     probability that there is a reading, on average over the ensemble of truths. Biases and correlated errors are not
-    in it.
+    in it, but for those that a sensor says each run draws: a perfect model has them as unknown states.
 
     A perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
     and zonal harmonics, about the true chief's orbit and along the true relative motion. A filter's model has the
@@ -77,14 +78,14 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
     config = case.config
     learned = learned or Learned()
     truth = _ensemble(config, seed)
-    information = {name: SensorInformation(name, config, truth.relative) for name in truth.probability}
+    information = {name: SensorInformation(name, config, truth.relative, frame="perfect") for name in truth.probability}
     every = tuple(information)
     sensors = {name: _sensors_of(entry, config) for name, entry in config.filters.items()}
     sharers: dict[str, list[str]] = {}
     for name, entry in config.filters.items():
         sharers.setdefault(model_key(entry), []).append(name)
     models = {
-        ("", of): Model(partial(perfect_dynamics, config), config, about_chief=True)
+        ("", of): Model(partial(perfect_dynamics, config), config, drawn_extension(config, of), about_chief=True)
         for of in dict.fromkeys((every, *sensors.values()))
     }
     models |= {
@@ -192,19 +193,22 @@ class _Ensemble:
         relative: Relative states, RTN, (b, T, 6).
         relative_mean: Their mean, (T, 6).
         probability: By sensor, the probability of each channel, (b, T, m); NaN where a trajectory has ended.
+        frames: By sensor whose host's fixes may be missing, the covariance of its orbit frame's error, (T, 6, 6).
     """
 
     chief: Array
     relative: Array
     relative_mean: Array
     probability: Mapping[str, Array]
+    frames: Mapping[str, Array]
 
     def information(
         self, sensors: Mapping[str, SensorInformation], epochs: NDArray[np.int64], extra: Extension | None
     ) -> Array:
         """Return the information of some sensors' readings at some epochs (K,), (K, n, n)."""
         probability = {name: self.probability[name][:, epochs] for name in sensors}
-        return joint_information(sensors, self.relative[:, epochs], probability, extra)
+        frames = {name: covariance[epochs] for name, covariance in self.frames.items()}
+        return joint_information(sensors, self.relative[:, epochs], probability, extra, frames)
 
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
@@ -212,8 +216,12 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
     trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, runs))
     chief, relative = [], []
     probability: dict[str, list[Array]] = {name: [] for name in relative_sensors(config.sensors)}
+    hosts = HostFrames(config)
+    frames: dict[str, list[Array]] = {name: [] for name in hosts.sensors}
     for epochs in _chunks(0, config.clock.epochs):
         truth = trajectory.at(epochs * config.clock.step_s)
+        for name, covariance in hosts.advance(epochs, _mean(truth.chief), _mean(truth.deputy)).items():
+            frames[name].append(covariance)
         chief.append(_mean(truth.chief))
         relative.append(truth.relative)
         ended = np.isnan(truth.relative[..., :1])
@@ -222,7 +230,8 @@ def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:
             probability[name].append(np.where(ended, np.nan, likely))
     states = np.concatenate(relative, axis=1)
     chances = {name: np.concatenate(parts, axis=1) for name, parts in probability.items()}
-    return _Ensemble(np.concatenate(chief), states, _mean(states), chances)
+    errors = {name: np.concatenate(parts) for name, parts in frames.items()}
+    return _Ensemble(np.concatenate(chief), states, _mean(states), chances, errors)
 
 
 def _mean(values: Array) -> Array:

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.crlb.fisher import ReadingInformation
+from relnav_sim.crlb.host_frames import in_frame
 from relnav_sim.dynamics.augmentation.kinds import Extension
 from relnav_sim.measurements.interface import Measurement, joint_components
 from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
+from relnav_sim.sensors.front_end import Frame
 from relnav_sim.sensors.interface import AssumedNoise
 from relnav_sim.simulation.augmented_states import augmented_measurement
 from relnav_sim.truth import nominal_chief
@@ -35,10 +37,14 @@ class SensorInformation:
         config: The case.
         states: Relative states (b, T, 6) that readings will be taken at.
         mixture: Whether the noise counts as it is; else by its covariance, as one Gaussian.
+        frame: Where its host's fixes may be missing: ``of_a_fix``, the orbit frame errs as at one; ``perfect``, `at` is
+            told how it errs.
     """
 
-    def __init__(self, name: str, config: CaseConfig, states: Array, mixture: bool = True) -> None:
-        self._name, self._config = name, config
+    def __init__(
+        self, name: str, config: CaseConfig, states: Array, mixture: bool = True, frame: Frame = "of_a_fix"
+    ) -> None:
+        self._name, self._config, self._frame = name, config, frame
         options = relative_sensors(config.sensors)[name]
         self._form = form_taken(options, "spherical")
         self._model = self._told("nominal" if mixture else "total")
@@ -49,18 +55,24 @@ class SensorInformation:
         self._whole = self._noise_information(states, whole, directed, mixture)
         self._part = self._noise_information(states, alone, [], mixture) if alone and directed else None
 
-    def at(self, states: Array, probability: Array, extra: Extension | None = None) -> Array:
+    def at(
+        self, states: Array, probability: Array, extra: Extension | None = None, frame: Array | None = None
+    ) -> Array:
         """Return the information of the readings at some epochs, (K, n, n); 0 where no trajectory goes on.
 
         Args:
             states: Relative states (b, K, 6).
             probability: Of each channel, (b, K, m); NaN where a trajectory has ended.
             extra: States behind the six that readings depend on too; they count as 0.
+            frame: Covariance (K, 6, 6) of the error of the host's orbit frame; None: it is in the noise already.
         """
         flat = states.reshape(-1, 6)
-        H = self._jacobian(flat, extra)
+        H, noise = self._jacobian(flat, extra), self._whole(flat)
+        if frame is not None:
+            each = np.broadcast_to(frame, (len(states), *frame.shape)).reshape(-1, 6, 6)
+            noise = in_frame(noise, H, flat, each)
         whole = probability.min(axis=-1)
-        total = _weighed(H, self._whole(flat), whole)
+        total = _weighed(H, noise, whole)
         if self._part is not None:
             part = probability[..., self._alone].min(axis=-1) - whole
             if (part > 0).any():
@@ -82,7 +94,9 @@ class SensorInformation:
         """Return the sensor as a filter is told of it, spherical where it can be, without its latency."""
         sensors = relative_sensors(self._config.sensors) if perfect_attitude else self._config.sensors
         orbit, step_s = nominal_chief(self._config.truth), self._config.clock.step_s
-        return sensor_measurement(self._name, sensors, orbit, step_s, self._form, assumed, assumed_latency="none")
+        return sensor_measurement(
+            self._name, sensors, orbit, step_s, self._form, assumed, assumed_latency="none", frame=self._frame
+        )
 
     def _noise_information(
         self, states: Array, channels: list[int], directed: list[int], mixture: bool
@@ -142,6 +156,7 @@ def joint_information(
     states: Array,
     probability: Mapping[str, Array],
     extra: Extension | None = None,
+    frames: Mapping[str, Array] | None = None,
 ) -> Array:
     """Return the information of some sensors' readings together, (K, n, n); their errors count as independent.
 
@@ -150,8 +165,10 @@ def joint_information(
         states: Relative states (b, K, 6).
         probability: By sensor, of each of its channels, (b, K, m).
         extra: States behind the six.
+        frames: By sensor, the covariance (K, 6, 6) of its frame's error where `at` is told of it.
     """
-    each = [sensor.at(states, probability[name], extra) for name, sensor in sensors.items()]
+    told = frames or {}
+    each = [sensor.at(states, probability[name], extra, told.get(name)) for name, sensor in sensors.items()]
     return each[0] if len(each) == 1 else np.asarray(sum(each))
 
 

@@ -9,6 +9,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.measurements.ranging import crosslink as crosslink
+    from relnav_sim.measurements.ranging import lidar as lidar
     from relnav_sim.measurements.relative_state import relative_gnss as relative_gnss
     from relnav_sim.measurements.spherical_radar import first_fix as first_fix
     from relnav_sim.measurements.spherical_radar import radar as radar
@@ -17,7 +19,9 @@ if TYPE_CHECKING:
 # No module here may have one of these names: once imported, it would take the function's place.
 _HOME = {
     "camera": "relnav_sim.measurements.tangent_sight",
+    "crosslink": "relnav_sim.measurements.ranging",
     "first_fix": "relnav_sim.measurements.spherical_radar",
+    "lidar": "relnav_sim.measurements.ranging",
     "radar": "relnav_sim.measurements.spherical_radar",
     "relative_gnss": "relnav_sim.measurements.relative_state",
 }

@@ -101,7 +101,8 @@ class JoinedMeasurement(MeasurementDefaults):
             if blocks is None:
                 continue
             tiled = np.tile(blocks, (*[1] * (blocks.ndim - 3), len(weights) // len(own), 1, 1))
-            covariances = np.array(np.broadcast_to(covariances, (*tiled.shape[:-2], *covariances.shape[-2:])))
+            leading = np.broadcast_shapes(covariances.shape[:-2], tiled.shape[:-2])
+            covariances = np.array(np.broadcast_to(covariances, (*leading, *covariances.shape[-2:])))
             covariances[..., part.channels, part.channels] = tiled
         return Mixture(weights, covariances, shared=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -188,13 +189,16 @@ class Locating(Measurement, Protocol):
         ...
 
 
-def first_fix(radar: Locating, z: Array, epoch: int = 0) -> tuple[Array, Array]:
+def first_fix(
+    radar: Locating, z: Array, epoch: int = 0, noise: Callable[[Array, int], Array] | None = None
+) -> tuple[Array, Array]:
     """Return the relative position that one reading gives, and its covariance to first order.
 
     Args:
         radar: The model of the reading.
         z: Range, azimuth and elevation, (runs, 3); NaN gives NaN.
         epoch: The reading's epoch.
+        noise: R at a state, where it is not the radar's own.
 
     Returns:
         Position of the deputy relative to the chief, RTN, (runs, 3) m, and covariance J R J^T, (runs, 3, 3) m^2,
@@ -212,4 +216,4 @@ def first_fix(radar: Locating, z: Array, epoch: int = 0) -> tuple[Array, Array]:
     state[:, :3] = radar.position(z)
     H = radar.jacobian(state, epoch)[:, :, :3]
     J = np.asarray(np.linalg.inv(H), dtype=np.float64)
-    return state[:, :3], J @ radar.noise(state, epoch) @ transpose(J)
+    return state[:, :3], J @ (noise or radar.noise)(state, epoch) @ transpose(J)

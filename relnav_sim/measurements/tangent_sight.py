@@ -180,9 +180,9 @@ def camera(
         The deputy ahead and above, seen along the camera's x axis:
 
         >>> import numpy as np
-        >>> from relnav_sim import LinearDynamics, create_filter, run_filter
+        >>> from relnav_sim import LinearDynamics, create_filter, measurements, run_filter
         >>> standing = LinearDynamics(np.eye(6), 1e-6 * np.eye(6))
-        >>> filter = create_filter("ekf", standing, camera(angle_sigma_deg=0.01))
+        >>> filter = create_filter("ekf", standing, measurements.camera(angle_sigma_deg=0.01))
         >>> z = np.full((1, 50, 2), [0.0, 0.1])
         >>> history = run_filter(filter, z, [0.0, 1000.0, 0.0, 0.0, 0.0, 0.0], np.diag([100.0] * 3 + [1e-4] * 3))
         >>> x, y, _ = history.mean[0, -1, :3]

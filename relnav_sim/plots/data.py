@@ -129,7 +129,7 @@ def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter:
     """
     if filter is not None:
         stored = results.bound(case.index, filter)
-    elif len({item.sensors for item in case.filters}) == 1:
+    elif len({item.named_sensors for item in case.filters}) == 1:
         stored = results.perfect_bound(case.index, case.filters[0].name)
     else:
         stored = results.bound(case.index)
@@ -147,7 +147,7 @@ def perfect_bounds(
     for item in filters:
         stored = results.perfect_bound(case.index, item.name)
         if stored is not None and not any(np.array_equal(stored, other, equal_nan=True) for _, other in found):
-            found.append((" + ".join(item.sensors) or "all sensors", stored))
+            found.append((" + ".join(item.named_sensors) or "all sensors", stored))
     return [
         ("bound" if len(found) == 1 else f"bound, {label}", _of_components(stored, case, rows))
         for label, stored in found

@@ -78,6 +78,11 @@ def reads_for_certain(options: SensorOptions, epochs: NDArray[np.int64], times_s
     return read
 
 
+def fails_at_random(options: SensorOptions) -> bool:
+    """Return whether a sensor has random outages."""
+    return any(isinstance(part, OutageNoise) and part.rate_per_hour is not None for part in noise_parts(options.noise))
+
+
 def _windows_s(options: SensorOptions) -> list[tuple[float, float]]:
     """Return the fixed outages of a sensor, s."""
     return [window for part in noise_parts(options.noise) if isinstance(part, OutageNoise) for window in part.windows_s]

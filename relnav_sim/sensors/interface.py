@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
@@ -159,6 +160,17 @@ class SensorOptions(Options):
         """
         raise NotImplementedError(f"{type(self).__name__} has no sample(truth, streams)")
 
+    def slow_errors(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the errors of the channels in truth that are not white, (runs or 1, K, m), SI units.
+
+        NaN where they are not known. By default the constant ones.
+
+        Args:
+            truth: The true states.
+            streams: The sensor's random numbers; only those that each run keeps may be drawn from it.
+        """
+        return self.constant_errors()[None, None]
+
     def constant_errors(self) -> Array:
         """Return the constant errors (m,) of the channels in truth, SI units; NaN where they drift."""
         return constant_part(noise_parts(self.noise), len(self.channels)) * self.sigmas
@@ -236,6 +248,13 @@ class RelativeSensorOptions(SensorOptions):
         """Return what a filter's augmented states do to the readings: by default they add to the channels."""
         e = shares.turn.shape[1]
         return AdditiveBias(np.stack([shares.channels.get(name, np.zeros(e)) for name in self.channel_names]))
+
+    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+        """Return the constant or slow errors that each run draws, as the augmented states that they are; default: none.
+
+        No filter is told of them unless it carries such states itself, but none can know better.
+        """
+        return ()
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.

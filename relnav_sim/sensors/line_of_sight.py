@@ -74,6 +74,17 @@ class SightSensorOptions(RelativeSensorOptions):
             seen &= (np.abs(azimuth) <= half_azimuth) & (np.abs(elevation) <= half_elevation)
         return seen
 
+    def in_estimated_frame(self, z: Array, frame: HostFrame) -> Array:
+        """Return range, azimuth and elevation (runs, K, 3) with the angles as seen from the estimated orbit frame.
+
+        NaN in the angles where the host does not know its attitude or orbit; the range stays.
+        """
+        if frame.body_to_orbit is None:
+            return z
+        sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
+        _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
+        return np.stack([z[..., 0], half_open(azimuth), elevation], axis=-1)
+
     def off_azimuth_axis(self, truth: Sensed) -> Array:
         """Return the angle between the true line of sight and the azimuth axis, (runs or 1, K), rad."""
         return np.asarray(np.pi / 2 - np.abs(self.true_sight(truth)[2]))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, polar, rotate, rows, sight_vector
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, rotate, rows, sight_vector
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.converted_radar import Conversion, ConvertedRadar, conversion
@@ -133,12 +133,9 @@ class RadarOptions(SightSensorOptions):
         estimated orbit frame, (runs, K, 3); the angles are NaN where the host does not know it. ``cartesian``, with the
         radar on the chief: the deputy's position relative to it, RTN (m), (runs, K, 3), unbiased.
         """
-        sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
-        inputs: dict[Form, Array] = {"spherical": z}
-        if frame.body_to_orbit is not None:
-            _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
-            inputs["spherical"] = np.stack([z[..., 0], half_open(azimuth), elevation], axis=-1)
+        inputs: dict[Form, Array] = {"spherical": self.in_estimated_frame(z, frame)}
         if self.host == "chief":
+            sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
             law = white_law(noise_parts(self.noise), len(self.channels))
             if self.form == "tangent":
                 factor = tangent_shrinkage(law.weights, law.scales * self.sigmas)

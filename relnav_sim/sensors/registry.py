@@ -9,7 +9,7 @@ from typing import TypeVar, get_args, overload
 from relnav_sim.plugins import load_plugins
 from relnav_sim.sensors.interface import SensorOptions
 
-_BUILT_IN = ("radar", "camera", "relative_gnss", "gnss", "star_tracker", "accelerometer")
+_BUILT_IN = ("radar", "camera", "lidar", "crosslink", "relative_gnss", "gnss", "star_tracker", "accelerometer")
 _KINDS: dict[str, type[SensorOptions]] = {}
 O = TypeVar("O", bound=type[SensorOptions])  # noqa: E741
 

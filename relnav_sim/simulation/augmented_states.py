@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,8 @@ from relnav_sim.measurements.augmented import AugmentedMeasurement
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.results.block import AugmentedStates
 from relnav_sim.sensors import ErrorShares, hosts_of, own_sensor, relative_sensors, sensor_measurement, streams_of
-from relnav_sim.sensors.interface import Craft, Form
+from relnav_sim.sensors.availability import sensed
+from relnav_sim.sensors.interface import Craft, Form, RelativeSensorOptions
 from relnav_sim.sensors.noise import is_white, noise_parts
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.start import fix_sensor
@@ -33,6 +36,15 @@ def extension_of(entry: FilterEntry, config: CaseConfig) -> Extension | None:
     if not entry.augment:
         return None
     return extension(entry.augment, relative_sensors(config.sensors, entry.sensors), config.clock.step_s)
+
+
+def drawn_extension(config: CaseConfig, names: Sequence[str]) -> Extension | None:
+    """Return the errors that each run draws of some sensors, as augmented states; None where there are none."""
+    sensors = relative_sensors(config.sensors, names)
+    options = [
+        error.model_copy(update={"sensor": name}) for name, each in sensors.items() for error in each.drawn_errors()
+    ]
+    return extension(options, sensors, config.clock.step_s) if options else None
 
 
 def augmented_measurement(
@@ -91,10 +103,10 @@ class ExtraTrack:
 def true_extra(entry: FilterEntry, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
     """Return the true values of a filter's augmented states at some epochs, (runs, K, e); NaN where they are not known.
 
-    The errors of a sensor are the constant ones of its options, unless a correlated part of its noise drifts on top of
-    them. The attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at the
-    true states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers' biases
-    are those of each run, unless their noise drifts.
+    The errors of a sensor are those of its options and of each run, unless a correlated part of its noise drifts on top
+    of them. The attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at
+    the true states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers'
+    biases are those of each run, unless their noise drifts.
 
     Args:
         entry: The filter.
@@ -108,8 +120,9 @@ def true_extra(entry: FilterEntry, config: CaseConfig, truth: Truth, source: Ran
     for option in entry.augment:
         name = sensor_of(option, sensors)
         own = np.full((*shape, len(option.names)), np.nan)
-        if name is not None and option.channel is not None:
-            own[...] = sensors[name].constant_errors()[sensors[name].channel_names.index(option.channel)]
+        if name is not None and option.channels:
+            places = [sensors[name].channel_names.index(channel) for channel in option.channels]
+            own[...] = _slow_errors(name, sensors[name], config, truth, source)[..., places]
         elif name is not None:
             own[...] = 0.0 if _attitude_is_white(config, sensors[name].host) else np.nan
         elif option.kind == "differential_drag":
@@ -118,6 +131,14 @@ def true_extra(entry: FilterEntry, config: CaseConfig, truth: Truth, source: Ran
             own[...] = _accelerometer_biases(config, source)[:, None]
         values.append(own)
     return np.concatenate(values, axis=-1)
+
+
+def _slow_errors(
+    name: str, options: RelativeSensorOptions, config: CaseConfig, truth: Truth, source: RandomSource
+) -> Array:
+    """Return the errors of a sensor's channels that are not white, (runs or 1, K, m)."""
+    streams = streams_of(name, options, options.host, source, config.clock.step_s)
+    return options.slow_errors(sensed(truth, options.host, config.clock.step_s), streams)
 
 
 def _attitude_is_white(config: CaseConfig, host: Craft) -> bool:

@@ -11,8 +11,17 @@ from relnav_sim import eci_from_rtn
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.campaign.file_model import sensors_from
+from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.measurements.interface import MeasurementDefaults
-from relnav_sim.sensors import SensorSuite, filter_inputs, relative_sensors, sensor_kinds, sensor_measurement
+from relnav_sim.sensors import (
+    SensorSuite,
+    filter_inputs,
+    frame_is_told,
+    orbit_frame_covariance,
+    relative_sensors,
+    sensor_kinds,
+    sensor_measurement,
+)
 from relnav_sim.sensors.conformity import complaints
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth
@@ -149,3 +158,35 @@ def test_a_filter_is_told_how_noisy_it_is(kind, host, own):
         degrees = 100 * 40 * nu.shape[1]
         low, high = chi2.ppf([1e-5, 1 - 1e-5], degrees)
         assert low < total < high, f"{total / degrees:.4f} instead of 1 in form {form}"
+
+
+@pytest.mark.parametrize(("kind", "host"), HOSTED)
+def test_a_frame_that_each_reading_tells_counts_as_one_that_is_known_beforehand(kind, host):
+    """Where fixes may be missing, each reading brings the covariance of its frame: here always that of a bad fix."""
+    bad = {"position_sigma_m": 20_000.0, "velocity_sigma_m_s": 30.0}
+    outage = [{"kind": "gaussian"}, {"kind": "outage", "windows_s": [[1e6, 2e6]]}]
+    known, told = (
+        sensors_from({"one": options(kind, host=host), "gnss": {**bad, "noise": noise}})
+        for noise in ({"kind": "gaussian"}, outage)
+    )
+    assert not frame_is_told("one", known, STEP_S)
+    assert frame_is_told("one", told, STEP_S) == any(known["one"].needs_direction())
+    z = filter_inputs(known, read(known, range(5)), truth())["one"][known["one"].forms[0]]
+    model = sensor_measurement("one", told, ORBIT, STEP_S, frame="told")
+    beforehand, perfect = (
+        sensor_measurement("one", told, ORBIT, STEP_S, frame=frame) for frame in ("of_a_fix", "perfect")
+    )
+    taken = beforehand.take(z, 0)
+    perfect.take(z, 0)
+    if frame_is_told("one", told, STEP_S):
+        z = with_frame(z, np.broadcast_to(orbit_frame_covariance(told, ORBIT, host), (5, 40, 6, 6)))
+    np.testing.assert_array_equal(model.take(z, 0), taken)
+    states = np.broadcast_to(RELATIVE, (5, 6))
+    got, expected, without = (
+        np.broadcast_to(each.noise(states, 7), (5, *[each.dimension] * 2)) for each in (model, beforehand, perfect)
+    )
+    scale = np.sqrt(np.einsum("bii->bi", expected))
+    units = scale[:, :, None] * scale[:, None]
+    # Some take the turn at the reading, others at the state: they differ by the reading's own error.
+    np.testing.assert_allclose(got / units, expected / units, atol=0.02)
+    assert not any(known["one"].needs_direction()) or ((expected - without) / units).max() > 0.3

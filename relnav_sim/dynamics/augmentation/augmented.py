@@ -17,15 +17,16 @@ Array = NDArray[np.float64]
 
 
 class AugmentedDynamics:
-    """Dynamics of [x; b]: x_k = f(x_{k-1}) + G b_{k-1} + w, and each extra state b_k = decay b_{k-1} + u.
+    """Dynamics of [x; b]: x_k = f(x_{k-1}) + G b_{k-1} + w, and the extra states b_k = D b_{k-1} + u.
 
-    The extra states are constants (decay 1, no noise), random walks (decay 1) or first-order Gauss-Markov processes
-    (decay exp(-step / tau), noise sigma^2 (1 - decay^2)), independent of each other and of w.
+    An extra state by itself is a constant (a factor 1 on the diagonal of D, no noise), a random walk (factor 1) or a
+    first-order Gauss-Markov process (factor exp(-step / tau), noise sigma^2 (1 - factor^2)); a clock's bias and drift
+    are coupled. u is independent of w.
 
     Args:
         base: How x moves, n states.
-        decay: Factors of the e extra states over one step, (e,).
-        noise: Variances of u, (e,); 0 for a constant.
+        decay: D over one step, (e, e), or its diagonal (e,).
+        noise: Covariance of u, (e, e), or its diagonal (e,); 0 for a constant.
         inputs: G, (n, e), or a function ``inputs(step)`` that returns it, (n, e) or (runs, n, e); default: the extra
             states do not move x.
         considered: Numbers, from 0, of the extra states that a filter is to account for without estimating them.
@@ -34,7 +35,7 @@ class AugmentedDynamics:
         considered: Their places in [x; b].
 
     Raises:
-        ValueError: Sizes that do not fit, a negative variance, or a considered state that is not there.
+        ValueError: Sizes that do not fit, a noise that is no covariance, or a considered state that is not there.
     """
 
     def __init__(
@@ -48,20 +49,25 @@ class AugmentedDynamics:
         self.base = base
         self.linear = base.linear
         self._n = n = base.dimension
-        self._decay, self._noise = np.array(decay, dtype=float), np.array(noise, dtype=float)
-        if self._decay.ndim != 1 or self._decay.shape != self._noise.shape or (self._noise < 0).any():
-            raise ValueError("decay and noise must be (e,), one number for each extra state, the noise not negative")
-        self.dimension = n + len(self._decay)
-        if any(not 0 <= place < len(self._decay) for place in considered):
-            raise ValueError(f"considered {tuple(considered)} does not fit {len(self._decay)} extra states")
+        self._D, self._noise = _square(decay), _square(noise)
+        if self._D.shape != self._noise.shape or not _is_covariance(self._noise):
+            raise ValueError(
+                "decay and noise must be (e,) or (e, e) over the same extra states, and the noise a covariance"
+            )
+        self._factors = np.diagonal(self._D)
+        self._coupled = bool((np.diag(self._factors) != self._D).any())
+        e = len(self._D)
+        self.dimension = n + e
+        if any(not 0 <= place < e for place in considered):
+            raise ValueError(f"considered {tuple(considered)} does not fit {e} extra states")
         self.considered = tuple(n + place for place in considered)
         self._inputs: Callable[[Step], Array] | None
         if inputs is None or callable(inputs):
             self._inputs = inputs
         else:
             G = np.array(inputs, dtype=float)
-            if G.shape != (n, len(self._decay)):
-                raise ValueError(f"inputs has shape {G.shape}; it must be {(n, len(self._decay))}")
+            if G.shape != (n, e):
+                raise ValueError(f"inputs has shape {G.shape}; it must be {(n, e)}")
             self._inputs = lambda step: G
 
     def propagate(self, states: Array, step: Step) -> Array:
@@ -74,19 +80,19 @@ class AugmentedDynamics:
             if G.ndim == 3:
                 G = G.reshape(len(G), *[1] * (states.ndim - 2), *G.shape[1:])
             moved[..., : self._n] += np.einsum("...ij,...j->...i", G, b)
-        moved[..., self._n :] = self._decay * b
+        moved[..., self._n :] = np.einsum("ij,...j->...i", self._D, b) if self._coupled else self._factors * b
         return moved
 
     def transition(self, mean: Array, step: Step) -> Array:
-        """Return [[F, G], [0, decay]], (n + e, n + e) or (runs, n + e, n + e)."""
+        """Return [[F, G], [0, D]], (n + e, n + e) or (runs, n + e, n + e)."""
         n = self._n
         F = self.base.transition(mean[..., :n], step)
-        G = np.zeros((n, len(self._decay))) if self._inputs is None else self._inputs(step)
+        G = np.zeros((n, len(self._D))) if self._inputs is None else self._inputs(step)
         runs = np.broadcast_shapes(F.shape[:-2], G.shape[:-2])
         whole = np.zeros((*runs, self.dimension, self.dimension))
         whole[..., :n, :n] = F
         whole[..., :n, n:] = G
-        whole[..., range(n, self.dimension), range(n, self.dimension)] = self._decay
+        whole[..., n:, n:] = self._D
         return whole
 
     def process_noise(self, states: Array, step: Step) -> Array:
@@ -95,5 +101,20 @@ class AugmentedDynamics:
         Q = self.base.process_noise(states[..., :n], step)
         whole = np.zeros((*Q.shape[:-2], self.dimension, self.dimension))
         whole[..., :n, :n] = Q
-        whole[..., range(n, self.dimension), range(n, self.dimension)] = self._noise
+        whole[..., n:, n:] = self._noise
         return whole
+
+
+def _square(given: ArrayLike) -> Array:
+    """Return a matrix (e, e) as given or of its diagonal (e,)."""
+    matrix = np.array(given, dtype=float)
+    return np.diag(matrix) if matrix.ndim == 1 else matrix
+
+
+def _is_covariance(matrix: Array) -> bool:
+    """Return whether a matrix is square, symmetric and, to rounding, positive semidefinite."""
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.array_equal(matrix, matrix.T):
+        return False
+    # Scaled to a unit diagonal: the units of the states may lie many powers of ten apart.
+    scale = np.sqrt(np.where(np.diagonal(matrix) > 0, np.diagonal(matrix), 1.0))
+    return bool(np.linalg.eigvalsh(matrix / np.multiply.outer(scale, scale)).min(initial=0.0) >= -1e-9)

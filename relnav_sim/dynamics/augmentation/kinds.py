@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from scipy.linalg import block_diag
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import ARCSEC
@@ -36,31 +37,57 @@ _TAU = (
 
 
 class ExtraStateOptions(Options):
-    """What every extra state says; how it moves in time is a constant, a random walk or a Gauss-Markov process.
+    """What extra states of one kind say, and how they move in time.
 
     Attributes:
         names: Names of the states of this kind.
-        unit: Their SI unit.
-        key_unit: The unit of the campaign's keys, as it stands in their names.
-        key_factor: From that unit to SI.
-        channel: The channel of a sensor that the state adds to; None: to none.
+        units: Their SI units.
+        channels: The channels of a sensor that the states add to, one each; empty: to none.
         axis: The axis, RTN, of the relative acceleration that the state is; None: of none.
     """
 
     names: ClassVar[tuple[str, ...]]
-    unit: ClassVar[str]
-    key_unit: ClassVar[str]
-    key_factor: ClassVar[float] = 1.0
-    channel: ClassVar[str | None] = None
+    units: ClassVar[tuple[str, ...]]
+    channels: ClassVar[tuple[str, ...]] = ()
     axis: ClassVar[int | None] = None
 
     kind: str
     mode: Literal["estimate", "consider"] = Field(default="estimate", description=_MODE)
     sensor: Annotated[str | None, AddedLater()] = Field(default=None, description=_SENSOR)
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations (e,) at the start, SI units."""
+        raise NotImplementedError(f"{type(self).__name__} has no sigmas")
+
+    def motion(self, step_s: float) -> tuple[Array, Array]:
+        """Return D and the covariance of u in b_k = D b_{k-1} + u over one step, (e, e) each."""
+        raise NotImplementedError(f"{type(self).__name__} has no motion(step_s)")
+
+    def turn(self) -> Array:
+        """Return the turn about the axes of the host's nadir frame that each of the states is, (3, e)."""
+        return np.zeros((3, len(self.names)))
+
+    def acceleration(self) -> Array:
+        """Return the share of the states in the relative acceleration, RTN, (3, e)."""
+        return _unit_column(3, self.axis, len(self.names))
+
+
+class SeparateStateOptions(ExtraStateOptions):
+    """Extra states of one kind that move each by itself: constants, random walks or Gauss-Markov processes.
+
+    Attributes:
+        key_unit: The unit of the campaign's keys, as it stands in their names.
+        key_factor: From that unit to SI.
+    """
+
+    key_unit: ClassVar[str]
+    key_factor: ClassVar[float] = 1.0
+
     tau_s: float | None = Field(default=None, gt=0, description=_TAU)
 
     @model_validator(mode="after")
-    def _one_process(self) -> ExtraStateOptions:
+    def _one_process(self) -> SeparateStateOptions:
         if self.tau_s is not None and self.walk:
             raise ValueError("give tau_s or a random walk, not both")
         return self
@@ -75,17 +102,17 @@ class ExtraStateOptions(Options):
         """Standard deviation that a random walk gains in one second, SI units."""
         return self.key_factor * float(getattr(self, f"walk_{self.key_unit}_per_sqrt_s", 0.0))
 
-    def added(self) -> Array:
-        """Return what each of the states adds to its channel, (e,)."""
-        return np.eye(1, len(self.names))[0]
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations (e,) at the start, SI units."""
+        return np.full(len(self.names), self.sigma)
 
-    def turn(self) -> Array:
-        """Return the turn about the axes of the host's nadir frame that each of the states is, (3, e)."""
-        return np.zeros((3, len(self.names)))
-
-    def acceleration(self) -> Array:
-        """Return the share of the states in the relative acceleration, RTN, (3, e)."""
-        return _unit_column(3, self.axis, len(self.names))
+    def motion(self, step_s: float) -> tuple[Array, Array]:
+        """Return the same factor for all, and the variance that each gains."""
+        each = np.eye(len(self.names))
+        if self.tau_s is None:
+            return each, self.walk * self.walk * step_s * each
+        return exp(-step_s / self.tau_s) * each, self.sigma * self.sigma * -expm1(-2 * step_s / self.tau_s) * each
 
 
 def _unit_column(rows: int, place: int | None, columns: int) -> Array:
@@ -95,8 +122,8 @@ def _unit_column(rows: int, place: int | None, columns: int) -> Array:
     return matrix
 
 
-class _AngleBiasOptions(ExtraStateOptions):
-    unit: ClassVar[str] = "rad"
+class _AngleBiasOptions(SeparateStateOptions):
+    units: ClassVar[tuple[str, ...]] = ("rad",)
     key_unit: ClassVar[str] = "deg"
     key_factor: ClassVar[float] = np.pi / 180
 
@@ -107,46 +134,46 @@ class _AngleBiasOptions(ExtraStateOptions):
 
 
 class AzimuthBiasOptions(_AngleBiasOptions):
-    """Bias of the radar's azimuth."""
+    """Bias of a sensor's azimuth."""
 
     names: ClassVar[tuple[str, ...]] = ("azimuth_bias",)
-    channel: ClassVar[str | None] = "azimuth"
+    channels: ClassVar[tuple[str, ...]] = ("azimuth",)
 
-    kind: Literal["azimuth_bias"] = Field(default="azimuth_bias", description="Bias of the radar's azimuth")
+    kind: Literal["azimuth_bias"] = Field(default="azimuth_bias", description="Bias of a sensor's azimuth")
 
 
 class ElevationBiasOptions(_AngleBiasOptions):
-    """Bias of the radar's elevation."""
+    """Bias of a sensor's elevation."""
 
     names: ClassVar[tuple[str, ...]] = ("elevation_bias",)
-    channel: ClassVar[str | None] = "elevation"
+    channels: ClassVar[tuple[str, ...]] = ("elevation",)
 
-    kind: Literal["elevation_bias"] = Field(default="elevation_bias", description="Bias of the radar's elevation")
+    kind: Literal["elevation_bias"] = Field(default="elevation_bias", description="Bias of a sensor's elevation")
 
 
-class RangeBiasOptions(ExtraStateOptions):
-    """Bias of the radar's range."""
+class RangeBiasOptions(SeparateStateOptions):
+    """Bias of a sensor's range."""
 
     names: ClassVar[tuple[str, ...]] = ("range_bias",)
-    unit: ClassVar[str] = "m"
+    units: ClassVar[tuple[str, ...]] = ("m",)
     key_unit: ClassVar[str] = "m"
-    channel: ClassVar[str | None] = "range"
+    channels: ClassVar[tuple[str, ...]] = ("range",)
 
-    kind: Literal["range_bias"] = Field(default="range_bias", description="Bias of the radar's range")
+    kind: Literal["range_bias"] = Field(default="range_bias", description="Bias of a sensor's range")
     sigma_m: float = Field(gt=0, description="Standard deviation of the bias at the start, m")
     walk_m_per_sqrt_s: float = Field(
         default=0.0, ge=0, description="Random walk: standard deviation gained in one second, m; default 0: constant"
     )
 
 
-class AttitudeErrorOptions(ExtraStateOptions):
+class AttitudeErrorOptions(SeparateStateOptions):
     """Correlated error of the measured attitude: three small angles about the nadir frame's axes of the radar's craft.
 
     The measured line of sight s is off by s x angle; a turn about the line of sight itself does nothing.
     """
 
     names: ClassVar[tuple[str, ...]] = ("attitude_error_x", "attitude_error_y", "attitude_error_z")
-    unit: ClassVar[str] = "rad"
+    units: ClassVar[tuple[str, ...]] = ("rad",) * 3
     key_unit: ClassVar[str] = "arcsec"
     key_factor: ClassVar[float] = ARCSEC
 
@@ -160,11 +187,11 @@ class AttitudeErrorOptions(ExtraStateOptions):
         return np.eye(3)
 
 
-class DifferentialDragOptions(ExtraStateOptions):
+class DifferentialDragOptions(SeparateStateOptions):
     """Along-track acceleration of the deputy relative to the chief, by unequal drag above all."""
 
     names: ClassVar[tuple[str, ...]] = ("differential_drag",)
-    unit: ClassVar[str] = "m/s^2"
+    units: ClassVar[tuple[str, ...]] = ("m/s^2",)
     key_unit: ClassVar[str] = "m_s2"
     axis: ClassVar[int | None] = 1
 
@@ -179,14 +206,14 @@ class DifferentialDragOptions(ExtraStateOptions):
     )
 
 
-class AccelerometerBiasOptions(ExtraStateOptions):
+class AccelerometerBiasOptions(SeparateStateOptions):
     """Bias of the measured relative thrust, RTN: the deputy's accelerometer's less the chief's.
 
     A filter that is told measured forces u moves by u - b while there is a reading.
     """
 
     names: ClassVar[tuple[str, ...]] = ("accelerometer_bias_x", "accelerometer_bias_y", "accelerometer_bias_z")
-    unit: ClassVar[str] = "m/s^2"
+    units: ClassVar[tuple[str, ...]] = ("m/s^2",) * 3
     key_unit: ClassVar[str] = "m_s2"
 
     kind: Literal["accelerometer_bias"] = Field(
@@ -208,6 +235,44 @@ class AccelerometerBiasOptions(ExtraStateOptions):
         return -np.eye(3)
 
 
+class ClockOptions(ExtraStateOptions):
+    """Bias and drift of the clocks behind a crosslink: the bias adds to the range, and the drift to the range rate.
+
+    The drift moves the bias. White noise of the frequency makes the bias a random walk and its own walk the drift, the
+    two-state clock of Van Dierendonck, McGraw and Brown (1984; Brown and Hwang, section 9.3).
+    """
+
+    names: ClassVar[tuple[str, ...]] = ("clock_bias", "clock_drift")
+    units: ClassVar[tuple[str, ...]] = ("m", "m/s")
+    channels: ClassVar[tuple[str, ...]] = ("range", "range_rate")
+
+    kind: Literal["clock"] = Field(default="clock", description="Bias and drift of a crosslink's clocks, two states")
+    sigma_m: float = Field(gt=0, description="Standard deviation of the bias at the start, m")
+    drift_sigma_m_s: float = Field(gt=0, description="Standard deviation of the drift at the start, m/s")
+    walk_m_per_sqrt_s: float = Field(
+        default=0.0, ge=0, description="Random walk of the bias: standard deviation gained in one second, m; default 0"
+    )
+    drift_walk_m_s_per_sqrt_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Random walk of the drift: standard deviation gained in one second, m/s; default 0",
+    )
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations of bias (m) and drift (m/s) at the start."""
+        return np.array([self.sigma_m, self.drift_sigma_m_s])
+
+    def motion(self, step_s: float) -> tuple[Array, Array]:
+        """Return the exact discretisation of bias' = drift + w1, drift' = w2."""
+        white, drifting = np.square([self.walk_m_per_sqrt_s, self.drift_walk_m_s_per_sqrt_s]) * step_s
+        shared = drifting * step_s / 2
+        return (
+            np.array([[1.0, step_s], [0.0, 1.0]]),
+            np.array([[white + drifting * step_s**2 / 3, shared], [shared, drifting]]),
+        )
+
+
 ExtraStateOption = (
     AzimuthBiasOptions
     | ElevationBiasOptions
@@ -215,20 +280,21 @@ ExtraStateOption = (
     | AttitudeErrorOptions
     | DifferentialDragOptions
     | AccelerometerBiasOptions
+    | ClockOptions
 )
 """The kinds of extra states."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """What a filter believes of its e extra states: independent, with mean 0 at the start.
+    """What a filter believes of its e extra states: with mean 0 at the start, and independent then.
 
     Attributes:
         names: Their names.
         units: Their SI units.
         sigma: Standard deviations at the start, (e,).
-        decay: Factors over one step, (e,).
-        noise: Variances gained in one step, (e,).
+        decay: D in b_k = D b_{k-1} + u over one step, (e, e).
+        noise: Covariance of u, (e, e).
         considered: Numbers of those that are accounted for but not estimated.
         channels: What they add to the channels of sensors: by sensor and channel, (e,).
         turns: The turn of the host's body that each is, by sensor, about the nadir frame's axes, (3, e), rad.
@@ -267,7 +333,7 @@ class Extension:
 
 
 class SeenBy(Protocol):
-    """What augmented states need to know of a sensor: its channels' names, and the craft that carries it."""
+    """What augmented states need to know of a sensor: its channels, and the craft that carries it."""
 
     @property
     def host(self) -> str | None:
@@ -277,6 +343,10 @@ class SeenBy(Protocol):
     @property
     def channel_names(self) -> tuple[str, ...]:
         """Names of the channels."""
+        ...
+
+    def needs_direction(self) -> tuple[bool, ...]:
+        """Return for each channel whether a turn of the host changes it."""
         ...
 
 
@@ -291,22 +361,24 @@ def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy]
     Raises:
         ValueError: A state is the error of a sensor that is not there, or that has no such channel.
     """
-    each = [option for option in options for _ in option.names]
-    sigma = np.array([option.sigma for option in each])
-    decay = np.array([1.0 if option.tau_s is None else exp(-step_s / option.tau_s) for option in each])
-    lost = np.array([0.0 if option.tau_s is None else -expm1(-2 * step_s / option.tau_s) for option in each])
-    walk = np.array([option.walk for option in each])
+    motions = [option.motion(step_s) for option in options]
+    modes = [option.mode for option in options for _ in option.names]
     return Extension(
-        names=tuple(name for option in options for name in option.names),
-        units=tuple(option.unit for option in each),
-        sigma=sigma,
-        decay=decay,
-        noise=np.square(sigma) * lost + np.square(walk) * step_s,
-        considered=tuple(place for place, option in enumerate(each) if option.mode == "consider"),
-        channels=_added(options, sensors, len(each)),
-        turns=_turned(options, sensors, len(each)),
+        names=tuple(name for option in options for name in _named(option)),
+        units=tuple(unit for option in options for unit in option.units),
+        sigma=np.concatenate([option.sigmas for option in options]),
+        decay=block_diag(*(D for D, _ in motions)),
+        noise=block_diag(*(Q for _, Q in motions)),
+        considered=tuple(place for place, mode in enumerate(modes) if mode == "consider"),
+        channels=_added(options, sensors, len(modes)),
+        turns=_turned(options, sensors, len(modes)),
         acceleration=np.concatenate([option.acceleration() for option in options], axis=1),
     )
+
+
+def _named(option: ExtraStateOption) -> tuple[str, ...]:
+    """Return the names of the states of one kind, with the sensor's before them where the option names one."""
+    return option.names if option.sensor is None else tuple(f"{option.sensor}_{name}" for name in option.names)
 
 
 def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
@@ -315,17 +387,24 @@ def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | 
     Raises:
         ValueError: The sensor is not there, or has no such channel.
     """
-    if option.channel is None and not option.turn().any():
+    if not option.channels and not option.turn().any():
+        if option.sensor is not None:
+            raise ValueError(f"{option.kind} is no error of a sensor; leave the key sensor out")
         return None
-    having = [name for name, each in sensors.items() if option.channel in (None, *each.channel_names)]
+    having = [
+        name
+        for name, each in sensors.items()
+        if set(option.channels) <= set(each.channel_names) and (option.channels or any(each.needs_direction()))
+    ]
     if option.sensor is None and having:
         return having[0]
     if option.sensor in having:
         return option.sensor
-    which = "no sensor of this filter" if option.sensor is None else f"the sensor {option.sensor}"
     if option.sensor is not None and option.sensor not in sensors:
         raise ValueError(f"the filter has no sensor {option.sensor}; it goes by {', '.join(sensors)}")
-    raise ValueError(f"{which} has no channel {option.channel}")
+    which = f"no sensor of this filter ({', '.join(sensors)})" if option.sensor is None else option.sensor
+    lacking = f"the channel {' and '.join(option.channels)}" if option.channels else "a channel that a turn changes"
+    raise ValueError(f"{which} has {'not ' if option.sensor else ''}{lacking}")
 
 
 def _added(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, dict[str, Array]]:
@@ -334,9 +413,9 @@ def _added(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e
     first = 0
     for option in options:
         name = sensor_of(option, sensors)
-        if name is not None and option.channel is not None:
-            share = added[name].setdefault(option.channel, np.zeros(e))
-            share[first : first + len(option.names)] += option.added()
+        for place, channel in enumerate(option.channels, start=first):
+            if name is not None:
+                added[name].setdefault(channel, np.zeros(e))[place] += 1.0
         first += len(option.names)
     return added
 

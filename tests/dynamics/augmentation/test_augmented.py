@@ -43,6 +43,9 @@ class Radar:
     host: str = "chief"
     channel_names: tuple[str, ...] = ("range", "azimuth", "elevation")
 
+    def needs_direction(self) -> tuple[bool, ...]:
+        return (False, True, True)
+
 
 def extended(kinds, step_s=1.0):
     return extension(kinds, {"radar": Radar()}, step_s)
@@ -78,12 +81,14 @@ def test_what_a_campaign_asks_for():
     degree = np.radians(0.1)
     assert np.allclose(extra.sigma, [degree, 1e-7, *[30 * arcsec] * 3, 5, degree], rtol=1e-14)
     assert extra.considered == (2, 3, 4)
-    assert np.allclose(extra.decay, [1, 1, *[np.exp(-2 / 60)] * 3, np.exp(-2 / 600), 1], rtol=1e-14)
-    assert np.allclose(extra.noise[[0, 1, 6]], [0, 2e-18, 0])
+    decay, noise = np.diagonal(extra.decay), np.diagonal(extra.noise)
+    assert np.array_equal(extra.decay, np.diag(decay)) and np.array_equal(extra.noise, np.diag(noise))
+    assert np.allclose(decay, [1, 1, *[np.exp(-2 / 60)] * 3, np.exp(-2 / 600), 1], rtol=1e-14)
+    assert np.allclose(noise[[0, 1, 6]], [0, 2e-18, 0])
     # A Gauss-Markov process keeps its variance.
     stays = [2, 3, 4, 5]
     variance = extra.sigma[stays] ** 2
-    assert np.allclose(extra.decay[stays] ** 2 * variance + extra.noise[stays], variance, rtol=1e-14)
+    assert np.allclose(decay[stays] ** 2 * variance + noise[stays], variance, rtol=1e-14)
 
 
 def test_a_process_is_a_walk_or_gauss_markov():

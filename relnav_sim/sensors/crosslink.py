@@ -1,0 +1,106 @@
+"""Crosslink: range and range rate from a radio link between the craft, with the error of their clocks."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from relnav_sim.dynamics.augmentation.kinds import ClockOptions, ExtraStateOption, RangeBiasOptions
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.measurements.ranging import Ranging
+from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below
+from relnav_sim.sensors.registry import register_sensor
+from relnav_sim.sensors.streams import SensorStreams
+from relnav_sim.sensors.told_noise import told_noise
+
+Array = NDArray[np.float64]
+
+
+@register_sensor("crosslink")
+class CrosslinkOptions(RelativeSensorOptions):
+    """Radio link between the craft that measures range and range rate, from either craft alike.
+
+    A link that compares two free clocks (one-way) is off by their difference: by a bias and a drift that each run draws
+    once. Lever arms of the antennas are left out, and it needs no attitude.
+    """
+
+    channels: ClassVar[tuple[Channel, ...]] = (
+        Channel("range", "m", "range"),
+        Channel("range_rate", "m/s", "range rate"),
+    )
+
+    kind: Literal["crosslink"] = Field(default="crosslink", description="Range and range rate over a radio link")
+    range_sigma_m: float = Field(gt=0, description="Range noise, 1 sigma, m")
+    range_rate_sigma_m_s: float = Field(gt=0, description="Range-rate noise, 1 sigma, m/s")
+    clock_bias_sigma_m: float = Field(
+        default=0.0,
+        ge=0,
+        description="Standard deviation of each run's difference of the clocks at time 0 times the speed of light, m, "
+        "which adds to the range; a filter can estimate it as `clock`; default 0",
+    )
+    clock_drift_sigma_m_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="Standard deviation of each run's constant rate of that difference, m/s (1 m/s is 3.3e-9 s/s), "
+        "which adds to the range rate; default 0",
+    )
+    noise: NoiseOption = Field(
+        default=GaussianNoise(),
+        description="Noise in units of these sigmas, channels range, range rate: one part or a list of parts that add; "
+        "default: white Gaussian",
+    )
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations (2,) of range (m) and range rate (m/s)."""
+        return np.array([self.range_sigma_m, self.range_rate_sigma_m_s])
+
+    def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return range (m) and range rate (m/s), (runs, K, 2); NaN where nothing is read.
+
+        A reading whose range, but for the clocks, would not be positive does not exist: no signal comes before it is
+        sent, while a wrong clock can well say so.
+        """
+        offset = truth.target - truth.host
+        r, v = offset[..., :3], offset[..., 3:]
+        distance = np.sqrt(np.square(r).sum(axis=-1))
+        # Where the craft meet there is no range rate; the reading is left out below.
+        rate = (r * v).sum(axis=-1) / np.where(distance > 0, distance, 1.0)
+        z = streams.noise(truth.times_s)
+        z *= self.sigmas
+        z += np.stack([distance, rate], axis=-1)
+        measured = self.in_reach(truth) & (z[..., 0] > 0)
+        z += self._clock(truth.times_s, streams)
+        if not measured.all():
+            z[~measured] = np.nan
+        return z
+
+    def slow_errors(self, truth: Sensed, streams: SensorStreams) -> Array:
+        """Return the error of the clocks and the constant errors, (runs, K, 2); NaN where noise drifts on top."""
+        return self._clock(truth.times_s, streams) + self.constant_errors()
+
+    def _clock(self, times_s: Array, streams: SensorStreams) -> Array:
+        """Return what the clocks add to range (m) and range rate (m/s), (runs, K, 2)."""
+        bias, drift = (streams.constant("clock", 2) * [self.clock_bias_sigma_m, self.clock_drift_sigma_m_s]).T
+        rate = np.broadcast_to(drift[:, None], (len(drift), len(times_s)))
+        return np.stack([bias[:, None] + rate * times_s, rate], axis=-1)
+
+    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+        """Return the error of the clocks."""
+        if not self.clock_drift_sigma_m_s:
+            return (RangeBiasOptions(sigma_m=self.clock_bias_sigma_m),) if self.clock_bias_sigma_m else ()
+        # A bias a millionth of the noise is as good as none, and keeps covariances definite.
+        bias = self.clock_bias_sigma_m or 1e-6 * self.range_sigma_m
+        return (ClockOptions(sigma_m=bias, drift_sigma_m_s=self.clock_drift_sigma_m_s),)
+
+    def no_echo(self, distance: Array) -> Array:
+        """Return the probability of a reading that does not exist because its range would not be positive."""
+        return probability_below(noise_parts(self.noise), len(self.channels), 0, -distance / self.range_sigma_m)
+
+    def measurement(self, context: MeasurementContext) -> Ranging:
+        """Return the link as a filter is told of it, without clock errors; `clock` states bring them in."""
+        return Ranging(told_noise(self.noise, self.sigmas, context.assumed_noise))
