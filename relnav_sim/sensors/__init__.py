@@ -1,7 +1,7 @@
 """What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.sensors.availability import reading_probability
+from relnav_sim.sensors.availability import reading_at_every_epoch, reading_probability
 from relnav_sim.sensors.campaign_sensors import (
     Sensors,
     attitude_covariance,
@@ -43,6 +43,7 @@ __all__ = [
     "noise_kinds",
     "orbit_frame_covariance",
     "own_sensor",
+    "reading_at_every_epoch",
     "reading_probability",
     "register_sensor",
     "relative_sensors",

@@ -24,6 +24,11 @@ def sensed(truth: TrueStates, host: Craft, step_s: float) -> Sensed:
     return Sensed(truth.times_s, *states, None, step_s)
 
 
+def reading_at_every_epoch(sensors: Sensors) -> dict[str, SensorOptions]:
+    """Return the same sensors, due at every epoch from the start on: for some epochs out of all that there are."""
+    return {name: each.model_copy(update={"period_s": None, "offset_s": 0.0}) for name, each in sensors.items()}
+
+
 def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_epoch: int, step_s: float) -> Array:
     """Return the probability of each channel of a sensor, (runs or 1, K, m): 0 or 1 unless outages are random.
 

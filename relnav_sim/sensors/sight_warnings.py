@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.sensors.availability import reading_probability, sensed
+from relnav_sim.sensors.availability import reading_at_every_epoch, reading_probability, sensed
 from relnav_sim.sensors.campaign_sensors import Sensors, relative_sensors
 from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed
 from relnav_sim.sensors.suite import TrueStates
@@ -49,8 +49,7 @@ def sight_warnings(
         met = sensed(truth, options.host, 1.0)
         seen = options.in_reach(met) & np.isfinite(distance)
         # Whether a reading is due does not matter: the epochs here are those that were looked at, not all there are.
-        always = {each: own.model_copy(update={"period_s": None, "offset_s": 0.0}) for each, own in sensors.items()}
-        heard = (reading_probability(always, name, truth, 0, 1.0) > 0).any(axis=-1) & seen
+        heard = (reading_probability(reading_at_every_epoch(sensors), name, truth, 0, 1.0) > 0).any(axis=-1) & seen
         blind[name] = np.asarray(np.isfinite(distance).any(axis=1) & ~heard.any(axis=1))
         said += _out_of_sight(name, options, seen, blind[name], distance)
         said += _near_pole(name, options, met, heard, truth.times_s)

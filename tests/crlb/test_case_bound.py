@@ -68,11 +68,19 @@ def test_a_perfect_model_is_never_worse_and_noise_that_is_known_never_hurts(camp
 
 
 def test_nothing_is_learned_where_nothing_is_measured(campaign):
-    gap = "grid={sensors.radar.noise: [[{kind: gaussian}, {kind: outage, windows_s: [[10, 25]]}]]}"
-    free, cut = (bound_of(campaign, noise, "clock.store_every_s=1") for noise in (ONE, gap))
+    gap = "[{kind: gaussian}, {kind: outage, windows_s: [[10, 25]]}]"
+    free = bound_of(campaign, ONE, "clock.store_every_s=1")
+    cut = bound_of(campaign, f"grid={{sensors.radar.noise: [{gap}]}}", "clock.store_every_s=1")
     np.testing.assert_array_equal(cut.perfect[:10], free.perfect[:10])
     assert (np.diff(cut.perfect[9:25, 6]) > 0).all()
     assert cut.perfect[25, 6] < cut.perfect[24, 6]
+    lost, carried = (
+        bound_of(campaign, ONE, "clock.store_every_s=1", f"sensors.{name}.noise={gap}")
+        for name in ("star_tracker", "gnss")
+    )
+    # The range stays without the star tracker, and all stays while the host carries its orbit on.
+    assert ((free.perfect < lost.perfect) & (lost.perfect < cut.perfect))[12:, 6].all()
+    np.testing.assert_array_equal(carried.perfect, free.perfect)
     seldom = bound_of(campaign, ONE, "sensors.radar.period_s=8")
     assert (seldom.perfect[2:, 6] > free.perfect[8::4, 6]).all()
 

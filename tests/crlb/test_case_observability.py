@@ -7,6 +7,7 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.crlb.case_bound import case_bound
 from relnav_sim.crlb.case_observability import MOST_STEPS, case_observability
+from relnav_sim.plots import rms_over_time
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
@@ -67,6 +68,8 @@ def test_it_takes_few_steps_however_many_epochs_there_are(own_sensors):
     assert coarse["radar"].ratio[-1] / fine["radar"].ratio[-1] == pytest.approx(np.sqrt(10), rel=0.02)
     rare = observed(TEXT, "clock.step_s=1", "sensors.radar.period_s=10")
     assert rare["radar"].ratio[-1] == pytest.approx(coarse["radar"].ratio[-1], rel=0.02)
+    seldom = "sensors.star_tracker={cross_boresight_sigma_arcsec: 1, about_boresight_sigma_arcsec: 1, period_s: 7}"
+    assert observed(TEXT, "clock={duration_s: 3003, step_s: 1, store_every_s: 1}", seldom)["camera"].blind == 1
     late = observed(TEXT, "sensors.radar.offset_s=3000")
     assert (late["radar"].ratio[:-1] == 1).all() and late["radar"].blind > 0
 
@@ -96,7 +99,15 @@ def test_validate_and_the_report_say_the_same_and_rank_the_others(own_sensors, t
     out = run_campaign(campaign, tmp_path / "out.h5", backend="sequential")
     with open_results(out) as results:
         ranking = rank(case_facts(results, 0))
-        headline, second, *_ = summarise([ranking])
+        headline, second, limit, *_ = summarise([ranking])
+        assert limit.startswith("Limit: ") and ("that goes by the same sensors" in limit) == (
+            ranking.best.name != "both"
+        )
+        labels = [text.get_text() for text in rms_over_time(results).legends[0].get_texts()]
+        assert labels[-3:] == ["bound, radar + camera", "bound, camera", "bound, radar"]
+        for name, ratio in ((item.name, item.times_bound["whole"].estimate) for item in ranking.case.filters):
+            error, bound = results.error(0, name)[:, 1:, :3], results.perfect_bound(0, name)[1:, 6]
+            assert ratio == pytest.approx(np.sqrt(np.square(error).sum(axis=2).mean() / np.square(bound).mean()))
         assert second == said
         assert "camera" not in headline and [item.name for item in ranking.ranked] != [*ranking.case.names]
         (pair,) = ranking.position
