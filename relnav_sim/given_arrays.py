@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.linalg import factor, runs_last, symmetric, transpose
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
 """Largest asymmetry, and largest negative eigenvalue, of a correlation matrix that counts as rounding: matrices that
@@ -98,7 +97,7 @@ def covariances(given: ArrayLike, name: str, shapes: str, leading: Sequence[Sequ
     rounding = max(_ROUNDING, 64 * np.finfo(of_narrow).eps) if _is_float(of_narrow) else _ROUNDING
     stack = array.reshape(-1, n, n)
 
-    def complain(bad: NDArray[np.bool_], fault: str) -> None:
+    def complain(bad: Mask, fault: str) -> None:
         if bad.any():
             place = np.unravel_index(int(np.argmax(bad)), array.shape[:-2])
             of = f" of {_place(axes, [int(i) for i in place])}" if axes else ""

@@ -8,9 +8,9 @@ one diverged filter must not end the others.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
+
 LOG_TWO_PI = float(np.log(2 * np.pi))
 
 

@@ -6,10 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 
 def called_read_only(function: Callable[[Array, Any], Any], name: str, states: Array, at: Any) -> Any:

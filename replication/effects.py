@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval, bootstrap_interval, wilson_interval
 from relnav_sim.statistics.verdicts import (
@@ -26,8 +26,6 @@ from relnav_sim.statistics.verdicts import (
 from replication import operations
 from replication.measured import Measured
 from replication.rules import Part, Reading, Rule
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.plots.axes import turned_sigmas, turned_states
 from relnav_sim.plots.style import PALETTE, house_style, legend_above, legend_height, margins, new_figure
 from replication.measured import Measured
@@ -15,7 +15,6 @@ from replication.measured import Measured
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 _WIDE = 7.0
 _AXES = ("x", "y", "z")
 

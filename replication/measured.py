@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.read import Results, open_results
-
-Array = NDArray[np.float64]
 
 
 class Measured:

@@ -8,11 +8,10 @@ Attitude Determination and Control, 2014, eq. 2.125).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import Vector, components, cross, dot
 
-Array = NDArray[np.float64]
 Axes = tuple[Vector, Vector, Vector]
 Quaternion = tuple[Array, Array, Array, Array]
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.constants import MU_M3_S2
 from relnav_sim.astro.line_of_sight import components, dot
-
-Array = NDArray[np.float64]
 
 
 def coasted(states: Array, late_s: Array | float) -> Array:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 
 def frame_errors(errors: ArrayLike, radius_m: ArrayLike, speed_m_s: ArrayLike) -> Array:

@@ -8,9 +8,9 @@ along the orbit, the acceleration a_N along the normal tilts the orbit plane abo
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 # Below this sine of the angle between position and velocity, rounding (about 1e-16) decides where the normal points.
 PARALLEL = 1e-12

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from math import atan2, cos, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

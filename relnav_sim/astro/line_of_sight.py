@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from math import cos, radians, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
+
 Vector = tuple[Array, Array, Array]
 ARCSEC = np.pi / (180 * 3600)
 """One second of arc, rad."""

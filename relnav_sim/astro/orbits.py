@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import tau
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.frames import PARALLEL
-
-Array = NDArray[np.float64]
 
 # Below this, perigee and node are rounding noise: they get fixed values, at a cost below 1e-7 m in position.
 DEGENERATE = 1e-14

@@ -12,11 +12,10 @@ the two angles apart.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import Vector, cross, dot
 
-Array = NDArray[np.float64]
 Axes = tuple[Vector, Vector]
 _TINY = 1e-280
 _BESIDE = 1e-12

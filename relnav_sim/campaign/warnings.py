@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.file_model import sensors_from
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
@@ -21,8 +21,6 @@ from relnav_sim.sensors import Sensors, reading_probability, relative_sensors, s
 from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, truth_trajectory
-
-Array = NDArray[np.float64]
 
 MOST_GEOMETRIES = 12
 """Different trajectories and radars of a campaign that are looked at: each takes a propagation of two craft."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
@@ -29,8 +29,6 @@ from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
-
-Array = NDArray[np.float64]
 
 ENSEMBLE = 20
 """Truths over which the information is averaged where the truth is dispersed: those of runs 0 to 19, whether they are
@@ -179,7 +177,7 @@ def _deviations(covariance: Array) -> Array:
     return np.sqrt(np.concatenate([variances, np.stack(norms, axis=-1)], axis=-1))
 
 
-def _chunks(first: int, end: int) -> Iterator[NDArray[np.int64]]:
+def _chunks(first: int, end: int) -> Iterator[Integers]:
     for start in range(first, end, CHUNK_EPOCHS):
         yield np.arange(start, min(start + CHUNK_EPOCHS, end))
 
@@ -202,9 +200,7 @@ class _Ensemble:
     probability: Mapping[str, Array]
     frames: Mapping[str, Array]
 
-    def information(
-        self, sensors: Mapping[str, SensorInformation], epochs: NDArray[np.int64], extra: Extension | None
-    ) -> Array:
+    def information(self, sensors: Mapping[str, SensorInformation], epochs: Integers, extra: Extension | None) -> Array:
         """Return the information of some sensors' readings at some epochs (K,), (K, n, n)."""
         probability = {name: self.probability[name][:, epochs] for name in sensors}
         frames = {name: covariance[epochs] for name, covariance in self.frames.items()}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.containment import Containment
@@ -27,8 +27,6 @@ from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.simulation.thrust_inputs import known_thrust, planned_forces
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, nominal_truth, truth_trajectory
-
-Array = NDArray[np.float64]
 
 MOST_STEPS = 300
 """Steps into which a run is cut, however many epochs it has: each stands for the readings of all its epochs."""
@@ -84,7 +82,7 @@ class _Looked:
     start: Array
     chances: dict[str, Array]
     fix: dict[str, Array]
-    stored: NDArray[np.int64]
+    stored: Integers
 
     @classmethod
     def at(cls, config: CaseConfig) -> _Looked:

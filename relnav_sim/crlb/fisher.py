@@ -10,9 +10,9 @@ from __future__ import annotations
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 SPACING = 0.1
 """Step of the trapezoidal rule in asinh of the whitened noise: 1e-7 of the information at ratios up to 100."""

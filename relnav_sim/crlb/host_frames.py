@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.measurements.frame_error import frame_noise
 from relnav_sim.sensors import frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.availability import fails_at_random, reads_for_certain
 from relnav_sim.sensors.interface import Craft
 from relnav_sim.simulation.host_orbits import HostOrbits
-
-Array = NDArray[np.float64]
 
 
 class HostFrames:
@@ -39,7 +37,7 @@ class HostFrames:
         receivers = {host: own_sensor(config.sensors, "orbit", host) for host in self._orbits.hosts}
         self._at_random = {host for host, each in receivers.items() if each is not None and fails_at_random(each[1])}
 
-    def advance(self, epochs: NDArray[np.int64], chief: Array, deputy: Array) -> dict[str, Array]:
+    def advance(self, epochs: Integers, chief: Array, deputy: Array) -> dict[str, Array]:
         """Return the covariances (K, 6, 6), as `astro.frame_error` has them, by sensor, at the next epochs (K,).
 
         Args:

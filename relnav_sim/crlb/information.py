@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.host_frames import in_frame
@@ -18,8 +18,6 @@ from relnav_sim.sensors.interface import AssumedNoise
 from relnav_sim.simulation.augmented_states import augmented_measurement
 from relnav_sim.truth import nominal_chief
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 NoiseInformation = Callable[[Array], Array]
 
 MOST_CHANNELS = 3

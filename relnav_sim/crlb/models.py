@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
@@ -19,8 +19,6 @@ from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.truth import nominal_chief
-
-Array = NDArray[np.float64]
 
 
 class Model:
@@ -67,7 +65,7 @@ class Model:
             and _same(a.turns, b.turns)
         )
 
-    def at(self, epochs: NDArray[np.int64], chief: Array, states: Array) -> tuple[Array, Array]:
+    def at(self, epochs: Integers, chief: Array, states: Array) -> tuple[Array, Array]:
         """Return F and Q of the steps that end at `epochs` (K,), (K, n, n) each; NaN and 0 once it is broken.
 
         Args:
@@ -141,7 +139,7 @@ def _steps_about(dynamics: ChiefDynamics, step_s: float, chief: Array, states: A
     return np.broadcast_to(F, (len(states), 6, 6)), np.broadcast_to(Q, (len(states), 6, 6))
 
 
-def _steps(dynamics: Dynamics, step_s: float, epochs: NDArray[np.int64], states: Array) -> tuple[Array, Array]:
+def _steps(dynamics: Dynamics, step_s: float, epochs: Integers, states: Array) -> tuple[Array, Array]:
     """Return F and Q of the six states, (K, 6, 6) each."""
     pairs = []
     for epoch, state in zip(epochs, states[:, None], strict=True):

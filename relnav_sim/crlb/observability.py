@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.crlb.recursion import matrix_root
-
-Array = NDArray[np.float64]
 
 STATE_WORDS = (
     "radial position",

@@ -10,11 +10,10 @@ model, for which the recursion is the classical Cramér-Rao bound on a determini
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.linalg import symmetric
-
-Array = NDArray[np.float64]
 
 
 class BoundRecursion:

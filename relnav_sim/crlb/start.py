@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.models import FirstFixStart, StartOptions
 from relnav_sim.dynamics.augmentation.kinds import Extension
-
-Array = NDArray[np.float64]
 
 
 def start_covariance(start: StartOptions, fix: Array | None, extra: Extension | None) -> Array:

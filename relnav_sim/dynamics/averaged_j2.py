@@ -6,10 +6,10 @@ from math import cos, sin, sqrt
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.linalg import expm
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
@@ -18,7 +18,6 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 
-Array = NDArray[np.float64]
 _IN_PLANE, _ACROSS = np.array([0, 1, 3, 4]), np.array([2, 5])
 
 

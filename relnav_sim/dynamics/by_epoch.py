@@ -7,12 +7,11 @@ from functools import partial
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.dynamics.interface import Step
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 

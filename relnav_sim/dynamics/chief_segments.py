@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
@@ -17,7 +17,6 @@ from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame
 from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning_frame
 from relnav_sim.linalg import runs_last
 
-Array = NDArray[np.float64]
 TOGETHER = 1024
 """States whose segments are computed together: enough to spread NumPy's overhead thin, few enough for the cache."""
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import LinearDynamics
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions, process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 
-Array = NDArray[np.float64]
 Discretisation = Literal["exact", "euler"]
 
 

@@ -13,11 +13,10 @@ from functools import cache
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.linalg import product
 
-Array = NDArray[np.float64]
 PRECISION = 1e-16
 """Truncation of one step, relative to the state."""
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
@@ -16,7 +16,6 @@ from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 if TYPE_CHECKING:
     from relnav_sim.dynamics.options import DynamicsOptions
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 Need = Literal["chief_fixes", "known_thrust", "training_track"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
@@ -17,7 +17,6 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 
-Array = NDArray[np.float64]
 _PLACES = np.array([1, 2, 0, 4, 5, 3])
 _SIGNS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """Yamanaka and Ankersen's state (x along-track, y minus orbit normal, z nadir) is _SIGNS times RTN's at _PLACES."""

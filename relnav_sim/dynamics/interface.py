@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import covariances, finite, numbers
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

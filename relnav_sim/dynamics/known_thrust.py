@@ -12,15 +12,13 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import PerChunk
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.measurements.seen_from_deputy import deputy_axes
-
-Array = NDArray[np.float64]
 
 
 def kicks_of(forces: Array, step_s: float) -> tuple[Array, Array]:
@@ -111,12 +109,12 @@ class KnownThrust:
         F = self.base.transition(self._kicked(mean, step, self._before, step.epoch - 1), step)
         return self._step_s / 2 * (F[..., 3:] + np.eye(6)[:, 3:])
 
-    def pushed(self, step: Step) -> NDArray[np.bool_]:
+    def pushed(self, step: Step) -> Mask:
         """Return in which runs there is a force in a step, (runs,), or (1,) where all have the same."""
         place = self._place(step)
         if place is None:
             return np.zeros(1, dtype=bool)
-        found: NDArray[np.bool_] = ((self._before[:, place] != 0) | (self._after[:, place] != 0)).any(axis=(1, 2))
+        found: Mask = ((self._before[:, place] != 0) | (self._after[:, place] != 0)).any(axis=(1, 2))
         return found
 
     def _place(self, step: Step) -> int | None:

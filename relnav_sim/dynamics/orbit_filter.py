@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
@@ -15,7 +15,6 @@ from relnav_sim.dynamics.relative_flow import divide
 from relnav_sim.linalg import back, factor, forward, product, runs_last, symmetric_last
 from relnav_sim.options import Options
 
-Array = NDArray[np.float64]
 _LEFT_OUT_PSD, _DRAG_PSD = 1e-7, 1e-8
 _PRIOR_SIGMAS = np.repeat([1e5, 1e2], 3)
 """Prior about the nominal orbit, m and m/s: so wide that the first fix decides."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.dynamics.collocation import integrate
 from relnav_sim.dynamics.relative_flow import Division, tangent
-
-Array = NDArray[np.float64]
 
 
 def advance_orbit(state: Array, division: Division, gravity: Gravity) -> tuple[Array, Array]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options, Tunable
 
-Array = NDArray[np.float64]
 Row = tuple[float, float, float, float, float, float]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.collocation import gauss_rule
@@ -18,7 +18,6 @@ from relnav_sim.dynamics.process_noise import process_noise_matrix, white_accele
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.linalg import product, runs_first, runs_last
 
-Array = NDArray[np.float64]
 _NODES = 8
 """Gauss nodes over a step: rounding error for steps up to a tenth of a revolution."""
 

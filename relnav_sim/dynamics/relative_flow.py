@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from math import ceil, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Anchor, Gravity
 from relnav_sim.dynamics.collocation import Path, Rule, integrate, rule_for
 from relnav_sim.linalg import product, runs_first, runs_last
 
-Array = NDArray[np.float64]
 LONGEST_TURN = 0.5
 """Step times the fastest rate of relative motion, rad, beyond which a step is divided."""
 

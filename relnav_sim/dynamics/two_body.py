@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import arc
@@ -19,8 +19,6 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.relative_flow import Segment, divide, flow, linear_flow, turning_frame
-
-Array = NDArray[np.float64]
 
 
 @register_dynamics("nonlinear")

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief
@@ -20,8 +21,6 @@ from relnav_sim.dynamics.process_noise import process_noise_matrix, white_accele
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.relative_flow import divide, flow, linear_flow
 from relnav_sim.given_arrays import finite, numbers
-
-Array = NDArray[np.float64]
 
 
 @register_dynamics("nonlinear_j2")

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.components import noise_components, normalised
@@ -28,8 +28,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 class AdaptiveAlphaOptions(GaussianFilterOptions):

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.cloud import log_likelihood, standard_normals
@@ -29,8 +29,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
-
-Array = NDArray[np.float64]
 
 
 class ImportanceOptions(GaussianFilterOptions):

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -108,7 +106,7 @@ def keep_considered(predicted: Gaussian, corrected: Gaussian, considered: tuple[
     return replace(corrected, mean=mean, covariance=covariance)
 
 
-def where_runs(condition: NDArray[np.bool_], chosen: B, other: B) -> B:
+def where_runs(condition: Mask, chosen: B, other: B) -> B:
     """Return a belief that takes the runs where `condition` (runs,) holds from `chosen`, the rest from `other`.
 
     Fields without a leading axis of runs (random streams, say) come from `chosen`.

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import ceil, prod
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Indices, Integers
 from relnav_sim.linalg import (
     LOG_TWO_PI,
     cholesky,
@@ -27,9 +27,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import has_own_density
 from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ class Cloud:
         return np.exp(self.log_weights)
 
 
-def chosen(streams: Streams, rows: Rows) -> Streams:
+def chosen(streams: Streams, rows: Indices) -> Streams:
     """Return the streams of some of the runs; drawing from them leaves the others' where they are."""
     return Streams([streams.generators[row] for row in rows])
 
@@ -210,7 +207,7 @@ def average(matrices: Array, cloud: Cloud) -> Array:
     return np.einsum("bp,bpij->bij", cloud.weights, matrices)
 
 
-def smoothing(parents: Array, bandwidth: float, observed: int | NDArray[np.int64]) -> tuple[Array, Array]:
+def smoothing(parents: Array, bandwidth: float, observed: int | Integers) -> tuple[Array, Array]:
     """Return how far to draw particles to their mean, and the variance of the kernel to add, as shares (runs, 1, 1).
 
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
@@ -235,7 +232,7 @@ def contracted(components: Array, mean: Array, share: Array) -> Array:
     return drawn
 
 
-def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:
+def pick(array: Array, rows: Indices, ancestors: Indices, axis: int = -1) -> Array:
     """Return the entries of the chosen runs' ancestors, (chosen runs, ...).
 
     Args:
@@ -250,7 +247,7 @@ def pick(array: Array, rows: Rows, ancestors: Rows, axis: int = -1) -> Array:
     return picked
 
 
-def put(array: Array, rows: Rows, entries: Array) -> Array:
+def put(array: Array, rows: Indices, entries: Array) -> Array:
     """Return `array` with the chosen runs' entries replaced; it is left as it is, the rows are ascending."""
     if len(rows) == len(array):
         return entries

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.cloud import (
@@ -34,8 +34,6 @@ from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 NO_LIKELIHOOD = "no particle gives the measurement a finite likelihood"
 
 
@@ -163,13 +161,13 @@ class CloudFilter:
         failed = {place: NO_LIKELIHOOD for place in np.flatnonzero(~np.isfinite(evidence)).tolist()}
         return replace(cloud, covariance=covariance), Innovation(innovation.nis, evidence, extras, failed)
 
-    def _resampled_runs(self, ess: Array) -> Rows:
+    def _resampled_runs(self, ess: Array) -> Indices:
         return np.flatnonzero(ess < self._ess_threshold)
 
-    def _ancestors(self, cloud: Cloud, rows: Rows) -> Rows:
+    def _ancestors(self, cloud: Cloud, rows: Indices) -> Indices:
         return draw_ancestors(self._resampling, cloud.weights[rows], chosen(cloud.streams.resampling, rows))
 
-    def _settle(self, cloud: Cloud, rows: Rows, ess: Array) -> Cloud:
+    def _settle(self, cloud: Cloud, rows: Indices, ess: Array) -> Cloud:
         """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
         return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
@@ -249,7 +247,7 @@ def usable(log_weights: Array) -> Array:
     return np.where(log_weights < np.inf, log_weights, -np.inf)
 
 
-def accept(log_ratio: Array, streams: Streams) -> NDArray[np.bool_]:
+def accept(log_ratio: Array, streams: Streams) -> Mask:
     """Return which Metropolis proposals (runs, N) are accepted, by the logarithm of their ratio."""
-    accepted: NDArray[np.bool_] = np.log1p(-streams.uniform(log_ratio.shape[1])) < usable(log_ratio)
+    accepted: Mask = np.log1p(-streams.uniform(log_ratio.shape[1])) < usable(log_ratio)
     return accepted

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
 from relnav_sim.filters.kalman import innovation_of, joseph_update
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, joint_components
 
-Array = NDArray[np.float64]
 NO_COMPONENT = "no component of the mixture gives the measurement a finite likelihood"
 
 

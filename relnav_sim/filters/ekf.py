@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
 from relnav_sim.filters.registry import register_filter
-
-Array = NDArray[np.float64]
 
 
 @register_filter("ekf", GaussianFilterOptions, overhead_us=140.0)

@@ -6,12 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
-
-Array = NDArray[np.float64]
 
 # A variance below zero by more than this share of the largest that the state has had is no rounding.
 _ROUNDING = 1e-9
@@ -40,7 +38,7 @@ class StatedFailures:
 
     by_place: dict[int, tuple[int, str]] = field(default_factory=dict)
 
-    def add(self, column: int, failed: Mapping[int, str], present: NDArray[np.bool_]) -> None:
+    def add(self, column: int, failed: Mapping[int, str], present: Mask) -> None:
         """Take down what failed at a column of the chunk, by place in the block, where there was a measurement."""
         for place, reason in failed.items():
             if present[place]:

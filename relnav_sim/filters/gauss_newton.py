@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.measurements.interface import Measurement
-
-Array = NDArray[np.float64]
 
 # Armijo's condition: accept a step that brings this part of the decrease which its slope promises
 # (Nocedal and Wright, Numerical Optimization, 2006, section 3.1).
@@ -102,5 +100,5 @@ def times(A: Array, v: Array) -> Array:
     return np.einsum("bij,bj->bi", A, v)
 
 
-def _where(condition: NDArray[np.bool_], chosen: Array, other: Array) -> Array:
+def _where(condition: Mask, chosen: Array, other: Array) -> Array:
     return np.where(condition.reshape(-1, *[1] * (chosen.ndim - 1)), chosen, other)

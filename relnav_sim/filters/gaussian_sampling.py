@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
@@ -17,8 +17,7 @@ from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults
 
-Array = NDArray[np.float64]
-Index = slice | NDArray[np.intp]
+Index = slice | Indices
 
 
 def observed_states(measurement: Measurement, dimension: int) -> Index:
@@ -197,7 +196,7 @@ class SamplingFilter(GaussianFilter):
         return update
 
     def with_fallback(
-        self, posterior: Gaussian, usable: NDArray[np.bool_], belief: Gaussian, z: Array, alpha: float, step: Step
+        self, posterior: Gaussian, usable: Mask, belief: Gaussian, z: Array, alpha: float, step: Step
     ) -> tuple[Gaussian, dict[int, str]]:
         """Return the posterior with the iterated update in the runs (runs,) that are not usable, and which failed."""
         if usable.all():

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
@@ -27,8 +27,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Options
 from relnav_sim.streams import RandomSource
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 # Share of the variances by which singular covariances are widened to compare them, well above their rounding.
 _TRIFLE = 1e-12
 

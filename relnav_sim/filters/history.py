@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.readings import Readings, SensorReadings
 from relnav_sim.filters.returned import check_name
 
-Array = NDArray[np.float64]
 _COUNTED = ("rejected",)
 """Extras of which an epoch with several sensors has the sum; of others it has that of the last sensor read."""
 
@@ -57,9 +56,9 @@ class FilterHistory:
     log_likelihood: Array
     extras: Mapping[str, Array]
     failures: tuple[FailedRun, ...] = ()
-    dof: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    dof: Integers = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     nis_by: Mapping[str, Array] = field(default_factory=dict)
-    dof_by: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
+    dof_by: Mapping[str, Integers] = field(default_factory=dict)
     extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
 
     def after(self, prior: Gaussian) -> FilterHistory:
@@ -69,7 +68,7 @@ class FilterHistory:
         def unread(series: Array) -> Array:
             return np.concatenate([np.full((B, 1), np.nan), series], axis=1)
 
-        def uncounted(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+        def uncounted(counts: Integers) -> Integers:
             return np.concatenate([np.zeros((B, 1), dtype=np.int64), counts], axis=1)
 
         return FilterHistory(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
@@ -15,8 +15,6 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
-
-Array = NDArray[np.float64]
 
 
 class HuberOptions(GaussianFilterOptions):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
@@ -16,8 +16,6 @@ from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefi
 from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
-
-Array = NDArray[np.float64]
 
 
 @register_filter("iekf", IterationOptions, cost_us=8.0, overhead_us=720.0)
@@ -138,7 +136,7 @@ class _ExactReading:
         penalty: Array = self._weight * self._misfit(residual).sum(axis=1)
         return penalty
 
-    def remains(self, residual: Array) -> NDArray[np.bool_]:
+    def remains(self, residual: Array) -> Mask:
         """Return where the residual is not explained, (runs,)."""
         return np.asarray((self._misfit(residual) > _REACHED).any(axis=1))
 

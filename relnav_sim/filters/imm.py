@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
@@ -27,8 +27,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import present_channels
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 class ImmOptions(Options):

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy.special import chdtri
 
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
@@ -32,8 +32,6 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 class GaussianFilterOptions(Options):
@@ -167,7 +165,7 @@ def reading_size(belief: Gaussian, H: Array) -> Array:
     return np.einsum("bij,bj->bi", np.abs(H), size)
 
 
-def _drowned(P: Array, H: Array, KT: Array, covariance: Array) -> NDArray[np.bool_]:
+def _drowned(P: Array, H: Array, KT: Array, covariance: Array) -> Mask:
     """Return the runs in which a variance is below the rounding of those before; arguments runs last."""
     h = np.broadcast_to(H, (*H.shape[:2], P.shape[2]))
     drowned = drowned_variances(runs_first(P), runs_first(h), runs_first(KT.swapaxes(0, 1)), runs_first(covariance))
@@ -175,7 +173,7 @@ def _drowned(P: Array, H: Array, KT: Array, covariance: Array) -> NDArray[np.boo
 
 
 def replace_runs(
-    rows: NDArray[np.intp], update: tuple[Gaussian, Innovation], by: tuple[Gaussian, Innovation]
+    rows: Indices, update: tuple[Gaussian, Innovation], by: tuple[Gaussian, Innovation]
 ) -> tuple[Gaussian, Innovation]:
     """Return an update whose runs `rows` are those of another, given for these runs alone."""
     (posterior, innovation), (exact, told) = update, by
@@ -196,7 +194,7 @@ WIDEST = 1e12
 _SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as good as singular
 
 
-def nearly_singular(S: Array, L: Array) -> NDArray[np.bool_]:
+def nearly_singular(S: Array, L: Array) -> Mask:
     """Return where S (m, m, runs), finite, is as good as singular: a pivot of its factor L is next to nothing."""
     pivots = diagonal_last(L)
     # Written so that a pivot that is not a number counts.
@@ -207,12 +205,12 @@ def nearly_singular(S: Array, L: Array) -> NDArray[np.bool_]:
     return np.asarray(~sound.all(axis=0) & np.isfinite(S.sum(axis=(0, 1))))
 
 
-def exceeds(S: Array, R: Array, ratio: float) -> NDArray[np.bool_]:
+def exceeds(S: Array, R: Array, ratio: float) -> Mask:
     """Return where S (m, m, runs) is so many times as wide as R (m, m, runs or 1) in any channel."""
     return np.asarray((diagonal_last(S) > ratio * diagonal_last(R)).any(axis=0))
 
 
-def of_runs(A: Array, rows: NDArray[np.intp]) -> Array:
+def of_runs(A: Array, rows: Indices) -> Array:
     """Return the matrices (rows, p, q) of some runs from (p, q, runs or 1)."""
     return runs_first(np.broadcast_to(A[..., rows] if A.shape[-1] > 1 else A, (*A.shape[:2], len(rows))))
 

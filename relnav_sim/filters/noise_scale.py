@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.linalg import CholeskyFactor, transpose
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Newton's method on 1/f stops changing b in the 14th digit after 6 to 9 steps (measured, modes over ten decades).
 _NEWTON_STEPS = 12

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.cloud import (
@@ -25,9 +25,6 @@ from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, u
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 # Each halves the cloud, so they reach a likelihood that takes one in 2^50.
 _MOST_STAGES = 50
@@ -103,7 +100,7 @@ class ParticleFilter(CloudFilter):
             cloud = self._settle(cloud, rows, ess[rows])
         return self._for_next_sensor(cloud, belief), innovation
 
-    def _too_few(self, ess: Array) -> NDArray[np.bool_]:
+    def _too_few(self, ess: Array) -> Mask:
         return ess < self._particles / 20
 
     def _approach(self, cloud: Cloud, score: Array, z: Array, step: Step) -> tuple[Cloud, Array, Array, Array]:
@@ -146,7 +143,7 @@ class ParticleFilter(CloudFilter):
             stages[rows] += 1
 
     def _move(
-        self, cloud: Cloud, predicted: Cloud, score: Array, rows: Rows, ancestors: Rows, z: Array, step: Step
+        self, cloud: Cloud, predicted: Cloud, score: Array, rows: Indices, ancestors: Indices, z: Array, step: Step
     ) -> Cloud:
         """Return the cloud after Metropolis moves in the chosen runs.
 

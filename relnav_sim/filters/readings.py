@@ -6,14 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.linalg import LOG_TWO_PI
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import Sensor, sensors_of
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class SensorReadings:
     partial: Mask
 
     @property
-    def dof(self) -> NDArray[np.int64]:
+    def dof(self) -> Integers:
         """How many channels are read, (runs, K)."""
         if self.present is None:
             return self.read * np.int64(self.z.shape[2])

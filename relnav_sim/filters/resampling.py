@@ -10,11 +10,10 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.streams import Streams
 
-Array = NDArray[np.float64]
 Resampling = Literal["systematic", "stratified", "residual"]
 
 
@@ -23,7 +22,7 @@ def effective_sample_size(weights: Array) -> Array:
     return np.asarray(1 / np.square(weights).sum(axis=-1))
 
 
-def draw_ancestors(scheme: Resampling, weights: Array, streams: Streams) -> NDArray[np.intp]:
+def draw_ancestors(scheme: Resampling, weights: Array, streams: Streams) -> Indices:
     """Return, for each new particle, the index of the particle it copies: (runs, N), ascending.
 
     Args:
@@ -47,14 +46,14 @@ def _scaled_edges(weights: Array) -> Array:
     return edges
 
 
-def _systematic(weights: Array, streams: Streams) -> NDArray[np.intp]:
+def _systematic(weights: Array, streams: Streams) -> Indices:
     # Positions i + u, i = 0 ... N - 1: ceil(c - u) of them lie below c, so no search is needed.
     edges = _scaled_edges(weights)
     edges -= streams.uniform(1)
     return _counts(np.ceil(edges, out=edges).astype(np.intp))
 
 
-def _stratified(weights: Array, streams: Streams) -> NDArray[np.intp]:
+def _stratified(weights: Array, streams: Streams) -> Indices:
     # Positions i + u_i: below c lie the floor(c) of the full strata, and that of the last where u is small enough.
     edges = _scaled_edges(weights)
     N = weights.shape[-1]
@@ -64,13 +63,13 @@ def _stratified(weights: Array, streams: Streams) -> NDArray[np.intp]:
     return _counts(strata + (u < edges - full))
 
 
-def _counts(below: NDArray[np.intp]) -> NDArray[np.intp]:
+def _counts(below: Indices) -> Indices:
     """Return the number of positions between successive edges, from the number below each."""
     below[:, 1:] -= below[:, :-1].copy()
     return below
 
 
-def _residual(weights: Array, streams: Streams) -> NDArray[np.intp]:
+def _residual(weights: Array, streams: Streams) -> Indices:
     # Liu and Chen, JASA 93, 1998: floor(N w) sure copies, the rest multinomial from what is left of the weights.
     N = weights.shape[-1]
     expected = N * weights
@@ -85,7 +84,7 @@ def _residual(weights: Array, streams: Streams) -> NDArray[np.intp]:
     return counts
 
 
-_COUNTS: dict[Resampling, Callable[[Array, Streams], NDArray[np.intp]]] = {
+_COUNTS: dict[Resampling, Callable[[Array, Streams], Indices]] = {
     "systematic": _systematic,
     "stratified": _stratified,
     "residual": _residual,

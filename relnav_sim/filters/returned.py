@@ -6,12 +6,11 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.printable import printable
 
-Array = NDArray[np.float64]
 LONGEST_NAME = 60
 _FLOAT = np.dtype(np.float64)
 

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.square_root import NoiseRoot
 from relnav_sim.linalg import symmetric
 from relnav_sim.measurements.interface import Measurement
 
-Array = NDArray[np.float64]
 Weigh = Callable[[Array, Array], Array]
 """``weigh(e, spread)`` -> positive weights (runs, k), at one for residuals as the noise should give them: whitened
 residuals e (runs, k), and the variances (runs, k) that the estimate's own error adds to them."""

@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, in_c_order, where_runs
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
@@ -20,8 +21,6 @@ from relnav_sim.filters.returned import Returned
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
 from relnav_sim.measurements.partial import sensors_of
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 def run_filter(
@@ -152,7 +151,7 @@ def advance(
 
 
 def _update_read(
-    filter: Filter, belief: Any, z: Array, read: NDArray[np.bool_], step: Step, returned: Returned
+    filter: Filter, belief: Any, z: Array, read: Mask, step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
     """Return the update of the runs that are read, (runs,)."""
     if read.all():
@@ -168,7 +167,7 @@ def _update_read(
     )
 
 
-def _without_absent(innovation: Innovation, lacking: Array, read: NDArray[np.bool_]) -> Innovation:
+def _without_absent(innovation: Innovation, lacking: Array, read: Mask) -> Innovation:
     """Return the innovation with what its log-likelihood lacks (runs,) where a run is read."""
     return replace(innovation, log_likelihood=innovation.log_likelihood + np.where(read, lacking, 0.0))
 

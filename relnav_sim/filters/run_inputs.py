@@ -7,15 +7,14 @@ from collections.abc import Mapping, Sequence
 from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.given_arrays import covariances, finite, numbers
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import sensors_of
-
-Array = NDArray[np.float64]
 
 
 def checked_readings(z: ArrayLike | Mapping[str, ArrayLike], measurement: Measurement) -> tuple[Array, ...]:

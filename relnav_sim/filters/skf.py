@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.cloud import standard_normals
@@ -18,8 +18,6 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource, Streams
-
-Array = NDArray[np.float64]
 
 # A step that takes away more than all but this share of the covariance is halved, at most so many times.
 _LEAST_KEPT = 0.01

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.filters.square_root import Whitener
 from relnav_sim.linalg import symmetric, transpose
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

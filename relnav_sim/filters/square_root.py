@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.linalg import CholeskyFactor, cholesky, factor, forward, runs_first, runs_last, transpose, whiten
-
-Array = NDArray[np.float64]
 
 # A correlation matrix's eigenvalue below minus this is an error, not rounding.
 _NEGATIVE = 1e-6
@@ -127,7 +125,7 @@ def semidefinite_solve(A: Array, B: Array) -> Array:
 NEEDS_NOISE = "the measurement noise is singular; this filter needs noise in every channel (kf, ekf, iekf, ukf do not)"
 
 
-def not_definite(R: Array, runs: int) -> NDArray[np.bool_]:
+def not_definite(R: Array, runs: int) -> Mask:
     """Return in which runs (runs,) a covariance (m, m) or (runs, m, m) is singular within rounding, or none."""
     stack = R.reshape(-1, *R.shape[-2:])
     return np.broadcast_to(_poorly_determined(cholesky(stack), stack), (runs,))
@@ -144,10 +142,10 @@ def general_solve(A: Array, B: Array) -> Array:
         return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, A), B), dtype=np.float64)
 
 
-def _poorly_determined(L: Array, P: Array) -> NDArray[np.bool_]:
+def _poorly_determined(L: Array, P: Array) -> Mask:
     """Return where a pivot of the factor L is within rounding of zero, or not a number, (runs,)."""
     rounding = 8 * P.shape[-1] * np.finfo(float).eps * np.einsum("bii->bi", P)
-    clear: NDArray[np.bool_] = (np.square(np.einsum("bii->bi", L)) > rounding).all(axis=1)
+    clear: Mask = (np.square(np.einsum("bii->bi", L)) > rounding).all(axis=1)
     return ~clear
 
 

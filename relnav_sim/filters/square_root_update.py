@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.square_root import not_definite, semidefinite_root, triangular_root
 from relnav_sim.linalg import LOG_TWO_PI, log_determinant, symmetric, transpose, whiten
-
-Array = NDArray[np.float64]
 
 CONTRADICTION = "the measurement contradicts what the filter knows exactly (state and sensor without any variance)"
 TOO_WIDE = (
@@ -162,7 +160,7 @@ def square_root_update(
     return Gaussian(mean, P), replace(innovation, failed=failed)
 
 
-def drowned_variances(P: Array, H: Array, K: Array, updated: Array) -> NDArray[np.bool_]:
+def drowned_variances(P: Array, H: Array, K: Array, updated: Array) -> Mask:
     """Return which variances (runs, n) an update leaves below the rounding of the covariance that it began with.
 
     The posterior is A P A^T + K R K^T, A = I - K H, and P is known to its rounding only. Noise-free measurements
@@ -179,7 +177,7 @@ def drowned_variances(P: Array, H: Array, K: Array, updated: Array) -> NDArray[n
     return (np.einsum("bii->bi", updated) < 8 * _EPS * np.square(moved)) & (before > 0)
 
 
-def _drowned_sums(H: Array, P: Array, R: Array) -> NDArray[np.bool_]:
+def _drowned_sums(H: Array, P: Array, R: Array) -> Mask:
     """Return the runs in which H P H^T, a small difference of large numbers, is not held to a hundredth of R."""
     error = 2 * _EPS * np.einsum("bij,bjk,bik->bi", np.abs(H), np.abs(P), np.abs(H))
     return np.asarray((error > 0.01 * np.einsum("bii->bi", R)).any(axis=1))

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
@@ -19,8 +19,6 @@ from relnav_sim.filters.square_root_update import root_update
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 # Share of a noise's sigma that is left of it, given the channels before, from which on it counts as none.
 _NOISE_FREE = 1e-7

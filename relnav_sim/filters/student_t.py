@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
@@ -16,8 +16,6 @@ from relnav_sim.filters.reweighting import reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
 from relnav_sim.options import Tunable
-
-Array = NDArray[np.float64]
 
 
 class StudentOptions(GaussianFilterOptions):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
@@ -20,7 +20,6 @@ from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import (
-    Mask,
     all_channels,
     present_channels,
     unit_where_absent,
@@ -28,8 +27,6 @@ from relnav_sim.measurements.partial import (
     zero_absent_rows,
 )
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
 
 
 class TwoStepOptions(IterationOptions):
@@ -77,7 +74,7 @@ class TwoStepBelief(Gaussian):
     regression: Array
     scatter: Array
     jacobian: Array
-    started: NDArray[np.bool_]
+    started: Mask
 
 
 @register_filter("two_step", TwoStepOptions, cost_us=20.0, overhead_us=1300.0)

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 
-Array = NDArray[np.float64]
 StartKind = Literal["linearised", "unscented", "closed_form"]
 
 # Share of a standard deviation over which the closed form takes its second derivatives: the truncation is then

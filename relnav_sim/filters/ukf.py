@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
@@ -37,8 +37,6 @@ from relnav_sim.linalg import (
     transpose,
 )
 from relnav_sim.measurements.interface import Measurement
-
-Array = NDArray[np.float64]
 
 _IMAGE_ROUNDING = 1e-14
 

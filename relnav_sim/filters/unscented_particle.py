@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.cloud import Cloud, chosen, pick, put, spread, standard_normals
@@ -15,9 +15,6 @@ from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, w
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
 from relnav_sim.measurements.interface import Measurement
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 
 class UnscentedParticleOptions(CloudOptions):
@@ -68,7 +65,7 @@ class Proposal:
         components += self.centres
         return components, log_ratio
 
-    def of(self, rows: Rows, ancestors: Rows) -> Proposal:
+    def of(self, rows: Indices, ancestors: Indices) -> Proposal:
         """Return the proposals of the chosen runs' ancestors."""
         root = self.root
         if root.ndim == 3:
@@ -170,7 +167,7 @@ class UnscentedParticleFilter(CloudFilter):
         return np.moveaxis(self.measurement.residual(image, centre_image), -1, 0)
 
     def _move(
-        self, cloud: Cloud, predicted: Cloud, proposal: Proposal, current: Array, rows: Rows, z: Array, step: Step
+        self, cloud: Cloud, predicted: Cloud, proposal: Proposal, current: Array, rows: Indices, z: Array, step: Step
     ) -> tuple[Cloud, Array]:
         """Return the cloud after Metropolis-Hastings moves in the chosen runs, and their share of accepted moves.
 

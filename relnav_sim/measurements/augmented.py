@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Protocol, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
-
-Array = NDArray[np.float64]
 
 
 class Distortion(Protocol):

@@ -11,13 +11,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, cross_matrix, rotate, rows, times
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.measurements.spherical_radar import RadarNoise
 
-Array = NDArray[np.float64]
 Coefficients = list[float] | Array
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """A symmetric 3 x 3 matrix is carried as six arrays in this order."""

@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, rotate, rows, times
 from relnav_sim.astro.tangent_plane import across, unit
 from relnav_sim.measurements.converted_radar import PAIRS, attitude_map
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.measurements.spherical_radar import RadarNoise
-
-Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(60)
 """The moments are entire functions of the angles; 60 nodes are exact to rounding for sigmas up to 90 deg."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
-
-Array = NDArray[np.float64]
 
 
 class Delayed(MeasurementDefaults):

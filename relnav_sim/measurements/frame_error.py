@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable, joint_components
 
-Array = NDArray[np.float64]
 _UPPER = np.triu_indices(6)
 COLUMNS = len(_UPPER[0])
 """Numbers behind a reading that tell the covariance of its frame."""

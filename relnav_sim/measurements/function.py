@@ -5,15 +5,13 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import numbers
 from relnav_sim.measurements.given_noise import MixtureNoise, check_noise_extent, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.read_only_call import called_read_only
-
-Array = NDArray[np.float64]
 
 
 class FunctionMeasurement(MeasurementDefaults):

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import covariances, numbers
 from relnav_sim.measurements.interface import Mixture
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

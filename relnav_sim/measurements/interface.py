@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.linalg import log_density, mixture_log_density
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

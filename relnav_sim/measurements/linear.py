@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import finite, numbers
 from relnav_sim.measurements.given_noise import MixtureNoise, check_noise_extent, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
-
-Array = NDArray[np.float64]
 
 
 class LinearMeasurement(MeasurementDefaults):

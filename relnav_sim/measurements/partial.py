@@ -14,12 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ def present_channels(measurement: Measurement) -> Mask | None:
     return present
 
 
-def channel_count(measurement: Measurement) -> int | NDArray[np.int64]:
+def channel_count(measurement: Measurement) -> int | Integers:
     """Return how many channels of a filter's measurement are present, by run (runs,) where some are absent."""
     present = present_channels(measurement)
     return measurement.dimension if present is None else present.sum(axis=1)

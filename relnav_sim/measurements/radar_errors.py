@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import components, cross, polar, polar_gradients, sight_gradients, sight_vector
 
-Array = NDArray[np.float64]
 RANGE, AZIMUTH, ELEVATION, TURN = 0, 1, 2, slice(3, 6)
 """Rows of the radar's errors: range (m), azimuth, elevation (rad), and a turn about the radar's axes (rad)."""
 ERRORS = 6

@@ -10,15 +10,14 @@ from __future__ import annotations
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import components, dot, mounting_matrix
 from relnav_sim.measurements.given_noise import MixtureNoise, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
-
-Array = NDArray[np.float64]
 
 
 class Ranging(MeasurementDefaults):

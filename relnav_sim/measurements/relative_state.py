@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from relnav_sim.measurements.frame_error import FrameError
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.linear import LinearMeasurement
-
-Array = NDArray[np.float64]
 
 
 def relative_state(noise: ArrayLike | MixtureNoise, frame_covariance: ArrayLike | None = None) -> Measurement:

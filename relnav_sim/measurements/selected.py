@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from relnav_sim.arrays import Array
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
-
-Array = NDArray[np.float64]
 
 
 class Selected(MeasurementDefaults):

@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.linalg import LOG_TWO_PI
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, joint_components
-from relnav_sim.measurements.partial import Mask, PartialMeasurement, Sensor, has_own_density
-
-Array = NDArray[np.float64]
+from relnav_sim.measurements.partial import PartialMeasurement, Sensor, has_own_density
 
 
 @dataclass(frozen=True)

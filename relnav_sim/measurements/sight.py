@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, components, rotate, rows, times
 from relnav_sim.measurements.seen_from_deputy import (
@@ -15,8 +15,6 @@ from relnav_sim.measurements.seen_from_deputy import (
     chief_from_deputy_with_jacobian,
     deputy_from_chief,
 )
-
-Array = NDArray[np.float64]
 
 
 class Sight:

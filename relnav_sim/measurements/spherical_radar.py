@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import mounting_matrix, polar, polar_gradients, rows, sight_vector, times
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
 
-Array = NDArray[np.float64]
 Assumed = Literal["nominal", "total", "mixture"]
 _ZERO, _MINUS_ONE = np.zeros(()), -np.ones(())
 

@@ -14,16 +14,14 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import Vector, dot, mounting_matrix, rows, sight_vector, times
 from relnav_sim.astro.tangent_plane import deflection, deflection_by_turn, deflection_gradients, unit
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import RadarNoise
-
-Array = NDArray[np.float64]
 
 
 class TangentSight(MeasurementDefaults):

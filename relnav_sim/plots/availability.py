@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, window
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.plots.panels import heading, time_axis
@@ -86,13 +85,13 @@ def has_outage(case: CaseFacts) -> bool:
     return any(bool((share < _OUT_BELOW).any()) for share in availability(case.filters).values())
 
 
-def _spells(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _spells(flags: Mask) -> list[tuple[int, int]]:
     """Return first and last places of each row of true flags."""
     edges = np.diff(np.concatenate([[0], flags.astype(int), [0]]))
     return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))
 
 
-def _share(read: NDArray[np.bool_]) -> Array:
+def _share(read: Mask) -> Array:
     """Return the share over runs of (runs, K), whether anything was read since the stored epoch before."""
     gaps = [np.diff(np.flatnonzero(row)) for row in read]
     usual = int(np.ceil(np.median(np.concatenate(gaps)))) if any(gap.size for gap in gaps) else 1

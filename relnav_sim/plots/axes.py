@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
+
 Axes = Literal["rtn", "shi2025"]
 
 AXIS_COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.data import (
     Case,
     chosen_filters,
@@ -112,7 +111,7 @@ def cost_words(case: CaseFacts) -> FigureWords:
     )
 
 
-def pareto_front(costs: Array, values: Array) -> NDArray[np.int64]:
+def pareto_front(costs: Array, values: Array) -> Integers:
     """Return which points no other beats in both, by rising cost; points with a missing figure never belong."""
     order = [place for place in np.lexsort((values, costs)) if np.isfinite(costs[place] + values[place])]
     front: list[int] = []

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.plots.data import (
     Case,
     chosen_filters,
@@ -181,7 +180,7 @@ def events_words(case: CaseFacts) -> FigureWords:
     )
 
 
-def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, NDArray[np.int64]]:
+def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str, Integers]:
     """Return the events of a filter's completed runs by kind: rows of (run, stored epoch), at most 20 000 of a kind."""
     events: dict[str, list[tuple[int, int]]] = {}
     if item.by_sensor is not None and len(item.sensors) > 1:
@@ -199,7 +198,7 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
     return {kind: np.array(rows[:_MOST_EVENTS], dtype=np.int64).reshape(-1, 2) for kind, rows in events.items()}
 
 
-def _lost_and_begun(known: NDArray[np.bool_]) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+def _lost_and_begun(known: Mask) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Return where readings are lost and where they begin or come back, from the epochs with one (runs, K)."""
     if known.shape[1] > 1:
         known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
@@ -228,7 +227,7 @@ def manoeuvre_times(results: Results, case: CaseFacts) -> list[float]:
     return sorted(time for time in found if case.times_s[0] <= time <= case.times_s[-1])
 
 
-def _aligned(squares: Array, events: NDArray[np.int64], offsets: NDArray[np.int64]) -> Array:
+def _aligned(squares: Array, events: Integers, offsets: Integers) -> Array:
     """Return the RMS over events at each offset; NaN where the run has no such epoch for any of them."""
     if not len(events):
         return np.full(len(offsets), np.nan)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, source_component, turned_sigmas, turned_states
+from relnav_sim.arrays import Array, Integers, Mask
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, source_component, turned_sigmas, turned_states
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.plots.panels import time_unit
 from relnav_sim.results import layout
@@ -38,10 +38,10 @@ class Window:
         length_s: The unit in seconds.
     """
 
-    rows: NDArray[np.int64]
+    rows: Integers
     times: Array
     unit: str
-    settled: NDArray[np.bool_]
+    settled: Mask
     length_s: float
 
 
@@ -111,17 +111,17 @@ def run_row(item: FilterFacts, case: CaseFacts, run: int | None) -> int:
     return int(rows[0])
 
 
-def errors_of(results: Results, case: CaseFacts, item: FilterFacts, rows: NDArray[np.int64]) -> Array:
+def errors_of(results: Results, case: CaseFacts, item: FilterFacts, rows: Integers) -> Array:
     """Return the errors of the completed runs in the axes of the case, (runs, epochs, 6)."""
     return turned_states(results.error(case.index, item.name)[:, rows][item.ok], case.axes)
 
 
-def sigmas_of(results: Results, case: CaseFacts, item: FilterFacts, rows: NDArray[np.int64]) -> Array:
+def sigmas_of(results: Results, case: CaseFacts, item: FilterFacts, rows: Integers) -> Array:
     """Return the sigmas that the filter states in its completed runs, in the axes of the case, (runs, epochs, 6)."""
     return turned_sigmas(results.sigma(case.index, item.name)[:, rows][item.ok], case.axes)
 
 
-def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter: str | None = None) -> Array | None:
+def bound_of(results: Results, case: CaseFacts, rows: Integers, filter: str | None = None) -> Array | None:
     """Return the bound on the RMS errors (epochs, 8), x y z vx vy vz r v in the axes of the case; None if not stored.
 
     With a filter: the bound for that filter's own process noise; without, the one for a perfect model: with the sensors
@@ -137,7 +137,7 @@ def bound_of(results: Results, case: CaseFacts, rows: NDArray[np.int64], filter:
 
 
 def perfect_bounds(
-    results: Results, case: CaseFacts, rows: NDArray[np.int64], filters: Sequence[FilterFacts]
+    results: Results, case: CaseFacts, rows: Integers, filters: Sequence[FilterFacts]
 ) -> list[tuple[str, Array]]:
     """Return the bounds of perfect models, as `bound_of`, one for each set of sensors that some filters go by.
 
@@ -154,7 +154,7 @@ def perfect_bounds(
     ]
 
 
-def _of_components(stored: Array, case: CaseFacts, rows: NDArray[np.int64]) -> Array:
+def _of_components(stored: Array, case: CaseFacts, rows: Integers) -> Array:
     """Return a stored bound at some epochs, (epochs, 8), in the axes of the case."""
     sources = [source_component(name, case.axes)[0] for name in (*AXIS_COMPONENTS, "r", "v")]
     return stored[rows][:, [layout.QUANTITIES.index(source) for source in sources]]

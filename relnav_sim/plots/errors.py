@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names, describe_axes
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, axis_names, describe_axes
 from relnav_sim.plots.data import (
     Case,
     bound_of,
@@ -241,7 +241,7 @@ def _envelope(
     return handles
 
 
-def _reach(error: Array, formal: Array, settled: NDArray[np.bool_]) -> float:
+def _reach(error: Array, formal: Array, settled: Mask) -> float:
     """Return the half height of a panel: everything after settling, with a little air."""
     done = np.abs(error).max(axis=0)
     if len(error) > 2:

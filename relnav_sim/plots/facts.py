@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import COMPONENTS, Array, Axes, source_component
+from relnav_sim.arrays import Array, Indices, Integers, Mask
+from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor
@@ -77,18 +78,18 @@ class FilterFacts:
     """
 
     name: str
-    runs: NDArray[np.int64]
-    ok: NDArray[np.bool_]
+    runs: Integers
+    ok: Mask
     statistics: Mapping[Statistic, Array]
     convergence_s: Array
     anees: Array
     nis: Array
     nis_sum: Array
-    dof: NDArray[np.int64]
+    dof: Integers
     cpu_us: Array
     stored: Mapping[str, NDArray[Any]]
     diagnostics: Mapping[str, Array]
-    diverged: NDArray[np.bool_]
+    diverged: Mask
     nees_time_s: float
     times_bound: Mapping[Span, Interval]
     times_own_bound: Mapping[Span, Interval]
@@ -178,7 +179,7 @@ class FilterFacts:
         values = getattr(self.by_sensor, name)[self.ok, _SPANS[span], self.sensors.index(sensor)]
         return np.asarray(values, dtype=float)
 
-    def worst_rows(self, span: Span, count: int) -> NDArray[np.intp]:
+    def worst_rows(self, span: Span, count: int) -> Indices:
         """Return which of all rows are the completed runs with the largest position RMS, the largest first."""
         rows = np.flatnonzero(self.ok)
         return rows[np.argsort(-self.errors("rms", span, "r")[rows], kind="stable")[:count]]
@@ -352,7 +353,7 @@ def span_index(span: Span) -> int:
     return _SPANS[span]
 
 
-def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: NDArray[np.bool_]) -> FilterFacts:
+def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: Mask) -> FilterFacts:
     stored = {spec.name: results.statistic(index, name, spec.name) for spec in layout.SUMMARY}
 
     def statistic(which: str) -> Array:
@@ -365,7 +366,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     r = np.full((int(ok.sum()), len(times_s)), np.nan)
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
-    spans: dict[Span, NDArray[np.bool_]] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
+    spans: dict[Span, Mask] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
     return FilterFacts(
         name=name,
         runs=results.case_runs(index, name),
@@ -411,13 +412,13 @@ def _is_mixture(results: Results, index: int, sensor: str) -> bool:
     return "mixture" in [*kinds, case_setting(results, index, f"sensors.{sensor}.noise.kind", None)]
 
 
-def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, NDArray[np.bool_]]) -> dict[Span, Interval]:
+def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, Mask]) -> dict[Span, Interval]:
     """Return the ratio over each span, from the position error of the completed runs at the stored epochs."""
     limit = np.full(r.shape[1], np.nan) if bound is None else bound[:, layout.QUANTITIES.index("r")]
     return {span: ratio_to_bound(r[:, chosen], limit[chosen]) for span, chosen in spans.items()}
 
 
-def _correlation_time(nees: Array, times_s: Array, settled: NDArray[np.bool_]) -> float:
+def _correlation_time(nees: Array, times_s: Array, settled: Mask) -> float:
     chosen = settled if settled.sum() > 1 else np.arange(len(times_s)) > 0
     return integrated_time(nees[:, chosen], float(times_s[1] - times_s[0])) if chosen.sum() > 1 else np.nan
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array, Axes, axis_names, describe_axes, turned_states
+from relnav_sim.arrays import Array
+from relnav_sim.plots.axes import Axes, axis_names, describe_axes, turned_states
 from relnav_sim.plots.data import (
     Case,
     FigureError,

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, Axes, axis_names
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, axis_names
 from relnav_sim.plots.data import (
     Case,
     chosen_filters,
@@ -364,7 +364,7 @@ def _joined(times: Array, *series: Array) -> tuple[Array, ...]:
     return times[np.insert(rows, breaks, 0)], *(np.insert(values[rows], breaks, np.nan) for values in series)
 
 
-def _isolated(values: Array) -> NDArray[np.bool_]:
+def _isolated(values: Array) -> Mask:
     """Return which values stand between two unknown ones, so that no line shows them."""
     known = np.concatenate([[False], np.isfinite(values), [False]])
     return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])

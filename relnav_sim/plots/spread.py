@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array
 from relnav_sim.plots.data import Case, chosen_filters, facts_of, speed_unit
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import boxes, violins

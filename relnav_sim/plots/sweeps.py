@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array
 from relnav_sim.plots.data import (
     Case,
     FigureError,

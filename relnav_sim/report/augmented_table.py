@@ -7,7 +7,7 @@ from math import degrees
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.report.layouts import INTERVALS
 from relnav_sim.report.metrics import numbers

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
-from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.augmented_table import augmented_table
 from relnav_sim.report.layouts import INTERVALS, worst_runs_table

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
 from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number, verdict_in_words
 from relnav_sim.report.metrics import CONVERGENCE, POSITION_RMS, VELOCITY_RMS, Metric, numbers

@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Array, axis_names
+from relnav_sim.arrays import Array, Integers
+from relnav_sim.plots.axes import AXIS_COMPONENTS, axis_names
 from relnav_sim.plots.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.printable import visible
@@ -43,7 +43,7 @@ def points_of(cases: int, filters: int) -> tuple[int, bool]:
     return min(_MOST_POINTS, max(_FEWEST_POINTS, points)), with_axes
 
 
-def picked_epochs(count: int, most: int) -> NDArray[np.int64]:
+def picked_epochs(count: int, most: int) -> Integers:
     """Return which of ``count`` epochs to keep: all of the start, then evenly to the last one."""
     if count <= most:
         return np.arange(count)
@@ -105,7 +105,7 @@ def embedded(cases: Sequence[Mapping[str, Any] | None], filters: Sequence[str]) 
 
 
 def _filter_curves(
-    results: Results, case: CaseFacts, item: FilterFacts, rows: NDArray[np.int64], with_axes: bool
+    results: Results, case: CaseFacts, item: FilterFacts, rows: Integers, with_axes: bool
 ) -> dict[str, Any]:
     errors, sigmas = errors_of(results, case, item, rows), sigmas_of(results, case, item, rows)
     curves: dict[str, Any] = {"runs": item.completed, "median": item.median_run(case.span)}

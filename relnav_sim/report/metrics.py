@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
-from relnav_sim.plots.axes import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from relnav_sim.plots.axes import Array
+from relnav_sim.arrays import Array
 from relnav_sim.plots.facts import CaseFacts, FilterFacts
 from relnav_sim.statistics.intervals import (
     NO_INTERVAL,

@@ -13,7 +13,8 @@ from relnav_sim.measurements.channel import Channel
 from relnav_sim.printable import printable
 from relnav_sim.results import layout
 
-Array = NDArray[Any]
+AnyArray = NDArray[Any]
+"""Of the type that the layout names."""
 
 
 class ResultsError(Exception):
@@ -65,14 +66,14 @@ class AugmentedStates:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    estimate: Array
-    error: Array
-    sigma: Array
-    mean: Array
-    rms: Array
+    estimate: AnyArray
+    error: AnyArray
+    sigma: AnyArray
+    mean: AnyArray
+    rms: AnyArray
 
     @staticmethod
-    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> AugmentedStates | None:
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, AnyArray]) -> AugmentedStates | None:
         """Return the augmented states of arrays by their names in the layout; None without any."""
         if not columns.augmented:
             return None
@@ -96,22 +97,22 @@ class BySensor:
     """
 
     names: tuple[str, ...]
-    nis_sum: Array
-    dof_sum: Array
-    updates: Array
-    nis_lag1: Array
-    nis: Array
-    dof: Array
-    readings: Array
+    nis_sum: AnyArray
+    dof_sum: AnyArray
+    updates: AnyArray
+    nis_lag1: AnyArray
+    nis: AnyArray
+    dof: AnyArray
+    readings: AnyArray
 
-    def of(self, spec: layout.Dataset, sensor: str, runs: int) -> Array:
+    def of(self, spec: layout.Dataset, sensor: str, runs: int) -> AnyArray:
         """Return one of these for one sensor, (runs, ...); NaN where the filter has no such sensor."""
         if sensor not in self.names:
             return np.full((runs, len(layout.SPANS)), np.nan)
         return np.asarray(getattr(self, spec.name.removeprefix("sensor_"))[..., self.names.index(sensor)])
 
     @staticmethod
-    def of_arrays(columns: layout.Columns, arrays: Mapping[str, Array]) -> BySensor | None:
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, AnyArray]) -> BySensor | None:
         """Return what arrays by their names in the layout say; None where they do not tell sensors apart."""
         if not columns.sensors:
             return None
@@ -135,12 +136,12 @@ class FilterResult:
         by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
     """
 
-    summary: Mapping[str, Array]
-    error: Array
-    sigma: Array
-    nis: Array
-    nees: Array
-    diagnostics: Mapping[str, Array] = field(default_factory=dict)
+    summary: Mapping[str, AnyArray]
+    error: AnyArray
+    sigma: AnyArray
+    nis: AnyArray
+    nees: AnyArray
+    diagnostics: Mapping[str, AnyArray] = field(default_factory=dict)
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
 
@@ -151,7 +152,7 @@ class FilterResult:
         sensors = () if self.by_sensor is None else self.by_sensor.names
         return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors)
 
-    def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, Array]:
+    def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, AnyArray]:
         """Return every array by its name in the layout, in the layout's order and type.
 
         Args:
@@ -185,7 +186,7 @@ class FilterResult:
         return arrays
 
     @staticmethod
-    def of_arrays(arrays: Mapping[str, Array], columns: layout.Columns = layout.NO_COLUMNS) -> FilterResult:
+    def of_arrays(arrays: Mapping[str, AnyArray], columns: layout.Columns = layout.NO_COLUMNS) -> FilterResult:
         """Return the result made of arrays by their names in the layout.
 
         Args:
@@ -202,7 +203,7 @@ class FilterResult:
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:
         """Return the result of runs that ended before there was anything to count, at an epoch or -1: not known."""
         lengths = layout.sizes(runs, times)
-        empty: dict[str, Array] = {}
+        empty: dict[str, AnyArray] = {}
         for spec in layout.FILTER:
             fill = np.nan if spec.dtype.startswith("<f") else 0
             empty[spec.name] = np.full(layout.shape(spec, lengths), fill, dtype=spec.dtype)
@@ -232,8 +233,8 @@ class BlockResult:
     case_index: int
     case_id: str
     runs: tuple[int, ...]
-    time_s: Array
-    relative: Array
+    time_s: AnyArray
+    relative: AnyArray
     filters: Mapping[str, FilterResult]
     failures: tuple[Failure, ...]
     shared_truth: bool

@@ -15,7 +15,7 @@ import numpy as np
 from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.block import Array, CaseHeader, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.shards import checksum
@@ -46,9 +46,9 @@ class BoundResult:
     seed: int
     case_id: str
     filter_ids: Mapping[str, str]
-    perfect: Array | None
-    filters: Mapping[str, Array]
-    perfect_of: Mapping[str, Array] = field(default_factory=dict)
+    perfect: AnyArray | None
+    filters: Mapping[str, AnyArray]
+    perfect_of: Mapping[str, AnyArray] = field(default_factory=dict)
     observability: Mapping[str, Observability] = field(default_factory=dict)
     reason: str = ""
     retry: bool = False
@@ -126,7 +126,7 @@ def read_bound(path: Path) -> BoundResult:
 _OBSERVED = tuple(spec.name for spec in layout.OBSERVABILITY)
 
 
-def _array(file: h5py.File, name: str) -> Array:
+def _array(file: h5py.File, name: str) -> AnyArray:
     """Return an array of a bound's file by its name, PART or PART/FILTER."""
     group, _, last = name.partition("/")
     dims = next((spec.dims for spec in layout.OBSERVABILITY if spec.name == group), layout.BOUND.dims)
@@ -134,12 +134,12 @@ def _array(file: h5py.File, name: str) -> Array:
     return store.read(store.subgroup(file, group) if last else file, spec)
 
 
-def _part(arrays: Mapping[str, Array], part: str) -> dict[str, Array]:
+def _part(arrays: Mapping[str, AnyArray], part: str) -> dict[str, AnyArray]:
     """Return the arrays of one part by filter."""
     return {name.removeprefix(f"{part}/"): array for name, array in arrays.items() if name.startswith(f"{part}/")}
 
 
-def _observed(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Observability]:
+def _observed(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> dict[str, Observability]:
     return {
         str(name): Observability(
             tuple(map(str, words["sensors"])),
@@ -184,7 +184,7 @@ def _known(found: Mapping[str, T | None]) -> dict[str, T]:
     return {name: one for name, one in found.items() if one is not None}
 
 
-def stored_bound(group: h5py.Group, spec: layout.Dataset = layout.BOUND) -> Array | None:
+def stored_bound(group: h5py.Group, spec: layout.Dataset = layout.BOUND) -> AnyArray | None:
     """Return a bound in the group of a case or of a filter, (times, 8); None where there is none.
 
     Raises:
@@ -214,7 +214,7 @@ def write_case_bound(group: h5py.Group, case: CaseHeader, bounds: Iterable[Bound
     Raises:
         RefusedError: Two disagree, or they don't fit the case's epochs.
     """
-    found: dict[tuple[str, str], Array] = {}
+    found: dict[tuple[str, str], AnyArray] = {}
     observed: dict[str, Observability] = {}
     for bound in bounds:
         mine = {name for name, key in bound.filter_ids.items() if case.filter_ids.get(name) == key}

@@ -8,7 +8,7 @@ from itertools import zip_longest
 import numpy as np
 
 from relnav_sim.results import layout
-from relnav_sim.results.block import Array
+from relnav_sim.results.block import AnyArray
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import Results
@@ -53,7 +53,7 @@ def same_numbers(a: Results, b: Results) -> bool:
     )
 
 
-def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[str, Array | None]]:
+def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[str, AnyArray | None]]:
     """Yield everything that a result says of a case, or of one of its filters, by name."""
     yield "bound", results.bound(case, filter)
     if filter is None:
@@ -80,7 +80,7 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         yield series.__name__, series(case, filter)
 
 
-def _same(one: Iterator[tuple[str, Array | None]], other: Iterator[tuple[str, Array | None]]) -> bool:
+def _same(one: Iterator[tuple[str, AnyArray | None]], other: Iterator[tuple[str, AnyArray | None]]) -> bool:
     for first, second in zip_longest(one, other, fillvalue=("", None)):
         if first[0] != second[0] or (first[1] is None) != (second[1] is None):
             return False

@@ -8,12 +8,20 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Mask
 from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout, seal, store
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.block import (
+    AnyArray,
+    BlockResult,
+    CaseHeader,
+    Failure,
+    RefusedError,
+    ResultHeader,
+    ResultsError,
+)
 from relnav_sim.results.bound import BoundResult, bounds_of, write_case_bound
 from relnav_sim.results.header import write_header
 from relnav_sim.results.pieces import Piece, shard_piece
@@ -138,7 +146,7 @@ class _CaseWriter:
             name: united_columns([s.columns[name] for s in shards if name in s.filters]) for name in case.filters
         }
         self.order = {name: i for i, name in enumerate(case.filters)}
-        self.done: dict[str, NDArray[np.bool_]] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
+        self.done: dict[str, Mask] = {n: np.zeros(len(r), dtype=bool) for n, r in self.rows.items()}
         self.failures: dict[tuple[int, str], frozenset[Failure]] = {}
         shared = {piece.info.shared_truth for piece in pieces}
         if len(shared) > 1:
@@ -146,7 +154,7 @@ class _CaseWriter:
         held = sorted({run for s in shards for run in s.runs if run < runs})
         self.trajectories = [-1] if shared == {True} else held
         self.truth_done = np.zeros(len(self.trajectories), dtype=bool)
-        self.time_s: Array | None = None
+        self.time_s: AnyArray | None = None
 
     def write(self) -> None:
         for piece in self.pieces:
@@ -169,7 +177,7 @@ class _CaseWriter:
         for spec in layout.FAILURES:
             store.write(group, spec, [getattr(failure, spec.name) for failure in failures])
 
-    def _create(self, time_s: Array) -> None:
+    def _create(self, time_s: AnyArray) -> None:
         store.write_dimensions(self.group, [layout.TRUTH], time=time_s, trajectory=self.trajectories)
         store.create(self.group, layout.TRUTH, (len(self.trajectories), len(time_s), len(layout.COMPONENTS)))
         for name, runs in self.rows.items():
@@ -229,10 +237,10 @@ class _CaseWriter:
 def _fill_rows(
     group: h5py.Group,
     specs: Sequence[layout.Dataset],
-    arrays: Mapping[str, Array],
+    arrays: Mapping[str, AnyArray],
     owners: Sequence[int],
     rows: Sequence[int],
-    done: NDArray[np.bool_],
+    done: Mask,
     where: str,
 ) -> None:
     """Write the arrays' rows, which belong to ``owners``, at their places in ``rows``; compare those already there."""
@@ -262,5 +270,5 @@ def _chunks(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     return chunks
 
 
-def _same_bits(a: Array, b: Array) -> bool:
+def _same_bits(a: AnyArray, b: AnyArray) -> bool:
     return a.shape == b.shape and a.dtype == b.dtype and np.asarray(a).tobytes() == np.asarray(b).tobytes()

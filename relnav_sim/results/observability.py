@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 NOT_OBSERVABLE = 0.9
 """Ratio of posterior to prior sigma above which, at the end of a run, the readings have told next to nothing."""

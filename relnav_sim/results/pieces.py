@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import Array, BlockResult, CaseHeader, Failure, FilterResult, ResultsError
+from relnav_sim.results.block import AnyArray, BlockResult, CaseHeader, Failure, FilterResult, ResultsError
 from relnav_sim.results.header import read_header
 from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
 
@@ -77,7 +77,7 @@ def _read_part(info: ShardInfo, rows: slice) -> BlockResult:
         group = store.subgroup(file, layout.case_group(info.case_index))
         own = store.subgroup(group, name)
         columns = info.columns[name]
-        arrays: dict[str, Array] = {spec.name: store.read(own, spec, rows) for spec in columns.datasets}
+        arrays: dict[str, AnyArray] = {spec.name: store.read(own, spec, rows) for spec in columns.datasets}
         failures = read_failures(group)
         return BlockResult(
             case_index=info.case_index,
@@ -91,7 +91,7 @@ def _read_part(info: ShardInfo, rows: slice) -> BlockResult:
         )
 
 
-def _truth_rows(group: h5py.Group, info: ShardInfo) -> Array:
+def _truth_rows(group: h5py.Group, info: ShardInfo) -> AnyArray:
     owners = store.read(group, layout.DIMENSIONS["trajectory"])
     rows = np.searchsorted(owners, info.runs)
     if (rows >= len(owners)).any() or (owners[rows] != info.runs).any():

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
@@ -26,7 +27,6 @@ from relnav_sim.results.settings import filter_settings
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 _SERIES = {spec.name: spec for spec in layout.SERIES}
 _BY_SENSOR = {spec.name: spec for spec in layout.BY_SENSOR}
 
@@ -155,7 +155,7 @@ class Results:
                 return index
         raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
 
-    def case_runs(self, case: int | str, filter: str) -> NDArray[np.int64]:
+    def case_runs(self, case: int | str, filter: str) -> Integers:
         """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
         index = self._check(case, filter)
         group = self._case(index)
@@ -295,13 +295,13 @@ class Results:
             return former
         return np.where(by_sensor.dof_sum.sum(axis=-1) > 0, np.nansum(by_sensor.nis_sum, axis=-1), former)
 
-    def dof_sum(self, case: int | str, filter: str) -> NDArray[np.int64]:
+    def dof_sum(self, case: int | str, filter: str) -> Integers:
         """Return the degrees of freedom of `nis_sum`, the channels that were present, (runs, 2)."""
         by_sensor, updates = self.by_sensor(case, filter), self.statistic(case, filter, "updates")
         told = np.zeros_like(updates) if by_sensor is None else by_sensor.dof_sum.sum(axis=-1)
         return np.where(told > 0, told, layout.FORMER_DOF * updates)
 
-    def dof(self, case: int | str, filter: str) -> NDArray[np.int64]:
+    def dof(self, case: int | str, filter: str) -> Integers:
         """Return the degrees of freedom of `nis`, the channels present, (runs, K); 0 without a measurement."""
         by_sensor, measured = self.by_sensor(case, filter), np.isfinite(self.nis(case, filter))
         told = np.zeros(measured.shape, dtype=np.int64)
@@ -317,7 +317,7 @@ class Results:
         """Return the true relative states of a case, RTN, (runs or 1, K, 6); 1 where all runs share them."""
         return self._shared(self.case_index(case), layout.TRUTH)
 
-    def truth_runs(self, case: int | str) -> NDArray[np.int64]:
+    def truth_runs(self, case: int | str) -> Integers:
         """Return which run flew each of the `truth` states, ascending; a single -1 where all runs share them."""
         return self._shared(self.case_index(case), layout.DIMENSIONS["trajectory"])
 

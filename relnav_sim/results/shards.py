@@ -19,7 +19,7 @@ import numpy as np
 from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.block import Array, BlockResult, Failure, FilterResult, ResultsError
+from relnav_sim.results.block import AnyArray, BlockResult, Failure, FilterResult, ResultsError
 
 _RUN, _TIME = layout.DIMENSIONS["run"], layout.DIMENSIONS["time"]
 
@@ -73,7 +73,7 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         ValueError: An array does not fit the layout.
     """
     runs = np.asarray(block.runs, dtype=_RUN.dtype)
-    arrays: dict[str, Array] = {
+    arrays: dict[str, AnyArray] = {
         "run": runs,
         "time": np.ascontiguousarray(block.time_s, dtype=_TIME.dtype),
         "truth": np.ascontiguousarray(block.relative, dtype=layout.TRUTH.dtype),
@@ -158,7 +158,7 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
     )
 
 
-def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
+def _info(path: Path, header: Mapping[str, Any], runs: AnyArray) -> ShardInfo:
     try:
         return ShardInfo(
             path,
@@ -176,7 +176,7 @@ def _info(path: Path, header: Mapping[str, Any], runs: Array) -> ShardInfo:
         raise ResultsError(f"{path}: the shard's header is damaged") from None
 
 
-def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
+def checksum(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> str:
     """Return a digest of a file's header and of all its numbers."""
     digest = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name, array in sorted(arrays.items()):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.results.block import Array, CaseHeader, ResultHeader
+from relnav_sim.results.block import AnyArray, CaseHeader, ResultHeader
 from relnav_sim.results.layout import Dataset, Dimension
 
 MOST_RUNS = 1_000_000
@@ -32,7 +32,7 @@ _LEAST = {"failed": 0, "failed_epoch": -1, "epochs": 0, "updates": 0, "epoch": -
 )
 
 
-def odd_coordinate(spec: Dimension, values: Array) -> str:
+def odd_coordinate(spec: Dimension, values: AnyArray) -> str:
     """Return what is wrong with the entries of a dimension."""
     if spec.values is not None:
         return "" if list(values) == list(spec.values) else f"is not {', '.join(map(str, spec.values))}"
@@ -47,7 +47,7 @@ def odd_coordinate(spec: Dimension, values: Array) -> str:
     return "" if (np.diff(values) > 0).all() else "does not ascend"
 
 
-def odd_values(spec: Dataset, values: Array) -> str:
+def odd_values(spec: Dataset, values: AnyArray) -> str:
     """Return what is wrong with counts and flags; other figures may be anything."""
     least = _LEAST.get(spec.name)
     if least is not None and (values < least).any():

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from relnav_sim.results import layout, seal
-from relnav_sim.results.block import Array, ResultsError
+from relnav_sim.results.block import AnyArray, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.locked import in_use, open_locked
 from relnav_sim.results.patient_file import PatientFile
@@ -53,7 +53,7 @@ def write(group: h5py.Group, spec: Dataset, values: Any) -> None:
     create(group, spec, array.shape)[...] = array
 
 
-def write_dimensions(group: h5py.Group, specs: Iterable[Dataset], **given: Sequence[Any] | Array) -> None:
+def write_dimensions(group: h5py.Group, specs: Iterable[Dataset], **given: Sequence[Any] | AnyArray) -> None:
     """Write the coordinates that the datasets need and the group lacks: the layout's, and those given by name."""
     for name in dict.fromkeys(dim for spec in specs for dim in spec.dims if dim not in group):
         dimension = layout.DIMENSIONS[name]
@@ -265,7 +265,7 @@ def _most_bytes(dataset: h5py.Dataset) -> int:
     return _ALWAYS + _LARGEST_COMPRESSION * int(dataset.file.id.get_filesize())
 
 
-def _texts(dataset: h5py.Dataset) -> Array:
+def _texts(dataset: h5py.Dataset) -> AnyArray:
     """Return a dataset of texts, a few at a time: many may stand for one long text in the file."""
     at_once = max(1, _TEXT_AT_ONCE // int(dataset.file.id.get_filesize()))
     found: list[str] = []
@@ -279,7 +279,7 @@ def _texts(dataset: h5py.Dataset) -> Array:
     return np.array(found, dtype=object)
 
 
-def read(group: h5py.Group, spec: Dataset | Dimension, index: Any = ...) -> Array:
+def read(group: h5py.Group, spec: Dataset | Dimension, index: Any = ...) -> AnyArray:
     """Return a checked dataset or a part of it; text as an array of `str`.
 
     Raises:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign import Case
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
@@ -20,7 +20,6 @@ from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import truth_trajectory
 
-Array = NDArray[np.float64]
 Log = Callable[[str, str], None]
 
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import StopOptions
 from relnav_sim.conventions import CONFIDENCE
@@ -91,7 +91,7 @@ def _figures(finished: Finished, rule: StopOptions, wanted: set[Key], runs: int)
                 continue
             arrays = block.filters[filter].arrays()
             where: tuple[Any, ...] = (slice(None), *place)
-            values: NDArray[np.float64] = arrays[name][where]
+            values: Array = arrays[name][where]
             sound = arrays["failed"] == 0
             rows = found.setdefault(key, {})
             rows |= {run: float(v) for run, v, ok in zip(info.runs, values, sound, strict=True) if ok and run < runs}

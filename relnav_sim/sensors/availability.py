@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.options import Options
 from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, relative_sensors
 from relnav_sim.sensors.due import due
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.noise import OutageNoise, noise_parts
 from relnav_sim.sensors.suite import TrueStates
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 def sensed(truth: TrueStates, host: Craft, step_s: float) -> Sensed:
@@ -54,7 +51,7 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
 
 
 def _direction_known(
-    sensors: Sensors, options: RelativeSensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float
+    sensors: Sensors, options: RelativeSensorOptions, epochs: Integers, times_s: Array, step_s: float
 ) -> Array:
     """Return the probability (K,) that a sensor's host knows its orbit, and its attitude where that matters."""
     probability = np.ones(len(times_s))
@@ -70,7 +67,7 @@ def _direction_known(
     return probability
 
 
-def reads_for_certain(options: SensorOptions, epochs: NDArray[np.int64], times_s: Array, step_s: float) -> Flags:
+def reads_for_certain(options: SensorOptions, epochs: Integers, times_s: Array, step_s: float) -> Mask:
     """Return when (K,) a sensor is due and no fixed outage is on: it then reads but for random outages."""
     read = due(epochs, options.period_s, options.offset_s, step_s)
     for start, end in _windows_s(options):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.constants import RADIUS_M
 from relnav_sim.astro.line_of_sight import half_open
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
@@ -19,13 +19,11 @@ from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import ErrorShares, Flags, Form, MeasurementContext, Sensed
+from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
-
-Array = NDArray[np.float64]
 
 
 @register_sensor("camera")
@@ -82,11 +80,11 @@ class CameraOptions(SightSensorOptions):
         """Standard deviations (2,) of both angles, rad."""
         return np.full(2, np.radians(self.angle_sigma_deg))
 
-    def in_reach(self, truth: Sensed) -> Flags:
+    def in_reach(self, truth: Sensed) -> Mask:
         """Return where the other craft is in range, in the field of view and in the right light, (runs or 1, K)."""
         return super().in_reach(truth) & self._in_light(truth)
 
-    def _in_light(self, truth: Sensed) -> Flags:
+    def _in_light(self, truth: Sensed) -> Mask:
         """Return where light allows a reading: the target outside the Earth's shadow, a cylinder, and off the Sun."""
         seen = np.ones(np.broadcast_shapes(truth.host.shape[:-1], truth.target.shape[:-1]), dtype=bool)
         if self.sun_direction is None:

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN
 from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Role, SensorOptions
 from relnav_sim.sensors.noise import has_outages, noise_parts
 
-Array = NDArray[np.float64]
 Sensors = Mapping[str, SensorOptions]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.containment import Containment
 from relnav_sim.printable import message_of
@@ -16,7 +16,6 @@ from relnav_sim.sensors.interface import Craft, MeasurementContext, RelativeSens
 from relnav_sim.sensors.suite import streams_of
 from relnav_sim.streams import RandomSource
 
-Array = NDArray[np.float64]
 _RUNS, _EPOCHS = 2, 3
 _ORBIT = ChiefOrbit(7.0e6, 0.0, 0.0, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 0.0)
 _OWN_CHANNELS: dict[Role, int] = {"orbit": 6, "attitude": 4, "force": 6}

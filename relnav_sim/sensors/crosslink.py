@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.augmentation.kinds import ClockOptions, ExtraStateOption, RangeBiasOptions
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
@@ -16,8 +16,6 @@ from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, pr
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.sensors.told_noise import told_noise
-
-Array = NDArray[np.float64]
 
 
 @register_sensor("crosslink")

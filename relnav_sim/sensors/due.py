@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Integers, Mask
 
 
 def steps_per_reading(period_s: float | None, step_s: float) -> int:
@@ -22,7 +21,7 @@ def steps_per_reading(period_s: float | None, step_s: float) -> int:
     return count
 
 
-def due(epochs: NDArray[np.int64], period_s: float | None, offset_s: float, step_s: float) -> NDArray[np.bool_]:
+def due(epochs: Integers, period_s: float | None, offset_s: float, step_s: float) -> Mask:
     """Return at which epochs (K,) a reading is due.
 
     Raises:

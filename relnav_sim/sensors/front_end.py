@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.measurements.delayed import Delayed
@@ -32,7 +32,6 @@ from relnav_sim.sensors.interface import (
 )
 from relnav_sim.sensors.suite import TrueStates
 
-Array = NDArray[np.float64]
 Frame = Literal["of_a_fix", "told", "perfect"]
 
 

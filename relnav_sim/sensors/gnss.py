@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.frame_error import frame_covariance
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
-
-Array = NDArray[np.float64]
 
 
 @register_sensor("gnss")

@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.attitude import body_to_inertial, from_axes, in_axes, nadir_axes
 from relnav_sim.astro.coast import coasted
 from relnav_sim.astro.frames import rtn_from_eci
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.line_of_sight import Vector, dot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
@@ -20,8 +20,6 @@ from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, constant_part, has_white_part, noise_parts
 from relnav_sim.sensors.streams import SensorStreams
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Craft = Literal["chief", "deputy"]
 Role = Literal["other", "orbit", "attitude", "force"]
 Form = Literal["spherical", "cartesian"]
@@ -214,7 +212,7 @@ class RelativeSensorOptions(SensorOptions):
             raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be two rising values from 0 up")
         return limits
 
-    def in_reach(self, truth: Sensed) -> Flags:
+    def in_reach(self, truth: Sensed) -> Mask:
         """Return where the other craft can be measured, (runs or 1, K): range limits, field of view, light."""
         offset = truth.target[..., :3] - truth.host[..., :3]
         return within(self.range_limits_m, np.sqrt(np.square(offset).sum(axis=-1)))
@@ -273,7 +271,7 @@ class RelativeSensorOptions(SensorOptions):
         return type(self).first_fix is not RelativeSensorOptions.first_fix
 
 
-def within(limits: tuple[float, float] | None, distance: Array) -> Flags:
+def within(limits: tuple[float, float] | None, distance: Array) -> Mask:
     """Return where a distance, m, can be measured: within the limits, and not zero, where there is no direction."""
     seen = np.asarray(distance != 0)
     if limits is not None:

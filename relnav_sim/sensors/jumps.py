@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.streams import Streams
-
-Array = NDArray[np.float64]
 
 
 class Jumps:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import half_open
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
@@ -34,7 +34,6 @@ from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.sensors.told_noise import told_noise
 
-Array = NDArray[np.float64]
 _CHANNELS = (
     Channel("range", "m", "range"),
     Channel("azimuth", "rad", "azimuth", angle=True),

@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.attitude import in_axes, nadir_axes
 from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, polar, rotate, rows, sight_vector
 from relnav_sim.astro.tangent_plane import deflected
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Flags, RelativeSensorOptions, Sensed, within
+from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed, within
 
-Array = NDArray[np.float64]
 AngleForm = Literal["spherical", "tangent"]
 """What the noise of two angles is: of azimuth and elevation themselves, or two small turns across the line of sight."""
 HalfAngle = Annotated[float, Field(gt=0, le=180)]
@@ -61,11 +60,11 @@ class SightSensorOptions(RelativeSensorOptions):
         in_nadir = in_axes(nadir_axes(truth.host), (difference[..., 0], difference[..., 1], difference[..., 2]))
         return polar(rotate(rows(self.mounting), in_nadir))
 
-    def in_reach(self, truth: Sensed) -> Flags:
+    def in_reach(self, truth: Sensed) -> Mask:
         """Return where the other craft is within the range limits and the field of view, (runs or 1, K)."""
         return self.sees(self.true_sight(truth))
 
-    def sees(self, sight: Vector) -> Flags:
+    def sees(self, sight: Vector) -> Mask:
         """Return where a range (m), azimuth and elevation (rad) are within the range limits and the field of view."""
         distance, azimuth, elevation = sight
         seen = within(self.range_limits_m, distance)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, half_open, rotate, rows, sight_vector
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
@@ -27,7 +27,6 @@ from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, pr
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
 
-Array = NDArray[np.float64]
 _RTN_FROM_NADIR = rows(NADIR_FROM_RTN.T)
 
 

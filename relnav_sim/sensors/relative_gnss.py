@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from relnav_sim.arrays import Array
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import Measurement
@@ -23,8 +23,6 @@ from relnav_sim.sensors.interface import (
 from relnav_sim.sensors.noise import NoiseOption, check_parts, noise_parts, white_law
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
-
-Array = NDArray[np.float64]
 
 _SIGMAS_M = {"code": 1.0, "carrier": 0.02}
 _CHANNELS = (

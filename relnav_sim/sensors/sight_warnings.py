@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.sensors.availability import reading_at_every_epoch, reading_probability, sensed
 from relnav_sim.sensors.campaign_sensors import Sensors, relative_sensors
 from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed
 from relnav_sim.sensors.suite import TrueStates
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 NEAR_AXIS_DEG = 5.0
 """Within this of the azimuth axis the azimuth turns eleven times as quickly as the line of sight, or more."""
@@ -42,7 +39,7 @@ def sight_warnings(
     offset = truth.deputy[..., :3] - truth.chief[..., :3]
     distance = np.sqrt(np.square(offset).sum(axis=-1))
     said = _met(distance, truth.times_s) if relative else []
-    blind: dict[str, Flags] = {}
+    blind: dict[str, Mask] = {}
     for name, options in relative.items():
         if not any(name in names for names in going_by.values()):
             continue
@@ -57,7 +54,7 @@ def sight_warnings(
     return said + _only_predicting(going_by, blind)
 
 
-def _only_predicting(filters: Mapping[str, Sequence[str]], blind: Mapping[str, Flags]) -> list[str]:
+def _only_predicting(filters: Mapping[str, Sequence[str]], blind: Mapping[str, Mask]) -> list[str]:
     """Return which filters have no reading at all in some runs, as no sensor of theirs gives any."""
     lost = {name: np.logical_and.reduce([blind[sensor] for sensor in names]) for name, names in filters.items()}
     which: dict[str, list[str]] = {}
@@ -83,7 +80,7 @@ def _met(distance: Array, times_s: Array) -> list[str]:
     ]
 
 
-def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, blind: Flags, distance: Array) -> list[str]:
+def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Mask, blind: Mask, distance: Array) -> list[str]:
     if not blind.any():
         return []
     why = "it, or what its host needs to know of itself, is never at work"
@@ -98,7 +95,7 @@ def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Flags, blind:
     return [f"The {name} gives no reading in the whole run{_of_runs(blind)}: {why}."]
 
 
-def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: Flags, times_s: Array) -> list[str]:
+def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: Mask, times_s: Array) -> list[str]:
     off = options.off_pole(truth)
     if off is None:
         return []
@@ -122,7 +119,7 @@ def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: 
     ]
 
 
-def _below_zero(name: str, options: RelativeSensorOptions, heard: Flags, distance: Array) -> list[str]:
+def _below_zero(name: str, options: RelativeSensorOptions, heard: Mask, distance: Array) -> list[str]:
     below = options.no_echo(distance)
     share = float(below[heard].mean()) if below is not None and heard.any() else 0.0
     if share <= RARE:
@@ -134,7 +131,7 @@ def _below_zero(name: str, options: RelativeSensorOptions, heard: Flags, distanc
     ]
 
 
-def _when(flags: Flags, times_s: Array) -> str:
+def _when(flags: Mask, times_s: Array) -> str:
     """Return from when to when any run has the flag, and how many have it where not all do."""
     edges = np.diff(np.concatenate([[0], flags.any(axis=0).astype(int), [0]]))
     windows = [
@@ -148,5 +145,5 @@ def _when(flags: Flags, times_s: Array) -> str:
     return f"{listed}{_of_runs(np.asarray(flags.any(axis=1)))}"
 
 
-def _of_runs(which: Flags) -> str:
+def _of_runs(which: Mask) -> str:
     return "" if which.all() else f" in {which.sum()} of {len(which)} runs"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
 from relnav_sim.measurements.channel import Channel
@@ -15,8 +15,6 @@ from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
-
-Array = NDArray[np.float64]
 
 
 @register_sensor("star_tracker")

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from relnav_sim.arrays import Array
 from relnav_sim.sensors.jumps import Jumps
 from relnav_sim.sensors.noise import Noise, NoisePart
 from relnav_sim.streams import RandomSource, Streams
-
-Array = NDArray[np.float64]
 
 
 class SensorStreams:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.coast import coasted
 from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
 from relnav_sim.sensors.due import due
@@ -17,8 +17,6 @@ from relnav_sim.sensors.noise import noise_parts
 from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.thrust import CRAFT
-
-Array = NDArray[np.float64]
 
 
 class TrueStates(Protocol):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.sensors.interface import AssumedNoise
 from relnav_sim.sensors.noise import NoiseOption, noise_parts, white_law
-
-Array = NDArray[np.float64]
 
 
 def told_noise(noise: NoiseOption, sigmas: Array, assumed: AssumedNoise) -> Array | MixtureNoise:

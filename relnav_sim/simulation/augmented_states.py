@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.dynamics.augmentation.kinds import Extension, extension, sensor_of
@@ -27,8 +27,6 @@ from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, nominal_chief
 from relnav_sim.truth.trajectory import force_model
-
-Array = NDArray[np.float64]
 
 
 def extension_of(entry: FilterEntry, config: CaseConfig) -> Extension | None:
@@ -89,7 +87,7 @@ class ExtraTrack:
         self._extra, self._entry, self._config, self._source = extra, entry, config, source
         self._accumulator = AugmentedAccumulator(len(source.runs), rules, extra.names, extra.units)
 
-    def add(self, chunk: Chunk, history: FilterHistory, failed: NDArray[np.int64]) -> None:
+    def add(self, chunk: Chunk, history: FilterHistory, failed: Integers) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
         truth = true_extra(self._entry, self._config, chunk.truth, self._source)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)

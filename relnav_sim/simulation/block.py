@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
@@ -42,9 +42,6 @@ from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
-
-Array = NDArray[np.float64]
-
 
 NO_FIX = "no radar measurement at the start, which is at the first fix"
 

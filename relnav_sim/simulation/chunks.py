@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
@@ -20,8 +20,6 @@ from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixe
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, Shared, Timed
@@ -17,8 +17,6 @@ from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.thrust_inputs import known_thrust
 from relnav_sim.truth import nominal_chief
-
-Array = NDArray[np.float64]
 
 
 class SharedThings:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frame_error import frame_covariance
 from relnav_sim.astro.frames import own_from_inertial
@@ -19,8 +19,6 @@ from relnav_sim.sensors.interface import Craft
 from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.truth import nominal_chief
 from relnav_sim.truth.thrust import CRAFT
-
-Array = NDArray[np.float64]
 
 BELIEVED_ZONALS = 2
 """Highest zonal harmonic that a craft's own orbit filter believes in, as `nonlinear_j2` does by default."""
@@ -97,7 +95,7 @@ class _CarriedOrbit:
 
     def advance(self, fixes: Array, forces: Array | None) -> HostOrbit:
         """Return the fixes, and between them the filter's estimate, with the covariance of the frame of either."""
-        missing: NDArray[np.bool_] = np.asarray(np.isnan(fixes).any(axis=2))
+        missing: Mask = np.asarray(np.isnan(fixes).any(axis=2))
         states = fixes.copy()
         frame = np.broadcast_to(self._at_fix, (*missing.shape, 6, 6)).copy()
         for k in range(fixes.shape[1]):

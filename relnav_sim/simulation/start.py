@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.filters.belief import Gaussian
@@ -11,8 +10,6 @@ from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief
-
-Array = NDArray[np.float64]
 
 
 def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> Gaussian:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.campaign.entries import FilterEntry, KnownThrust
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
@@ -21,7 +21,6 @@ from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
 if TYPE_CHECKING:
     from relnav_sim.simulation.chunks import Chunk
 
-Array = NDArray[np.float64]
 
 CERTAIN_THRUST = 5.0
 """In sigmas of a reading's noise and bias: a longer reading is thrust, and its scale-factor error adds up."""
@@ -91,7 +90,7 @@ class ThrustInputs:
         scale, bias = np.square([options.scale_factor_sigma_percent / 100, options.bias_sigma_m_s2])
         for craft in hosts_of(self._config.sensors, options):
             reading = z[f"{craft}_{name}"].reshape(runs, -1, 2, 3)
-            missing: NDArray[np.bool_] = np.asarray(np.isnan(reading).any(axis=(2, 3)))
+            missing: Mask = np.asarray(np.isnan(reading).any(axis=(2, 3)))
             own = forces[:, :, CRAFT.index(craft)]
             own[...] = np.where(missing[..., None, None], own, reading)
             before, after = kicks_of(own, self._step_s)
@@ -106,7 +105,7 @@ class ThrustInputs:
             noise += _spread(both[..., None] * np.eye(3), np.full(missing.shape, self._step_s / 2))
         return forces, noise[0], noise[1]
 
-    def _squares_gained(self, craft: str, gains: Array, burning: NDArray[np.bool_]) -> Array:
+    def _squares_gained(self, craft: str, gains: Array, burning: Mask) -> Array:
         """Return by how much the squares of velocity gained and time spent in a burn grow in each step.
 
         A constant scale-factor error s and a constant bias b put the velocity off by s V + b t after a gain V in t

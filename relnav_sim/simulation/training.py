@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack
@@ -22,8 +22,6 @@ from relnav_sim.simulation.chunks import chunks
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import begun_earlier, nominal_chief
-
-Array = NDArray[np.float64]
 
 TRAINING_RUN = 2**40
 """Number of the training flight: beyond every run, so that it shares no random numbers with any."""

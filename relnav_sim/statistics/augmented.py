@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates
 from relnav_sim.statistics import moments
 from relnav_sim.statistics.errors import ScoringRules
-
-Array = NDArray[np.float64]
 
 
 class AugmentedAccumulator:
@@ -37,7 +35,7 @@ class AugmentedAccumulator:
             if "time" in spec.dims
         }
 
-    def add(self, first_epoch: int, estimate: Array, truth: Array, variance: Array, failed: NDArray[np.int64]) -> None:
+    def add(self, first_epoch: int, estimate: Array, truth: Array, variance: Array, failed: Integers) -> None:
         """Count the next chunk of epochs; the start (epoch 0) is stored but not counted.
 
         Args:
@@ -69,7 +67,7 @@ class AugmentedAccumulator:
         return AugmentedStates(self._names, self._units, mean=mean, rms=rms, **self._series)
 
 
-def _added(before: moments.Moments, error: Array, sound: NDArray[np.bool_], part: NDArray[np.bool_]) -> moments.Moments:
+def _added(before: moments.Moments, error: Array, sound: Mask, part: Mask) -> moments.Moments:
     if not part.any():
         return before
     values = np.ascontiguousarray(error[:, part].transpose(2, 0, 1))

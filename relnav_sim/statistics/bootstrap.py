@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array, Integers
+
 Statistic = Literal["mean", "median", "rms", "std"]
 Method = Literal["bca", "percentile"]
 
@@ -133,7 +133,7 @@ def _counts(n: int, resamples: int, seed: int) -> Array:
     return counts
 
 
-def _resamples(n: int, resamples: int, seed: int) -> Iterator[NDArray[np.int64]]:
+def _resamples(n: int, resamples: int, seed: int) -> Iterator[Integers]:
     """Yield the resamples, pieces of (rows, n) run indices; the pieces change no number."""
     rng = np.random.default_rng(seed)
     rows = max(1, _PIECE // n)

@@ -11,12 +11,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval, mean_interval
-
-Array = NDArray[np.float64]
 
 
 def ratio_to_bound(r: Array, bound: Array, level: float = CONFIDENCE) -> Interval:

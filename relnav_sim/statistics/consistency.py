@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.statistics.moments import Moments, merged, moments, no_moments
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _CHUNK = 2048  # matrices per piece: 36 + 6 numbers each then stay in the cache of one core
 
@@ -79,9 +76,9 @@ def chi_square_quantile(probability: float, dof: float) -> float:
 class NeesSums:
     """Sums of NEES and counts inside the ellipsoids, per run: count (runs,), total (3, runs), inside (3, 5, runs)."""
 
-    count: NDArray[np.int64]
+    count: Integers
     total: Array
-    inside: NDArray[np.int64]
+    inside: Integers
 
     def anees(self) -> Array:
         """Return the mean NEES divided by its degrees of freedom, (3, runs); NaN where nothing was counted."""
@@ -186,7 +183,7 @@ def merged_nis(a: NisSums, b: NisSums) -> NisSums:
     )
 
 
-def at_common_dof(nis: Array, dof: NDArray[np.int64], common: NDArray[np.int64]) -> Array:
+def at_common_dof(nis: Array, dof: Integers, common: Integers) -> Array:
     """Return the NIS shifted and scaled to the mean and variance of ``common`` degrees of freedom.
 
     A NIS of d degrees of freedom has mean d and variance 2 d, so that x = NIS sqrt(c / d) - (sqrt(c d) - c) has mean c
@@ -214,10 +211,10 @@ class SensorSums:
 
     alike: NisSums
     nis: Array
-    dof: NDArray[np.int64]
+    dof: Integers
 
     @property
-    def updates(self) -> NDArray[np.int64]:
+    def updates(self) -> Integers:
         """Number of updates (runs,)."""
         return self.alike.moments.count
 
@@ -232,7 +229,7 @@ def no_sensor(runs: int) -> SensorSums:
     return SensorSums(no_nis(runs), np.zeros(runs), np.zeros(runs, dtype=np.int64))
 
 
-def sensor_sums(alike: NisSums, nis: Array, dof: NDArray[np.int64], counted: Mask) -> SensorSums:
+def sensor_sums(alike: NisSums, nis: Array, dof: Integers, counted: Mask) -> SensorSums:
     """Return the sums over one chunk, (runs, epochs); epochs without a NIS are not counted."""
     updated = counted & np.isfinite(nis)
     return SensorSums(alike, np.where(updated, nis, 0.0).sum(axis=-1), np.where(updated, dof, 0).sum(axis=-1))
@@ -243,5 +240,5 @@ def merged_sensor(a: SensorSums, b: SensorSums, alike: NisSums | None = None) ->
     return SensorSums(merged_nis(a.alike, b.alike) if alike is None else alike, a.nis + b.nis, a.dof + b.dof)
 
 
-def _divisor(count: NDArray[np.int64]) -> Array:
+def _divisor(count: Integers) -> Array:
     return np.where(count > 0, count, np.nan)

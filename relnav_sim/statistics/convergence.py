@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.statistics.quantiles import BINS, Counts, bin_counts, bin_of
-
-Array = NDArray[np.float64]
 
 RELATIVE_CONVERGENCE = 3.0
 """How many times its settled RMS a run may still be off when it counts as converged relative to itself."""
@@ -76,7 +74,7 @@ class Convergence:
         """Return the first epoch, from 1, from which the error stays below the threshold; NaN: none."""
         return np.where(self._last_above < self._epochs, self._last_above + 1.0, np.nan)
 
-    def _first(self, not_yet: NDArray[np.int64]) -> Array:
+    def _first(self, not_yet: Integers) -> Array:
         return np.where(not_yet < self._starts, not_yet + 1.0, np.nan)
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 _WINDOW = 5.0  # of the integrated time: Sokal's choice, a bias of 1 % for an exponential correlation
 

@@ -12,15 +12,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.results import layout
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LATE_SHARE = 0.05
 TIMES_BOUND = 10.0

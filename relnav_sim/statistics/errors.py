@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.results.block import Failure, FilterResult
 from relnav_sim.statistics import consistency, moments, quantiles
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE, Convergence
 from relnav_sim.statistics.convergence_seen import hold_epochs
 from relnav_sim.statistics.readings import CommonDof, NisOfSensors, ReadingSeries
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NO_MEAN = "non-finite mean"
 NO_COVARIANCE = "non-finite covariance"
@@ -84,7 +82,7 @@ class _Nis:
 
     nis: Array
     alike: Array
-    sensors: tuple[tuple[Array, Array, NDArray[np.int64]], ...]
+    sensors: tuple[tuple[Array, Array, Integers], ...]
 
     def part(self, epochs: slice) -> _Nis:
         nis = self.nis[:, epochs]
@@ -131,7 +129,7 @@ class ErrorAccumulator:
         }
 
     @property
-    def failed_epoch(self) -> NDArray[np.int64]:
+    def failed_epoch(self) -> Integers:
         """The first epoch of each run that failed so far (runs,); -1: none."""
         return np.where(self._failed_epoch == _NEVER, -1, self._failed_epoch)
 
@@ -269,9 +267,7 @@ class ErrorAccumulator:
                 )
             self._reasons[run] = reason
 
-    def _store(
-        self, epochs: NDArray[np.int64], error: Array, covariance: Array, nis: Array, nees: Array, sound: Mask
-    ) -> None:
+    def _store(self, epochs: Integers, error: Array, covariance: Array, nis: Array, nees: Array, sound: Mask) -> None:
         chosen = np.flatnonzero(epochs % self.rules.store_every == 0)
         rows = epochs[chosen] // self.rules.store_every
         good = sound[:, chosen]

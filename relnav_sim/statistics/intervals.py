@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics import bootstrap
 from relnav_sim.statistics.bootstrap import RESAMPLES, Method, Statistic
@@ -21,7 +22,6 @@ from relnav_sim.statistics.means import mean_limits
 from relnav_sim.statistics.multiple import holm
 from relnav_sim.statistics.sign_flip import SignFlips, fewest_runs, sign_flips
 
-Array = NDArray[np.float64]
 Verdict = Literal["better", "worse", "undecided"]
 Key = TypeVar("Key", bound=Hashable)
 

@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
 
 _SYMMETRIC = 1e-8  # below this Hall's interval is Student's to rounding, and its formula loses digits
 

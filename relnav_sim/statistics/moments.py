@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from relnav_sim.arrays import Array, Integers, Mask
 
 
 @dataclass(frozen=True)
@@ -22,7 +20,7 @@ class Moments:
         largest: Largest absolute value (quantities, runs).
     """
 
-    count: NDArray[np.int64]
+    count: Integers
     mean: Array
     squares: Array
     largest: Array

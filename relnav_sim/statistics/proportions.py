@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.intervals import Interval
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

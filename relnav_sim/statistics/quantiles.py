@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array, Integers, Mask
+
 Counts = NDArray[np.int32]
-Mask = NDArray[np.bool_]
 
 _PARTS_BITS = 5
 _LOWEST_OCTAVE = -24  # 2^-24 = 6e-8: smaller errors, in m or m/s, all count as below it
@@ -27,7 +27,7 @@ def bin_edges() -> Array:
     return np.concatenate([[0.0], patterns.view(np.float64)])
 
 
-def bin_of(values: Array) -> NDArray[np.int64]:
+def bin_of(values: Array) -> Integers:
     """Return the bin of each value >= 0; those beyond the last bin, infinity too, count in it."""
     patterns = np.ascontiguousarray(values, dtype=np.float64).view(np.int64)
     return np.clip((patterns >> _SHIFT) - (_FIRST - 1), 0, BINS - 1)

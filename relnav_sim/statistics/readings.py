@@ -6,14 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.results.block import BySensor
 from relnav_sim.statistics.consistency import SensorSums, at_common_dof
-
-Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,7 @@ class NisOfSensors:
     """
 
     nis: Mapping[str, Array] = field(default_factory=dict)
-    dof: Mapping[str, Counts] = field(default_factory=dict)
+    dof: Mapping[str, Integers] = field(default_factory=dict)
 
 
 class CommonDof:
@@ -36,7 +33,7 @@ class CommonDof:
     def __init__(self, runs: int) -> None:
         self._common = np.zeros(runs, dtype=np.int64)
 
-    def alike(self, nis: Array, dof: Counts) -> Array:
+    def alike(self, nis: Array, dof: Integers) -> Array:
         """Return the NIS of the next chunk of epochs at common degrees of freedom; the same array where all are."""
         first = np.take_along_axis(dof, np.argmax(dof > 0, axis=1)[:, None], axis=1)[:, 0]
         self._common = np.where(self._common > 0, self._common, first)
@@ -65,7 +62,7 @@ class ReadingSeries:
             if "time" in spec.dims
         }
 
-    def add(self, epochs: Counts, given: NisOfSensors, sound: NDArray[np.bool_]) -> None:
+    def add(self, epochs: Integers, given: NisOfSensors, sound: Mask) -> None:
         """Store what the next chunk of epochs has; ``sound``: epochs before a failure (runs, K)."""
         chosen = np.flatnonzero(epochs % self._every == 0)
         rows = epochs[chosen] // self._every

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.requirements import (
     AnyRequirement,
     ConvergedRequirement,
@@ -34,7 +34,6 @@ from relnav_sim.statistics.proportions import Share, runs_for_share, share_of_ep
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-Array = NDArray[np.float64]
 Verdict = Literal["pass", "fail", "undecided"]
 
 EVERY_EPOCH = "every epoch"

@@ -21,9 +21,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array, Integers
 
 _BITS = 15
 """Flips are 2^15 = 32768: fewer below 15 runs, more where many pairs share the error and it takes finer p-values."""
@@ -90,7 +89,7 @@ def sign_flips(differences: Array, level: float, family: int = 1) -> Iterator[Si
 
 
 @functools.lru_cache(maxsize=16)
-def _subgroup(runs: int, bits: int) -> tuple[NDArray[np.int64], Array]:
+def _subgroup(runs: int, bits: int) -> tuple[Integers, Array]:
     """Return the word of each run, and how many runs each flip but that of none takes.
 
     The first runs have one bit each, so that no flip but that of none takes no run.
@@ -105,7 +104,7 @@ def _subgroup(runs: int, bits: int) -> tuple[NDArray[np.int64], Array]:
     return words, flipped
 
 
-def _placed(values: Array, words: NDArray[np.int64], flips: int) -> Array:
+def _placed(values: Array, words: Integers, flips: int) -> Array:
     """Return each row with the values of the runs at their words."""
     return np.asarray([np.bincount(words, row, flips) for row in values], dtype=np.float64)
 

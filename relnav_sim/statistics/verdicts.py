@@ -13,13 +13,13 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.statistics.bootstrap import RESAMPLES
 from relnav_sim.statistics.intervals import Interval, wilson_interval
 
-Array = NDArray[np.float64]
 Outcome = Literal["holds", "fails", "open"]
 Verdict = Literal["reproduced", "reproduced only if", "not reproduced"]
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.streams import Streams
-
-Array = NDArray[np.float64]
 
 
 def _on_every_axis(value: object) -> object:

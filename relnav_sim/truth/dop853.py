@@ -10,13 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.frames import inertial_from_own
 from relnav_sim.truth import tableau
 from relnav_sim.truth.forces import ForceModel
-
-Array = NDArray[np.float64]
 
 STAGES = 12
 ALL_STAGES = 16  # the 12, the derivative at the end of the step, and three that only the dense output needs

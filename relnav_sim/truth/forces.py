@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.constants import J2, J3, J4, ROTATION_RAD_S
 from relnav_sim.astro.frames import PARALLEL
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

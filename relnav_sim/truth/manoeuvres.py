@@ -6,12 +6,11 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 _AXES = "in the RTN axes (radial, along-track, normal) of the craft's own orbit"

@@ -6,10 +6,10 @@ from math import radians
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, StringConstraints, ValidationError, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro import constants
 from relnav_sim.astro.frames import eci_from_rtn, rtn_from_shi2025
 from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
@@ -17,7 +17,6 @@ from relnav_sim.options import Options
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 ManoeuvreName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.stepping import Batch, Ending
 from relnav_sim.truth.thrust import Schedule
-
-Array = NDArray[np.float64]
 
 # Rows stepped together: large enough to hide NumPy's overhead, small enough for the stages to stay in the cache.
 ROWS_TOGETHER = 1024

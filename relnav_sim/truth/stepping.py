@@ -16,17 +16,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.frames import inertial_from_own
 from relnav_sim.truth import dop853
 from relnav_sim.truth.dop853 import Craft
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.surface import first_below
 from relnav_sim.truth.thrust import Schedule
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Times are counted in ticks of 2^-24 base steps; an orbit that needs shorter steps is falling into a singularity.
 FINEST = 24

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import polynomial
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from relnav_sim.arrays import Array
 from relnav_sim.truth import dop853
-
-Array = NDArray[np.float64]
 
 
 def first_below(terms: Array, radius_m: float) -> Array:

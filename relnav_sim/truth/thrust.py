@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions
-
-Array = NDArray[np.float64]
 
 CRAFT = ("chief", "deputy")
 EARLIEST_S = 1e-3

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import radians
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.streams import RandomSource
@@ -17,8 +18,6 @@ from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import DispersionsOptions, TruthOptions
 from relnav_sim.truth.propagation import DenseTrajectory
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.campaign.models import TuneObjective
 from relnav_sim.statistics.intervals import Interval, mean_interval
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -37,14 +35,14 @@ class Figures:
     position: Array
     velocity: Array
     anees: Array
-    failed: NDArray[np.bool_]
+    failed: Mask
 
-    def of(self, runs: NDArray[np.bool_]) -> Figures:
+    def of(self, runs: Mask) -> Figures:
         """Return the figures of some runs."""
         return Figures(self.position[:, runs], self.velocity[:, runs], self.anees[:, runs], self.failed[:, runs])
 
     @property
-    def broken(self) -> NDArray[np.bool_]:
+    def broken(self) -> Mask:
         """The runs that failed in some case (runs,)."""
         return np.asarray(self.failed.any(axis=0))
 

@@ -12,9 +12,9 @@ from collections.abc import Generator, Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array
+
 Point = tuple[float, ...]
 Search = Generator[list[Point], list[float], None]
 

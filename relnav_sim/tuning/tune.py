@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Mask
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
@@ -138,7 +138,7 @@ class _Plan:
 
 def _search_all(plans: Sequence[_Plan], bench: Bench) -> tuple[int, ...]:
     """Search for all filters side by side; return the runs that none of the first candidates got through."""
-    counted: NDArray[np.bool_] | None = None
+    counted: Mask | None = None
     round = 0
     while active := [plan for plan in plans if plan.waiting]:
         found = bench.figures([plan.entries(values) for plan in active for values in plan.waiting])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.statistics.verdicts import mean_of_runs, ratio_of_means
@@ -18,7 +17,6 @@ from replication.shi2025.rules import ALPHAS, R_MEAN, V_MEAN
 from replication.shi2025.tables import figures
 from replication.summary import Experiment
 
-Array = NDArray[np.float64]
 _SPECTRA = tuple(f"1e-{k}" for k in range(10, 3, -1))
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.verdicts import mean_of_runs
@@ -27,7 +27,6 @@ from replication.shi2025.rules import R_MEAN, V_MEAN
 from replication.shi2025.tables import figures, published_table, table_four
 from replication.summary import Experiment, PaperPart
 
-Array = NDArray[np.float64]
 _LIMIT = "limit"
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from relnav_sim.arrays import Array
 from relnav_sim.plots.axes import source_component
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.results.layout import quantity_unit
@@ -17,7 +17,6 @@ from replication.evidence import number_of
 from replication.measured import Measured
 from replication.papers import papers
 
-Array = NDArray[np.float64]
 QUANTITIES = ("x", "y", "z", "r", "vx", "vy", "vz", "v")
 FILTERS = {"ekf": "EKF", "ukf": "UKF", "alpha_kf": "αKF"}
 _UNITS = {"m": "m", "m_s": "m/s"}

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-
-Array = NDArray[np.float64]
 
 
 class AugmentedDynamics:

@@ -8,10 +8,10 @@ from math import exp, expm1
 from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.linalg import block_diag
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
@@ -21,7 +21,6 @@ from relnav_sim.dynamics.known_thrust import KnownThrust
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.options import AddedLater, Options
 
-Array = NDArray[np.float64]
 _MODE = (
     "estimate, or consider: account for the uncertainty without estimating (Schmidt's filter), right where the "
     "measurements hardly tell the state from others or its model is not trusted; default: estimate"
@@ -433,7 +432,7 @@ def _turned(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], 
     return turns
 
 
-def _while_pushed(thrust: KnownThrust, G: Array, measured: NDArray[np.bool_]) -> Callable[[Step], Array]:
+def _while_pushed(thrust: KnownThrust, G: Array, measured: Mask) -> Callable[[Step], Array]:
     """Return G (6, e) step by step, (runs or 1, 6, e), the measured columns zero in runs without a force."""
 
     def inputs(step: Step) -> Array:

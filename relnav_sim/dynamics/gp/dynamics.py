@@ -9,9 +9,9 @@ from math import sin, sqrt
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.averaged_j2 import SchweighartSedwickOptions
 from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
@@ -26,7 +26,6 @@ from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.two_body import NonlinearOptions
 from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
-Array = NDArray[np.float64]
 Target = Literal["absolute", "difference", "residual"]
 Variance = Literal["exact", "cloud_mean", "inducing"]
 BaseOptions = (
@@ -274,7 +273,7 @@ class GpOptions(DynamicsOptions):
         base = (self.base or CwOptions()) if self.target == "residual" else None
         expected = None if base is None else track.expected(base, noise, step_s)
 
-        def transitions(rows: NDArray[np.intp]) -> Transitions:
+        def transitions(rows: Indices) -> Transitions:
             phase = None if clock is None else clock.initial_rad + clock.rate_rad * track.time_s[rows] / step_s
             return Transitions(
                 track.states[rows], track.states[rows + 1], phase, None if expected is None else expected[rows]
@@ -304,7 +303,7 @@ class GpOptions(DynamicsOptions):
         learned = self.training_span_s or 2 * np.pi / orbit.mean_motion_rad_s
         return learned if self.calibration_span_s is None else self.calibration_span_s, learned
 
-    def _split(self, track: TrainingTrack, orbit: ChiefOrbit) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def _split(self, track: TrainingTrack, orbit: ChiefOrbit) -> tuple[Indices, Indices]:
         """Return the rows to learn from and the rows before them; the row after a row is its next state."""
         _, span_s = self._spans_s(orbit)
         rows = np.arange(len(track.states) - 1)

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.gp.dynamics import Base, GpDynamics, Target, Variance, straight_line, with_phase
 from relnav_sim.dynamics.gp.process import LEAST_NOISE, GaussianProcess, Kernel, condition, most_informative
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.given_arrays import covariances, numbers
-
-Array = NDArray[np.float64]
 
 # Least variance of the noise on the standardised outputs. Of 1e-12 ... 1e-5 it predicts the next revolution of a
 # formation's orbit best, for all three targets, both in RMS error and in likelihood.

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-Array = NDArray[np.float64]
+from relnav_sim.arrays import Array, Indices
 
 # Noise variance over signal variance. With less, the Cholesky factor of a smooth kernel has no correct digits left.
 LEAST_NOISE = 1e-11
@@ -163,7 +162,7 @@ def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
     return GaussianProcess(kernel, scaled, np.ascontiguousarray(weights), np.ascontiguousarray(whitener))
 
 
-def most_informative(kernel: Kernel, inputs: Array, count: int) -> NDArray[np.intp]:
+def most_informative(kernel: Kernel, inputs: Array, count: int) -> Indices:
     """Return the indices of the `count` inputs (S, d) that explain most, each the least explained by those before.
 
     A pivoted Cholesky decomposition (Foster et al., J. Machine Learning Research 10, 2009).

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Annotated, Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.bias import BiasNoise
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
@@ -57,7 +57,6 @@ __all__ = [
     "white_variance",
 ]
 
-Array = NDArray[np.float64]
 
 NoisePart = GaussianNoise | MixtureNoise | BiasNoise | GaussMarkovNoise | OutageNoise
 """The registered kinds of noise."""

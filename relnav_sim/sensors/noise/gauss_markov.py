@@ -5,14 +5,11 @@ from __future__ import annotations
 from math import exp, expm1, sqrt
 from typing import ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
-
-Array = NDArray[np.float64]
 
 
 class GaussMarkovNoise(Options):

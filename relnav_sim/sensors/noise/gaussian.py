@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
-
-Array = NDArray[np.float64]
 
 
 class GaussianNoise(Options):

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.bias import BiasNoise
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.mixture import MixtureNoise
 from relnav_sim.sensors.noise.outage import OutageNoise
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

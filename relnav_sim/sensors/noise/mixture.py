@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
 
-Array = NDArray[np.float64]
 Fraction = Annotated[float, Field(ge=0, le=1)] | Literal["per_run", "random"]
 
 

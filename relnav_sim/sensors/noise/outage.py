@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
 
-Array = NDArray[np.float64]
 _DRAWN_AT_ONCE = 16
 
 
@@ -75,7 +74,7 @@ class _Switches:
         self._means = np.tile([mean_working_s, mean_outage_s], _DRAWN_AT_ONCE // 2)
         self._times = np.zeros((len(streams.generators), 1))
 
-    def out(self, times_s: Array) -> NDArray[np.bool_]:
+    def out(self, times_s: Array) -> Mask:
         while self._times[:, -1].min() <= times_s[-1]:
             lengths = -self._means * np.log1p(-self._streams.uniform(_DRAWN_AT_ONCE))
             from_last = np.concatenate([self._times[:, -1:], lengths], axis=1)

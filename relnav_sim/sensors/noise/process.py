@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from relnav_sim.arrays import Array
 from relnav_sim.streams import RandomSource, Streams
-
-Array = NDArray[np.float64]
 
 
 class NoiseProcess(Protocol):
