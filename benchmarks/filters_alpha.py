@@ -18,7 +18,7 @@ from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.measurements.converted_radar import ConvertedRadar
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 ROUNDS = 12
 SIGMAS = np.array([4.0, 1.164e-3, 1.164e-3])  # m, rad, rad
@@ -42,14 +42,14 @@ CASES = (
 
 
 def measurement_of(form):
-    noise = RadarNoise(
+    noise = SightNoise(
         weights=np.array([0.9, 0.1]),
         deviations=SIGMAS * np.array([[1.0], [10.0]]),
         nominal=SIGMAS,
         attitude=np.zeros((3, 3)),
         assumed="nominal",
     )
-    return (PolarRadar if form == "polar" else ConvertedRadar)(np.eye(3), noise)
+    return (SphericalRadar if form == "polar" else ConvertedRadar)(np.eye(3), noise)
 
 
 def problem(form, runs, steps):

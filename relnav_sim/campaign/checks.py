@@ -146,7 +146,7 @@ def _check_sensors_of(name: str, entry: FilterEntry, sensors: Sensors) -> Iterat
 
 
 def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
-    """Yield the extra states that the filter is to account for without estimating them, where it can't."""
+    """Yield the augmented states that the filter is to account for without estimating them, where it can't."""
     if filter_kinds()[entry.kind].considers:
         return
     for place, option in enumerate(entry.augment):
@@ -191,7 +191,7 @@ def _check_accelerometer_bias(name: str, entry: FilterEntry, sensors: Sensors) -
 
 
 def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
-    """Yield the extra states that are errors of no sensor here, or that add to a channel that another adds to."""
+    """Yield the augmented states that are errors of no sensor here, or that add to a channel that another adds to."""
     if not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # said already
     known = relative_sensors(sensors, entry.sensors)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
-from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
+from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
@@ -70,9 +70,9 @@ class FilterEntry(Options):
         "long ago; default) or none (it takes the reading as fresh)",
     )
 
-    augment: tuple[Annotated[ExtraStateOption, Field(discriminator="kind")], ...] = Field(
+    augment: tuple[Annotated[AugmentedStateOption, Field(discriminator="kind")], ...] = Field(
         default=(),
-        description="Extra states that the filter carries behind position and velocity: biases of sensors, errors "
+        description="Augmented states that the filter carries behind position and velocity: biases of sensors, errors "
         "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
     )
 
@@ -85,11 +85,11 @@ class FilterEntry(Options):
 
     @field_validator("augment")
     @classmethod
-    def _each_once(cls, augment: tuple[ExtraStateOption, ...]) -> tuple[ExtraStateOption, ...]:
+    def _each_once(cls, augment: tuple[AugmentedStateOption, ...]) -> tuple[AugmentedStateOption, ...]:
         kinds = [(option.kind, option.sensor) for option in augment]
         if twice := sorted({kind for kind, sensor in kinds if kinds.count((kind, sensor)) > 1}):
             raise ValueError(
-                f"{twice[0]} stands there twice; a filter carries each kind of extra state once for each sensor"
+                f"{twice[0]} stands there twice; a filter carries each kind of augmented state once for each sensor"
             )
         return augment
 

@@ -131,7 +131,7 @@ def _sensors_of(entry: FilterEntry, config: CaseConfig) -> tuple[str, ...]:
 
 
 def _alike(models: Mapping[_Key, Model]) -> list[list[_Key]]:
-    """Return the keys of models in groups with the same sensors and the same extra states."""
+    """Return the keys of models in groups with the same sensors and the same augmented states."""
     groups: list[list[_Key]] = []
     for key, model in models.items():
         for group in groups:

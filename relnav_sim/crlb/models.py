@@ -54,7 +54,7 @@ class Model:
             self.broken = contained.error.with_traceback(None)
 
     def has_states_of(self, other: Model) -> bool:
-        """Return whether both have the same extra states, seen alike by the radar and known alike at the start."""
+        """Return whether both have the same augmented states, seen alike by the radar and known alike at the start."""
         a, b = self.extra, other.extra
         if a is None or b is None:
             return a is b
@@ -87,7 +87,7 @@ class Model:
         return np.full(shape, np.nan), np.zeros(shape)
 
     def _extended(self, F: Array, Q: Array) -> tuple[Array, Array]:
-        """Return the matrices (K, 6, 6) with the part of the extra states."""
+        """Return the matrices (K, 6, 6) with the part of the augmented states."""
         if self.extra is None:
             return F, Q
         step_s = self._config.clock.step_s

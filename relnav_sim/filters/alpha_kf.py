@@ -11,7 +11,6 @@ from pydantic import Field, model_validator
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
-from relnav_sim.filters.cloud import log_likelihood, standard_normals
 from relnav_sim.filters.gaussian_sampling import (
     Linearisation,
     SamplingFilter,
@@ -23,6 +22,7 @@ from relnav_sim.filters.gaussian_sampling import (
     whitened_prior,
 )
 from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement

@@ -10,8 +10,8 @@ from pydantic import Field
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.cloud import (
-    Cloud,
+from relnav_sim.filters.particle_set import (
+    ParticleSet,
     chosen,
     contracted,
     pick,
@@ -21,16 +21,16 @@ from relnav_sim.filters.cloud import (
     square_root,
     standard_normals,
 )
-from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, usable, weigh
+from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, usable, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
 
-# Each halves the cloud, so they reach a likelihood that takes one in 2^50.
+# Each halves the particle set, so they reach a likelihood that takes one in 2^50.
 _MOST_STAGES = 50
 
 
-class ParticleOptions(CloudOptions):
+class ParticleOptions(ParticleSetOptions):
     """Options of the bootstrap particle filter."""
 
     mcmc_steps: int = Field(
@@ -50,7 +50,7 @@ class ParticleOptions(CloudOptions):
 
 
 @register_filter("particle", ParticleOptions, cost_us=150.0, overhead_us=500.0)
-class ParticleFilter(CloudFilter):
+class ParticleFilter(ParticleSetFilter):
     """Bootstrap particle filter: draw from the dynamics, weigh by the likelihood, resample when few particles count.
 
     Gordon, Salmond and Smith, IEE Proc. F 140(2), 1993; resampling when the effective sample size is low (Liu and Chen
@@ -60,13 +60,13 @@ class ParticleFilter(CloudFilter):
     Use it where the belief is not a Gaussian at all: several hypotheses, strong curvature, glint with its true mixture.
     It handles any likelihood and any dynamics, but needs particles where the measurement is precise: the share of the
     prediction that a measurement leaves must hold many of them. With the small process noise of an orbit copies never
-    part again and the cloud would die out, which `ess` does not show. `roughening`, on by default, parts copies by a
+    part again and the set would die out, which `ess` does not show. `roughening`, on by default, parts copies by a
     kernel, and goes through a measurement that would leave fewer than one particle in twenty in several tempered stages
     (Musso, Oudjane and Le Gland 2001, progressive correction); or prefer `unscented_particle`.
 
     `log_likelihood` is the logarithm of the evidence's estimate; without roughening the evidence itself is unbiased,
-    its logarithm is low by half its variance. NIS uses the predicted cloud's mean and covariance with the measurement
-    linearised there, so it is chi-square only as far as the cloud is Gaussian. Records `ess`, `resampled` and, with
+    its logarithm is low by half its variance. NIS uses the predicted set's mean and covariance with the measurement
+    linearised there, so it is chi-square only as far as the set is Gaussian. Records `ess`, `resampled` and, with
     roughening, `stages`.
     """
 
@@ -75,77 +75,86 @@ class ParticleFilter(CloudFilter):
         self._moves = options.mcmc_steps
         self._move_size = options.mcmc_step_size
 
-    def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
-        """Return the reweighted and, in runs with few effective particles, resampled cloud; and its innovation."""
+    def update(self, belief: ParticleSet, z: Array, step: Step) -> tuple[ParticleSet, Innovation]:
+        """Return the reweighted and, in runs with few effective particles, resampled set; and its innovation."""
         belief = self._parted(belief)
         score = self._log_likelihood(belief, belief.components, z, step)
-        cloud, evidence, ess = weigh(belief, score)
+        particle_set, evidence, ess = weigh(belief, score)
         stages = np.zeros(len(z))
         if self._bandwidth > 0 and self._too_few(ess).any():
             approached, left_over, before, stages = self._approach(belief, score, z, step)
-            cloud, last, ess = weigh(approached, left_over)
+            particle_set, last, ess = weigh(approached, left_over)
             evidence = before + last
-        cloud, innovation = self._record(belief, cloud, z, step, evidence, ess)
+        particle_set, innovation = self._record(belief, particle_set, z, step, evidence, ess)
         if self._bandwidth > 0:
             innovation = replace(innovation, extras={**innovation.extras, "stages": stages + 1})
         rows = self._resampled_runs(ess)
         if len(rows):
-            ancestors = self._ancestors(cloud, rows)
-            copies = pick(cloud.components, rows, ancestors)
-            cloud = replace(cloud, components=put(cloud.components, rows, copies))
+            ancestors = self._ancestors(particle_set, rows)
+            copies = pick(particle_set.components, rows, ancestors)
+            particle_set = replace(particle_set, components=put(particle_set.components, rows, copies))
             # After a tempered stage a particle is no longer f(ancestor) + G xi, which the moves rest on.
             drawn = stages[rows] == 0
             if self._moves and drawn.any():
-                cloud = self._move(cloud, belief, score, rows[drawn], ancestors[drawn], z, step)
-            cloud = self._settle(cloud, rows, ess[rows])
-        return self._for_next_sensor(cloud, belief), innovation
+                particle_set = self._move(particle_set, belief, score, rows[drawn], ancestors[drawn], z, step)
+            particle_set = self._settle(particle_set, rows, ess[rows])
+        return self._for_next_sensor(particle_set, belief), innovation
 
     def _too_few(self, ess: Array) -> Mask:
         return ess < self._particles / 20
 
-    def _approach(self, cloud: Cloud, score: Array, z: Array, step: Step) -> tuple[Cloud, Array, Array, Array]:
-        """Return the cloud after tempered stages, in runs where the whole measurement would leave too few particles.
+    def _approach(
+        self, particle_set: ParticleSet, score: Array, z: Array, step: Step
+    ) -> tuple[ParticleSet, Array, Array, Array]:
+        """Return the set after tempered stages, in runs where the whole measurement would leave too few particles.
 
         A stage takes the likelihood to the power that leaves half of the particles, resamples and applies the kernel.
 
         Args:
-            cloud: The prediction.
+            particle_set: The prediction.
             score: log p(z | x), (runs, N).
             z: The measurement.
             step: The epoch.
 
         Returns:
-            The cloud, the logarithm of the likelihood's part that is left over for it (runs, N), the logarithm of the
+            The set, the logarithm of the likelihood's part that is left over for it (runs, N), the logarithm of the
             evidence so far and the number of stages (runs,).
         """
-        predicted, left = cloud, np.ones(len(z))
+        predicted, left = particle_set, np.ones(len(z))
         evidence, stages = np.zeros(len(z)), np.zeros(len(z))
         while True:
-            rows = np.flatnonzero(self._too_few(tempered_ess(cloud.log_weights + left[:, None] * score)))
+            rows = np.flatnonzero(self._too_few(tempered_ess(particle_set.log_weights + left[:, None] * score)))
             rows = rows[stages[rows] < _MOST_STAGES]
             if not len(rows):
-                return cloud, left[:, None] * score, evidence, stages
+                return particle_set, left[:, None] * score, evidence, stages
             power = np.zeros(len(z))
-            power[rows] = power_that_leaves_half(cloud.log_weights[rows], score[rows], left[rows])
-            weighted, log_mean, ess = weigh(cloud, power[:, None] * score)
+            power[rows] = power_that_leaves_half(particle_set.log_weights[rows], score[rows], left[rows])
+            weighted, log_mean, ess = weigh(particle_set, power[:, None] * score)
             ancestors = self._ancestors(weighted, rows)
             observed = np.broadcast_to(channel_count(self.measurement), len(z))
             share, width = smoothing(ess[rows], self._bandwidth, observed[rows])
-            noise = standard_normals(chosen(cloud.streams.jitter, rows), *cloud.components.shape[1:])
+            noise = standard_normals(chosen(particle_set.streams.jitter, rows), *particle_set.components.shape[1:])
             covariance = weighted.covariance[rows] / (1 - 1 / ess[rows, None, None])
             jitter = np.sqrt(width) * spread(square_root(covariance), noise)
-            copies = contracted(pick(cloud.components, rows, ancestors), weighted.mean[rows], share)
-            cloud = replace(cloud, components=put(cloud.components, rows, copies + jitter))
-            cloud = self._settle(cloud, rows, np.full(len(rows), np.inf))
-            score = put(score, rows, self._log_likelihood(predicted, cloud.components, z, step)[rows])
+            copies = contracted(pick(particle_set.components, rows, ancestors), weighted.mean[rows], share)
+            particle_set = replace(particle_set, components=put(particle_set.components, rows, copies + jitter))
+            particle_set = self._settle(particle_set, rows, np.full(len(rows), np.inf))
+            score = put(score, rows, self._log_likelihood(predicted, particle_set.components, z, step)[rows])
             left -= power
             evidence[rows] += log_mean[rows]
             stages[rows] += 1
 
     def _move(
-        self, cloud: Cloud, predicted: Cloud, score: Array, rows: Indices, ancestors: Indices, z: Array, step: Step
-    ) -> Cloud:
-        """Return the cloud after Metropolis moves in the chosen runs.
+        self,
+        particle_set: ParticleSet,
+        predicted: ParticleSet,
+        score: Array,
+        rows: Indices,
+        ancestors: Indices,
+        z: Array,
+        step: Step,
+    ) -> ParticleSet:
+        """Return the particle set after Metropolis moves in the chosen runs.
 
         A particle is f(ancestor) + G xi. xi* = sqrt(1 - s^2) xi + s eta leaves its standard normal density as it is,
         so the likelihoods alone decide about xi*.
@@ -159,18 +168,18 @@ class ParticleFilter(CloudFilter):
         centres = pick(predicted.centres, rows, ancestors)
         noise = pick(predicted.noise, rows, ancestors)
         current = pick(score, rows, ancestors)
-        components = cloud.components
+        components = particle_set.components
         s = self._move_size
         for _ in range(self._moves):
-            fresh = standard_normals(chosen(cloud.streams.moves, rows), noise.shape[1], self._particles)
+            fresh = standard_normals(chosen(particle_set.streams.moves, rows), noise.shape[1], self._particles)
             fresh = np.sqrt(1 - s**2) * noise + s * fresh
             proposed = put(components, rows, centres + spread(root, fresh))
             new = self._log_likelihood(predicted, proposed, z, step)[rows]
-            accepted = accept(new - current, chosen(cloud.streams.acceptance, rows))
+            accepted = accept(new - current, chosen(particle_set.streams.acceptance, rows))
             components = put(components, rows, np.where(accepted[:, None], proposed[rows], components[rows]))
             noise = np.where(accepted[:, None], fresh, noise)
             current = np.where(accepted, new, current)
-        return replace(cloud, components=components)
+        return replace(particle_set, components=components)
 
 
 def tempered_ess(log_weights: Array) -> Array:

@@ -11,9 +11,9 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.cloud import standard_normals
 from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, sums_over_samples, whitened_prior
 from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.particle_set import standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement

@@ -10,14 +10,14 @@ from pydantic import Field
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.cloud import Cloud, chosen, pick, put, spread, standard_normals
-from relnav_sim.filters.cloud_filter import CloudFilter, CloudOptions, accept, weigh
+from relnav_sim.filters.particle_set import ParticleSet, chosen, pick, put, spread, standard_normals
+from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
-class UnscentedParticleOptions(CloudOptions):
+class UnscentedParticleOptions(ParticleSetOptions):
     """Options of the unscented particle filter."""
 
     mcmc_steps: int = Field(
@@ -82,7 +82,7 @@ class Proposal:
 
 
 @register_filter("unscented_particle", UnscentedParticleOptions, cost_us=700.0, overhead_us=1400.0)
-class UnscentedParticleFilter(CloudFilter):
+class UnscentedParticleFilter(ParticleSetFilter):
     """Unscented particle filter: each particle is drawn from an unscented Kalman update of its own, then weighed.
 
     Van der Merwe, Doucet, de Freitas and Wan, The Unscented Particle Filter, Cambridge, CUED/F-INFENG/TR 380, 2000.
@@ -105,29 +105,31 @@ class UnscentedParticleFilter(CloudFilter):
         super().__init__(dynamics, measurement, options)
         self._moves = options.mcmc_steps
 
-    def update(self, belief: Cloud, z: Array, step: Step) -> tuple[Cloud, Innovation]:
-        """Return the cloud drawn from the proposals, reweighted and, where few particles count, resampled and moved."""
+    def update(self, belief: ParticleSet, z: Array, step: Step) -> tuple[ParticleSet, Innovation]:
+        """Return the set drawn from the proposals, reweighted and, where few particles count, resampled and moved."""
         belief = self._parted(belief)
         assert belief.noise is not None
         proposal = self._propose(belief, z, step)
         components, log_ratio = proposal.draw(belief.noise)
         score = self._log_likelihood(belief, components, z, step) + log_ratio
-        cloud, evidence, ess = weigh(replace(belief, components=components), score)
-        cloud, innovation = self._record(belief, cloud, z, step, evidence, ess)
+        particle_set, evidence, ess = weigh(replace(belief, components=components), score)
+        particle_set, innovation = self._record(belief, particle_set, z, step, evidence, ess)
         accepted = np.full(len(z), np.nan)
         rows = self._resampled_runs(ess)
         if len(rows):
-            ancestors = self._ancestors(cloud, rows)
-            copies = pick(cloud.components, rows, ancestors)
-            cloud = replace(cloud, components=put(cloud.components, rows, copies))
+            ancestors = self._ancestors(particle_set, rows)
+            copies = pick(particle_set.components, rows, ancestors)
+            particle_set = replace(particle_set, components=put(particle_set.components, rows, copies))
             if self._moves:
                 current = pick(score, rows, ancestors)
-                cloud, accepted[rows] = self._move(cloud, belief, proposal.of(rows, ancestors), current, rows, z, step)
-            cloud = self._settle(cloud, rows, ess[rows])
+                particle_set, accepted[rows] = self._move(
+                    particle_set, belief, proposal.of(rows, ancestors), current, rows, z, step
+                )
+            particle_set = self._settle(particle_set, rows, ess[rows])
         innovation = replace(innovation, extras={**innovation.extras, "accepted": accepted})
-        return self._for_next_sensor(cloud, belief), innovation
+        return self._for_next_sensor(particle_set, belief), innovation
 
-    def _propose(self, predicted: Cloud, z: Array, step: Step) -> Proposal:
+    def _propose(self, predicted: ParticleSet, z: Array, step: Step) -> Proposal:
         """Return every particle's unscented update of its own transition density.
 
         With sigma points +- sqrt(r) e_j in xi and images h(f + G xi), the covariance of xi and z has rows
@@ -167,31 +169,40 @@ class UnscentedParticleFilter(CloudFilter):
         return np.moveaxis(self.measurement.residual(image, centre_image), -1, 0)
 
     def _move(
-        self, cloud: Cloud, predicted: Cloud, proposal: Proposal, current: Array, rows: Indices, z: Array, step: Step
-    ) -> tuple[Cloud, Array]:
-        """Return the cloud after Metropolis-Hastings moves in the chosen runs, and their share of accepted moves.
+        self,
+        particle_set: ParticleSet,
+        predicted: ParticleSet,
+        proposal: Proposal,
+        current: Array,
+        rows: Indices,
+        z: Array,
+        step: Step,
+    ) -> tuple[ParticleSet, Array]:
+        """Return the set after Metropolis-Hastings moves in the chosen runs, and their share of accepted moves.
 
         Args:
-            cloud: Resampled.
-            predicted: The cloud before the measurement.
+            particle_set: Resampled.
+            predicted: The particle set before the measurement.
             proposal: The chosen runs' proposals, of the resampled particles' ancestors.
             current: log p(z | x) p(x | ancestor) / q(x) of the chosen runs' particles.
             rows: The chosen runs.
             z: The measurement.
             step: The epoch.
         """
-        components = cloud.components
+        components = particle_set.components
         r = proposal.mean.shape[1]
         share = np.zeros(len(rows))
         for _ in range(self._moves):
-            drawn, log_ratio = proposal.draw(standard_normals(chosen(cloud.streams.moves, rows), r, self._particles))
+            drawn, log_ratio = proposal.draw(
+                standard_normals(chosen(particle_set.streams.moves, rows), r, self._particles)
+            )
             proposed = put(components, rows, drawn)
             new = self._log_likelihood(predicted, proposed, z, step)[rows] + log_ratio
-            accepted = accept(new - current, chosen(cloud.streams.acceptance, rows))
+            accepted = accept(new - current, chosen(particle_set.streams.acceptance, rows))
             components = put(components, rows, np.where(accepted[:, None], drawn, components[rows]))
             current = np.where(accepted, new, current)
             share += accepted.mean(axis=1) / self._moves
-        return replace(cloud, components=components), share
+        return replace(particle_set, components=components), share
 
 
 def _column(root: Array, j: int) -> Array:

@@ -12,10 +12,10 @@ from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, 
 
 
 class Distortion(Protocol):
-    """What extra states b (..., e) do to a reading.
+    """What augmented states b (..., e) do to a reading.
 
     Attributes:
-        sees: The numbers, from 0, of the extra states that the reading depends on.
+        sees: The numbers, from 0, of the augmented states that the reading depends on.
         turns: The small turn of the host about the sensor's axes, T b, (3, e), that comes on top through the base's own
             ``turning(x, epoch)``, linear in b; None: it is in `apply`, or there is none.
     """
@@ -57,7 +57,7 @@ class AdditiveBias:
 
 
 class AugmentedMeasurement(MeasurementDefaults):
-    """A measurement of [x; b]: what the base measures of x, distorted by the extra states.
+    """A measurement of [x; b]: what the base measures of x, distorted by the augmented states.
 
     Args:
         base: What is measured of x, with its noise.
@@ -106,7 +106,7 @@ class AugmentedMeasurement(MeasurementDefaults):
         return whole
 
     def _by_turns(self, x: Array, epoch: int) -> Array | None:
-        """Return what the extra states do to the reading by turning the host, (runs, ..., m, e)."""
+        """Return what the augmented states do to the reading by turning the host, (runs, ..., m, e)."""
         if self._distortion.turns is None:
             return None
         return np.asarray(cast(Turnable, self.base).turning(x, epoch) @ self._distortion.turns)

@@ -15,7 +15,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, cross_matrix, rotate, rows, times
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
-from relnav_sim.measurements.spherical_radar import RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise
 
 Coefficients = list[float] | Array
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -53,7 +53,7 @@ class ConvertedRadar(MeasurementDefaults):
     depends_on = (0, 1, 2)
     whole = True
 
-    def __init__(self, mounting: Array, noise: RadarNoise) -> None:
+    def __init__(self, mounting: Array, noise: SightNoise) -> None:
         radar_from_rtn = mounting @ NADIR_FROM_RTN
         self._radar_from_rtn = rows(radar_from_rtn)
         self._axis = radar_from_rtn[2].tolist()

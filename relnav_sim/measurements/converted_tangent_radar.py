@@ -16,7 +16,7 @@ from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, rotate, r
 from relnav_sim.astro.tangent_plane import across, unit
 from relnav_sim.measurements.converted_radar import PAIRS, attitude_map
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
-from relnav_sim.measurements.spherical_radar import RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(60)
 """The moments are entire functions of the angles; 60 nodes are exact to rounding for sigmas up to 90 deg."""
@@ -44,7 +44,7 @@ class ConvertedTangentRadar(MeasurementDefaults):
     depends_on = (0, 1, 2)
     whole = True
 
-    def __init__(self, mounting: Array, noise: RadarNoise) -> None:
+    def __init__(self, mounting: Array, noise: SightNoise) -> None:
         radar_from_rtn = mounting @ NADIR_FROM_RTN
         self._radar_from_rtn, self._rtn_from_radar = rows(radar_from_rtn), rows(radar_from_rtn.T)
         shrinkage = tangent_shrinkage(noise.weights, noise.deviations)

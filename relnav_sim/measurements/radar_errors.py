@@ -35,7 +35,7 @@ class RadarDistortion:
     the line of sight s, which a turn dtheta of the attitude moves to s + s x dtheta, and back.
 
     Args:
-        errors: (6, e): the radar's errors as a combination of the extra states, rows as above.
+        errors: (6, e): the radar's errors as a combination of the augmented states, rows as above.
         radar_from_rtn: Rotation (3, 3) where the measurement is a position in RTN (m); None where it is range, azimuth
             and elevation.
     """
@@ -62,7 +62,7 @@ class RadarDistortion:
         return position
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
-        """Return the derivatives by the error-free reading, (..., 3, 3) or None for I, and by the extra states."""
+        """Return the derivatives by the error-free reading, (..., 3, 3) or None for I, and by the augmented states."""
         if self._adds_up:
             return None, self._errors[:3]
         errors = np.einsum("ij,...j->...i", self._errors, extra)
@@ -113,7 +113,7 @@ class AnglesDistortion:
         return self._whole.apply(_at_unit_range(predicted), extra)[..., 1:]
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
-        """Return the derivatives by the error-free reading, (..., 2, 2) or None for I, and by the extra states."""
+        """Return the derivatives by the error-free reading, (..., 2, 2) or None for I, and by the augmented states."""
         by_reading, by_extra = self._whole.jacobian(_at_unit_range(predicted), extra)
         return None if by_reading is None else by_reading[..., 1:, 1:], by_extra[..., 1:, :]
 

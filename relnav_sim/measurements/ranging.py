@@ -17,7 +17,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import components, dot, mounting_matrix
 from relnav_sim.measurements.given_noise import MixtureNoise, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 
 class Ranging(MeasurementDefaults):
@@ -183,8 +183,8 @@ def lidar(
     else:
         _check_positive(angle_sigma_deg=angle_sigma_deg)
         sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg] * 2)])
-        noise = RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3)))
-        base = PolarRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit)
+        noise = SightNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3)))
+        base = SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit)
     return GrowingRangeNoise(base, 1e-3 * range_sigma_m_per_km / range_sigma_m) if range_sigma_m_per_km else base
 
 

@@ -20,7 +20,7 @@ _ZERO, _MINUS_ONE = np.zeros(()), -np.ones(())
 
 
 @dataclass(frozen=True)
-class RadarNoise:
+class SightNoise:
     """What a filter is told about the noise of one radar reading.
 
     Attributes:
@@ -51,7 +51,7 @@ class RadarNoise:
         return self.assumed == "mixture" and len(self.weights) > 1
 
 
-class PolarRadar(MeasurementDefaults):
+class SphericalRadar(MeasurementDefaults):
     """Range, azimuth and elevation of the other craft in the radar frame; z = (m, rad, rad).
 
     The state begins with the deputy's position and velocity relative to the chief, RTN (m, m/s); more states may
@@ -78,7 +78,7 @@ class PolarRadar(MeasurementDefaults):
     def __init__(
         self,
         mounting: Array,
-        noise: RadarNoise,
+        noise: SightNoise,
         carrier: Literal["chief", "deputy"] = "chief",
         chief_orbit: ChiefOrbit | None = None,
     ) -> None:
@@ -144,7 +144,7 @@ def radar(
     carrier: Literal["chief", "deputy"] = "chief",
     chief_orbit: ChiefOrbit | None = None,
     attitude_sigma_deg: float = 0.0,
-) -> PolarRadar:
+) -> SphericalRadar:
     """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
 
     The state is the deputy's position and velocity relative to the chief in the chief's RTN frame, m and m/s; more
@@ -176,8 +176,8 @@ def radar(
         )
     sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg, angle_sigma_deg])])
     attitude = np.square(np.radians(attitude_sigma_deg)) * np.eye(3)
-    noise = RadarNoise(np.ones(1), sigmas[None], sigmas, attitude)
-    return PolarRadar(mounting_matrix(*mounting_deg), noise, carrier, chief_orbit)
+    noise = SightNoise(np.ones(1), sigmas[None], sigmas, attitude)
+    return SphericalRadar(mounting_matrix(*mounting_deg), noise, carrier, chief_orbit)
 
 
 class Locating(Measurement, Protocol):

@@ -21,7 +21,7 @@ from relnav_sim.astro.line_of_sight import Vector, dot, mounting_matrix, rows, s
 from relnav_sim.astro.tangent_plane import deflection, deflection_by_turn, deflection_gradients, unit
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise
 
 
 class TangentSight(MeasurementDefaults):
@@ -41,7 +41,7 @@ class TangentSight(MeasurementDefaults):
 
     leaves_arguments_alone = True
 
-    def __init__(self, sight: Sight, noise: RadarNoise) -> None:
+    def __init__(self, sight: Sight, noise: SightNoise) -> None:
         self.dimension = len(noise.nominal)
         self._ranged = self.dimension == 3
         self._angles = slice(self.dimension - 2, self.dimension)
@@ -191,4 +191,4 @@ def camera(
         raise ValueError(f"angle_sigma_deg is {angle_sigma_deg:g}; it must be between 0 and 90")
     sigmas = np.full(2, np.radians(angle_sigma_deg))
     sight = Sight(mounting_matrix(*mounting_deg), host, chief_orbit)
-    return TangentSight(sight, RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
+    return TangentSight(sight, SightNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))

@@ -16,7 +16,7 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, AnglesDistortion, radar_errors
 from relnav_sim.measurements.selected import Selected
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
@@ -137,9 +137,9 @@ class CameraOptions(SightSensorOptions):
             # A range of which nothing is read: its sigma does not matter.
             deviations, nominal = np.insert(deviations, 0, 1.0, axis=1), np.insert(nominal, 0, 1.0)
         attitude = self.mounting @ context.attitude @ self.mounting.T
-        noise = RadarNoise(law.weights, deviations, nominal, attitude, context.assumed_noise)
+        noise = SightNoise(law.weights, deviations, nominal, attitude, context.assumed_noise)
         if self.form == "spherical":
-            return Selected(PolarRadar(self.mounting, noise, self.host, context.orbit), (1, 2))
+            return Selected(SphericalRadar(self.mounting, noise, self.host, context.orbit), (1, 2))
         return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
-from relnav_sim.dynamics.augmentation.kinds import ClockOptions, ExtraStateOption, RangeBiasOptions
+from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption, ClockOptions, RangeBiasOptions
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
 from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
@@ -87,7 +87,7 @@ class CrosslinkOptions(RelativeSensorOptions):
         rate = np.broadcast_to(drift[:, None], (len(drift), len(times_s)))
         return np.stack([bias[:, None] + rate * times_s, rate], axis=-1)
 
-    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+    def drawn_errors(self) -> tuple[AugmentedStateOption, ...]:
         """Return the error of the clocks."""
         if not self.clock_drift_sigma_m_s:
             return (RangeBiasOptions(sigma_m=self.clock_bias_sigma_m),) if self.clock_bias_sigma_m else ()

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.dynamics.augmentation.kinds import ExtraStateOption
+from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
@@ -247,7 +247,7 @@ class RelativeSensorOptions(SensorOptions):
         e = shares.turn.shape[1]
         return AdditiveBias(np.stack([shares.channels.get(name, np.zeros(e)) for name in self.channel_names]))
 
-    def drawn_errors(self) -> tuple[ExtraStateOption, ...]:
+    def drawn_errors(self) -> tuple[AugmentedStateOption, ...]:
         """Return the constant or slow errors that each run draws, as the augmented states that they are; default: none.
 
         No filter is told of them unless it carries such states itself, but none can know better.

@@ -15,7 +15,7 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import ELEVATION, RadarDistortion, radar_errors
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
@@ -156,7 +156,7 @@ class LidarOptions(SightSensorOptions):
             base = Ranging(told_noise(self.noise, self.sigmas, context.assumed_noise))
         else:
             law = white_law(noise_parts(self.noise), len(self.channels))
-            noise = RadarNoise(
+            noise = SightNoise(
                 weights=law.weights,
                 deviations=law.scales * self.sigmas,
                 nominal=law.nominal * self.sigmas,
@@ -166,7 +166,7 @@ class LidarOptions(SightSensorOptions):
             if self.form == "tangent":
                 base = TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
             else:
-                base = PolarRadar(self.mounting, noise, self.host, context.orbit)
+                base = SphericalRadar(self.mounting, noise, self.host, context.orbit)
         if not self.range_sigma_m_per_km:
             return base
         return GrowingRangeNoise(base, 1e-3 * self.range_sigma_m_per_km / self.range_sigma_m)
@@ -189,5 +189,5 @@ class LidarOptions(SightSensorOptions):
         if not self.gives_fix:
             return None
         radar = measurement.base if isinstance(measurement, GrowingRangeNoise) else measurement
-        assert isinstance(radar, PolarRadar | TangentSight)  # its own
+        assert isinstance(radar, SphericalRadar | TangentSight)  # its own
         return first_fix(radar, z, noise=measurement.noise)

@@ -17,7 +17,7 @@ from relnav_sim.measurements.converted_tangent_radar import ConvertedTangentRada
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, RadarDistortion, radar_errors
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight
 from relnav_sim.options import AddedLater
 from relnav_sim.sensors.host_frame import HostFrame
@@ -154,7 +154,7 @@ class RadarOptions(SightSensorOptions):
             ValueError: It is on the deputy and the Cartesian form is wanted.
         """
         law = white_law(noise_parts(self.noise), len(self.channels))
-        noise = RadarNoise(
+        noise = SightNoise(
             weights=law.weights,
             deviations=law.scales * self.sigmas,
             nominal=law.nominal * self.sigmas,
@@ -164,7 +164,7 @@ class RadarOptions(SightSensorOptions):
         if context.form == "spherical":
             if self.form == "tangent":
                 return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
-            return PolarRadar(self.mounting, noise, self.host, context.orbit)
+            return SphericalRadar(self.mounting, noise, self.host, context.orbit)
         if self.host == "deputy":
             raise ValueError(
                 "a radar on the deputy gives no Cartesian measurement: its orbit frame turns with the state; take "
@@ -193,5 +193,5 @@ class RadarOptions(SightSensorOptions):
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
         """Return the position that range and angles give, and its covariance to first order."""
-        assert isinstance(measurement, PolarRadar | TangentSight)  # its own, in the spherical form
+        assert isinstance(measurement, SphericalRadar | TangentSight)  # its own, in the spherical form
         return first_fix(measurement, z)

@@ -1,4 +1,4 @@
-"""Extra states of a campaign's filters: what they are, where they start, and what they are in truth."""
+"""Augmented states of a campaign's filters: what they are, where they start, and what they are in truth."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
     return Gaussian(mean, covariance)
 
 
-class ExtraTrack:
-    """The extra states of a filter on its way through a block."""
+class AugmentedTrack:
+    """The augmented states of a filter on its way through a block."""
 
     def __init__(
         self, extra: Extension, entry: FilterEntry, config: CaseConfig, rules: ScoringRules, source: RandomSource
@@ -89,7 +89,7 @@ class ExtraTrack:
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: Integers) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_extra(self._entry, self._config, chunk.truth, self._source)
+        truth = true_augmented_states(self._entry, self._config, chunk.truth, self._source)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
@@ -98,7 +98,7 @@ class ExtraTrack:
         return self._accumulator.result()
 
 
-def true_extra(entry: FilterEntry, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
+def true_augmented_states(entry: FilterEntry, config: CaseConfig, truth: Truth, source: RandomSource) -> Array:
     """Return the true values of a filter's augmented states at some epochs, (runs, K, e); NaN where they are not known.
 
     The errors of a sensor are those of its options and of each run, unless a correlated part of its noise drifts on top

@@ -31,7 +31,7 @@ from relnav_sim.measurements.several import SeveralMeasurements
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
-from relnav_sim.simulation.augmented_states import ExtraTrack, augmented_measurement, extended_prior, extension_of
+from relnav_sim.simulation.augmented_states import AugmentedTrack, augmented_measurement, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
@@ -89,11 +89,11 @@ def simulate_block(
         stored = _stored(config, chunk)
         times.append(chunk.truth.times_s[stored])
         relative.append(chunk.truth.relative[:, stored])
-    fallen = dict(chunk.fallen)
-    if not config.truth.is_dispersed and fallen:
-        fallen = dict.fromkeys(range(len(runs)), fallen[0])
+    ended = dict(chunk.ended)
+    if not config.truth.is_dispersed and ended:
+        ended = dict.fromkeys(range(len(runs)), ended[0])
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
-    reasons = fallen | {int(place): NO_FIX for place in no_fix}
+    reasons = ended | {int(place): NO_FIX for place in no_fix}
     sound = [track for track in tracks if track.broken is None]
     result = BlockResult(
         case_index=case_index,
@@ -126,7 +126,7 @@ class CampaignFilter:
 
 
 def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: DynamicsContext) -> CampaignFilter:
-    """Return the filter of a campaign's entry, with its dynamics, its measurement and its extra states."""
+    """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states."""
     orbit, step_s = context.orbit, context.step_s
     coasting: Dynamics = read_only(build_dynamics(entry.dynamics, context), ReadOnlyDynamics)
     thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
@@ -207,7 +207,7 @@ class FilterTrack:
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
-        self._extra: ExtraTrack | None = None
+        self._extra: AugmentedTrack | None = None
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -217,7 +217,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
-                self._extra = ExtraTrack(made.extension, entry, config, self._errors.rules, source)
+                self._extra = AugmentedTrack(made.extension, entry, config, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
             self._belief = self._filter.start(own, source)

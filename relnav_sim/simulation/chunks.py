@@ -31,7 +31,7 @@ class Chunk:
         truth: True states; the leading axis is 1 where all runs share them.
         z: Raw measurements of each sensor, (runs, K, m).
         inputs: What the front end hands to filters, by relative sensor and form, (runs, K, m); NaN = missing.
-        fallen: Why the truth of a run has ended by now, by the run's place in the block.
+        ended: Why the truth of a run has ended by now, by the run's place in the block.
         orbits: What hosts of relative sensors know of their orbits, where their fixes may be missing.
     """
 
@@ -39,7 +39,7 @@ class Chunk:
     truth: Truth
     z: Mapping[str, Array]
     inputs: Mapping[str, Mapping[Form, Array]]
-    fallen: Mapping[int, str]
+    ended: Mapping[int, str]
     orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
 
 

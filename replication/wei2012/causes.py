@@ -192,7 +192,7 @@ def _depletion(measured: Measured) -> Experiment:
         f"largest error is {ekf:.2f} m. Clohessy-Wiltshire without any measurement, from a perfect start, is off by "
         f"up to {alone:.1f} m in a revolution, and oscillates with the orbit: that is what J2 and drag do to it.",
         f"With the paper's Q and 500 particles the largest error is {usual_pf:.1f} m, with 50 {few:.1f} m, with 2000 "
-        f"{many:.2f} m; from a perfect start 500 particles stay within {lucky:.2f} m. The cloud dies at the start, "
+        f"{many:.2f} m; from a perfect start 500 particles stay within {lucky:.2f} m. The particles die at the start, "
         "where a radar of 3 cm meets a prior of metres; what is left follows its equations until the process noise "
         "has found the measurements again. The number of particles and P0, neither of which the paper reports, make "
         "any error between.",

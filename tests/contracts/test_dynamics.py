@@ -155,8 +155,8 @@ def test_learned_dynamics_have_the_shapes_and_bits_of_the_others(learned):
     dynamics, mean = learned
     mean.setflags(write=False)
     runs = len(mean)
-    cloud = np.repeat(mean[:, None], 3, axis=1)
-    assert dynamics.propagate(cloud, STEP).shape == cloud.shape
+    particle_set = np.repeat(mean[:, None], 3, axis=1)
+    assert dynamics.propagate(particle_set, STEP).shape == particle_set.shape
     end, Q = dynamics.propagate(mean, STEP), dynamics.process_noise(mean, STEP)
     F = np.broadcast_to(dynamics.transition(mean, STEP), (runs, 6, 6))
     assert end.shape == mean.shape and Q.shape in {(6, 6), (runs, 6, 6)}

@@ -90,16 +90,18 @@ def test_a_missing_measurement_is_a_prediction_only(kind, problem, histories):
     assert np.isnan(history.nis[missing]).all()
     assert not np.isnan(history.nis[~missing]).any()
     assert (history.log_likelihood[missing] == 0).all()
-    # A cloud that draws its process noise may move by Q / N; every other mean must be the prediction to rounding.
-    cloud = "particles" in small_options(kind)
+    # A set that draws its process noise may move by Q / N; every other mean must be the prediction to rounding.
+    particle_set = "particles" in small_options(kind)
     noise = np.sqrt(np.diag(problem.Q) / SMALLER["particles"])
     for k in range(4, 8):
         before, after = history.covariance[1, k - 1], history.covariance[1, k]
-        assert (np.abs(history.mean[1, k] - problem.F @ history.mean[1, k - 1]) <= (6 * noise if cloud else 1e-9)).all()
+        assert (
+            np.abs(history.mean[1, k] - problem.F @ history.mean[1, k - 1]) <= (6 * noise if particle_set else 1e-9)
+        ).all()
         # Nothing was measured, so no filter is surer than its model; one that forgets may be a little less sure.
         widening = np.sqrt(np.diag(after) / np.diag(problem.F @ before @ problem.F.T + problem.Q))
-        assert widening.min() >= (0.7 if cloud else 1 - 1e-6)
-        assert widening.max() <= (1.3 if cloud else 1.05)
+        assert widening.min() >= (0.7 if particle_set else 1 - 1e-6)
+        assert widening.max() <= (1.3 if particle_set else 1.05)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -143,7 +145,7 @@ def test_any_number_of_states_and_measurements(kind, n, m):
     whole = run(list(range(runs)))
     assert whole.mean.shape == (runs, steps, n) and whole.covariance.shape == (runs, steps, n, n)
     assert np.isfinite(whole.mean).all() and np.isfinite(whole.log_likelihood).all()
-    # In ten dimensions 200 particles are few; a cloud may then be flat to rounding.
+    # In ten dimensions 200 particles are few; a particle set may then be flat to rounding.
     if n < 10 or "particles" not in small_options(kind):
         assert_positive_definite(whole.covariance)
     for rows in ([0], [1], [1, 3]):
@@ -206,7 +208,7 @@ def test_linear_gaussian_problem_is_solved_within_its_own_uncertainty(kind):
     """Bias, error and claimed covariance beside those of the Kalman filter.
 
     Robust, tempered and sampling filters lose up to 7 % here (200 samples); the bound on the bias is 4 sigma of the
-    mean over the runs. The normalised errors are those of the middle run, so that a single unlucky cloud is no failure.
+    mean over the runs. The normalised errors are those of the middle run, so that a single unlucky set is no failure.
     """
     rng = np.random.default_rng(8)
     runs, steps = 40, 30

@@ -10,7 +10,7 @@ from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root, posterior_cramer_rao
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.process_noise import van_loan
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 
 def test_a_linear_gaussian_problem_has_the_kalman_covariance():
@@ -78,7 +78,7 @@ def bound_at_12_km(law, density, epochs):
     """Return the bound (m, m/s) of paths in the rest frame at 12 km along-track, 0.2 s, a = 6878 km, at some epochs."""
     weights, scales = LAWS[law]
     deviations = scales * np.array([4.0, *np.radians([0.2 / 3, 0.2 / 3])])
-    radar = PolarRadar(np.eye(3), RadarNoise(weights, deviations, deviations[0], np.zeros((3, 3))))
+    radar = SphericalRadar(np.eye(3), SightNoise(weights, deviations, deviations[0], np.zeros((3, 3))))
     H = radar.jacobian(np.array([[0, 12_000.0, 0, 0, 0, 0]]), 0)[0]
     M = H.T @ ReadingInformation(weights, deviations, np.zeros((1, 2, 2))).at(np.zeros((1, 2, 2)))[0] @ H
     A = cw_system(np.sqrt(3.986004418e14 / 6878e3**3))

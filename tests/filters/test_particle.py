@@ -6,8 +6,8 @@ from scipy import stats
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.filters.cloud import log_likelihood, moments, square_root, standard_normals
 from relnav_sim.filters.particle import power_that_leaves_half, tempered_ess
+from relnav_sim.filters.particle_set import log_likelihood, moments, square_root, standard_normals
 from relnav_sim.filters.resampling import draw_ancestors, effective_sample_size
 from relnav_sim.streams import RandomSource
 
@@ -155,7 +155,7 @@ def test_power_that_leaves_half_of_the_particles():
 
 
 def test_one_step_against_a_plain_loop():
-    """Weights, mean, covariance, evidence and ESS of the cloud that the filter drew, particle by particle."""
+    """Weights, mean, covariance, evidence and ESS of the particle set that the filter drew, particle by particle."""
     z = linear_track(2, 1)
     filter = create_filter("particle", DYNAMICS, MEASUREMENT, particles=50, ess_fraction=0.0, roughening=0.0)
     belief = filter.start(Gaussian(np.zeros((2, 2)), np.stack([P0] * 2)), RandomSource(0, (0, 1)))
@@ -235,7 +235,7 @@ def test_without_a_kernel_copies_never_part_in_orbit():
 
 
 def test_moves_leave_the_posterior_as_it_is():
-    """After resampling and many moves the unweighted cloud has the moments of the exact posterior."""
+    """After resampling and many moves the unweighted particle set has the moments of the exact posterior."""
     runs, particles = 40, 4000
     z = linear_track(runs, 1)
     options = {"particles": particles, "ess_fraction": 1.0, "mcmc_steps": 25}
@@ -243,13 +243,13 @@ def test_moves_leave_the_posterior_as_it_is():
     belief = filter.start(Gaussian(np.zeros((runs, 2)), np.stack([P0] * runs)), RandomSource(0, tuple(range(runs))))
     posterior, _ = filter.update(filter.predict(belief, Step(0)), z[:, 0], Step(0))
     exact = run_filter(create_filter("kf", DYNAMICS, MEASUREMENT), z, np.zeros(2), P0)
-    cloud = posterior.states
+    particle_set = posterior.states
     deviation = np.sqrt(np.einsum("bii->bi", exact.covariance[:, 0]))
-    error = (cloud.mean(axis=1) - exact.mean[:, 0]) / deviation
+    error = (particle_set.mean(axis=1) - exact.mean[:, 0]) / deviation
     assert np.abs(error.mean(axis=0)).max() < 4 * error.std(axis=0).max() / np.sqrt(runs)
-    np.testing.assert_allclose((cloud.var(axis=1) / deviation**2).mean(axis=0), 1, atol=0.02)
+    np.testing.assert_allclose((particle_set.var(axis=1) / deviation**2).mean(axis=0), 1, atol=0.02)
     for run in range(3):
-        assert len(np.unique(cloud[run, :, 0])) > 0.9 * particles
+        assert len(np.unique(particle_set[run, :, 0])) > 0.9 * particles
 
 
 @pytest.mark.parametrize(

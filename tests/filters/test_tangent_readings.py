@@ -11,12 +11,12 @@ from relnav_sim.astro.line_of_sight import polar
 from relnav_sim.astro.tangent_plane import deflected, unit
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 from relnav_sim.measurements.tangent_sight import TangentSight
 
 RUNS, EPOCHS, STEP_S = 4, 25, 5.0
 SIGMAS = np.array([1.0, 1e-3, 1e-3])
-NOISE = RadarNoise(
+NOISE = SightNoise(
     np.array([0.9, 0.1]), np.array([SIGMAS, 4 * SIGMAS]), SIGMAS, (3e-4) ** 2 * np.diag([1.0, 2.0, 3.0]), "mixture"
 )
 OWN = Sight(np.eye(3), "chief", None)
@@ -46,7 +46,7 @@ def test_every_filter_takes_them(name):
     P0 = np.diag(np.square([3.0, 3.0, 3.0, 0.05, 0.05, 0.05]))
     spherical, tangent = (
         run_filter(create_filter(name, motion, model, **fewer), z, PLACE, P0, step_s=STEP_S)
-        for model, z in zip((PolarRadar(np.eye(3), NOISE), TangentSight(OWN, NOISE)), readings(), strict=True)
+        for model, z in zip((SphericalRadar(np.eye(3), NOISE), TangentSight(OWN, NOISE)), readings(), strict=True)
     )
     np.testing.assert_array_equal(tangent.dof, spherical.dof)
     assert not tangent.failures

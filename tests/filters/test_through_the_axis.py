@@ -11,12 +11,12 @@ from relnav_sim.astro.line_of_sight import polar
 from relnav_sim.astro.tangent_plane import deflected, unit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 from relnav_sim.measurements.tangent_sight import TangentSight
 
 RUNS, EPOCHS, STEP_S, N = 200, 200, 30.0, 0.0011
 SIGMAS = np.array([1.0, np.radians(0.3), np.radians(0.3)])
-NOISE = RadarNoise(np.ones(1), SIGMAS[None], SIGMAS, np.zeros((3, 3)))
+NOISE = SightNoise(np.ones(1), SIGMAS[None], SIGMAS, np.zeros((3, 3)))
 OWN = Sight(np.eye(3), "chief", None)
 F = cw_transition(N, STEP_S)
 
@@ -42,7 +42,7 @@ def history(form, name="ekf"):
         model = TangentSight(OWN, NOISE)
     else:
         z[..., 1:] += np.stack([azimuth, elevation], axis=-1)
-        model = PolarRadar(np.eye(3), NOISE)
+        model = SphericalRadar(np.eye(3), NOISE)
     P0 = np.diag(np.square([5.0, 5, 5, 0.01, 0.01, 0.01]))
     mean0 = np.linalg.solve(F, truth[0]) + generator.normal(size=(RUNS, 6)) @ np.sqrt(P0)
     filter = create_filter(name, LinearDynamics(F, np.zeros((6, 6))), model)
@@ -102,7 +102,7 @@ def test_away_from_the_axis_both_are_the_same_to_second_order():
     P0 = np.diag(np.square([5.0, 5, 5, 0.01, 0.01, 0.01]))
     made = [
         run_filter(create_filter("ekf", LinearDynamics(F, np.zeros((6, 6))), model), read, off, P0, step_s=STEP_S)
-        for model, read in ((TangentSight(OWN, NOISE), tangent), (PolarRadar(np.eye(3), NOISE), z))
+        for model, read in ((TangentSight(OWN, NOISE), tangent), (SphericalRadar(np.eye(3), NOISE), z))
     ]
     sigma = np.sqrt(np.diagonal(made[0].covariance, axis1=-2, axis2=-1))
     assert np.abs((made[0].mean - made[1].mean) / sigma).max() < 0.02

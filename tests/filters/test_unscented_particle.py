@@ -31,7 +31,7 @@ def linear_track(runs, steps, r, seed=0):
     return z
 
 
-def predicted_cloud(filter, mean, covariance, runs=1):
+def predicted_set(filter, mean, covariance, runs=1):
     prior = Gaussian(np.broadcast_to(mean, (runs, len(mean))).copy(), np.stack([covariance] * runs))
     return filter.predict(filter.start(prior, RandomSource(0, tuple(range(runs)))), STEP)
 
@@ -53,13 +53,13 @@ def proposal_moments(proposal, root):
 def test_with_a_linear_measurement_the_proposal_is_the_exact_conditional(dynamics):
     measurement = LinearMeasurement(np.array([[1.0, 0.0], [0.3, 2.0]]), np.array([[0.2, 0.05], [0.05, 0.1]]))
     filter = create_filter("unscented_particle", dynamics, measurement, particles=20, roughening=0.0)
-    cloud = predicted_cloud(filter, np.zeros(2), P0)
+    particle_set = predicted_set(filter, np.zeros(2), P0)
     z = np.array([[1.0, -2.0]])
-    mean, covariance = proposal_moments(filter._propose(cloud, z, STEP), cloud.root)
+    mean, covariance = proposal_moments(filter._propose(particle_set, z, STEP), particle_set.root)
     G = measurement.jacobian(mean, 0)
     gain = Q @ G.T @ np.linalg.inv(G @ Q @ G.T + measurement.noise(mean, 0))
     for i in range(20):
-        centre = cloud.centres[0, :, i]
+        centre = particle_set.centres[0, :, i]
         np.testing.assert_allclose(mean[i], centre + gain @ (z[0] - G @ centre), atol=1e-12)
         np.testing.assert_allclose(covariance[i], Q - gain @ G @ Q, atol=1e-12)
 
@@ -70,13 +70,13 @@ def test_each_proposal_is_the_unscented_update_of_its_transition_density():
     measurement = FunctionMeasurement(polar, R, polar_jacobian, angles=(1, 2))
     dynamics = LinearDynamics(np.eye(6), covariance)
     filter = create_filter("unscented_particle", dynamics, measurement, particles=15, roughening=0.0)
-    cloud = predicted_cloud(filter, np.array([-300.0, 5.0, 100.0, 0.0, 0.0, 0.0]), 0.01 * covariance)
+    particle_set = predicted_set(filter, np.array([-300.0, 5.0, 100.0, 0.0, 0.0, 0.0]), 0.01 * covariance)
     z = polar(np.array([[-310.0, -20.0, 110.0, 0.0, 0.0, 0.0]]))
-    proposal = filter._propose(cloud, z, STEP)
-    mean, spread = proposal_moments(proposal, cloud.root)
+    proposal = filter._propose(particle_set, z, STEP)
+    mean, spread = proposal_moments(proposal, particle_set.root)
     # One run for each particle: the unscented filter with the same square root of Q draws the same sigma points.
     ukf = create_filter("ukf", dynamics, measurement)
-    belief = Gaussian(cloud.centres[0].T.copy(), np.stack([covariance] * 15))
+    belief = Gaussian(particle_set.centres[0].T.copy(), np.stack([covariance] * 15))
     posterior, _ = ukf.update(belief, np.repeat(z, 15, axis=0), STEP)
     scale = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(mean / scale, posterior.mean / scale, atol=1e-9)
@@ -88,12 +88,12 @@ def test_each_proposal_is_the_unscented_update_of_its_transition_density():
 def test_log_ratio_is_that_of_the_densities():
     measurement = LinearMeasurement(H, [[0.3]])
     filter = create_filter("unscented_particle", DYNAMICS, measurement, particles=30, roughening=0.0)
-    cloud = predicted_cloud(filter, np.zeros(2), P0)
-    proposal = filter._propose(cloud, np.array([[1.5]]), STEP)
-    mean, covariance = proposal_moments(proposal, cloud.root)
-    states, log_ratio = proposal.draw(cloud.noise)
+    particle_set = predicted_set(filter, np.zeros(2), P0)
+    proposal = filter._propose(particle_set, np.array([[1.5]]), STEP)
+    mean, covariance = proposal_moments(proposal, particle_set.root)
+    states, log_ratio = proposal.draw(particle_set.noise)
     for i in range(30):
-        p = stats.multivariate_normal.logpdf(states[0, :, i], cloud.centres[0, :, i], Q)
+        p = stats.multivariate_normal.logpdf(states[0, :, i], particle_set.centres[0, :, i], Q)
         q = stats.multivariate_normal.logpdf(states[0, :, i], mean[i], covariance[i])
         np.testing.assert_allclose(log_ratio[0, i], p - q, atol=1e-9)
 
@@ -103,10 +103,10 @@ def test_with_a_linear_measurement_the_weight_is_that_of_the_ancestor_alone(r):
     """p(z | x) p(x | a) / q(x) = p(z | a) wherever x was drawn, however peaked the likelihood."""
     measurement = LinearMeasurement(H, [[r]])
     filter = create_filter("unscented_particle", DYNAMICS, measurement, particles=40, ess_fraction=0.0, roughening=0.0)
-    cloud = predicted_cloud(filter, np.zeros(2), P0)
+    particle_set = predicted_set(filter, np.zeros(2), P0)
     z = np.array([[0.7]])
-    posterior, innovation = filter.update(cloud, z, STEP)
-    score = stats.norm.logpdf(0.7, cloud.centres[0, 0], np.sqrt(Q[0, 0] + r))
+    posterior, innovation = filter.update(particle_set, z, STEP)
+    score = stats.norm.logpdf(0.7, particle_set.centres[0, 0], np.sqrt(Q[0, 0] + r))
     # Rounding of the state against the sensor's sigma is all that is left.
     tolerance = 1e-9 + 1e-13 / r**0.5
     np.testing.assert_allclose(innovation.log_likelihood[0], np.log(np.exp(score).mean()), atol=tolerance)
@@ -164,12 +164,12 @@ def test_moves_leave_the_posterior_as_it_is():
     dynamics = LinearDynamics(np.eye(2), np.diag([0.5, 0.3]))
     z = np.full((60, 1, 1), 2.0)
     options = {"particles": 1000, "ess_fraction": 1.0, "roughening": 0.0}
-    clouds = {}
+    particle_sets = {}
     for steps in (0, 8):
         filter = create_filter("unscented_particle", dynamics, measurement, mcmc_steps=steps, **options)
-        cloud = predicted_cloud(filter, np.array([1.5, 0.5]), 0.05 * np.eye(2), runs=60)
-        posterior, innovation = filter.update(cloud, z[:, 0], STEP)
-        clouds[steps] = posterior.states
+        particle_set = predicted_set(filter, np.array([1.5, 0.5]), 0.05 * np.eye(2), runs=60)
+        posterior, innovation = filter.update(particle_set, z[:, 0], STEP)
+        particle_sets[steps] = posterior.states
         if steps:
             assert 0.5 < innovation.extras["accepted"].mean() < 1
     rng = np.random.default_rng(0)
@@ -177,9 +177,9 @@ def test_moves_leave_the_posterior_as_it_is():
     weights = np.exp(-0.5 * np.square(np.hypot(*x.T) - 2.0) / 0.01)
     for moment in (lambda x: x[..., 0], lambda x: x[..., 1], lambda x: x[..., 1] ** 2):
         expected = np.average(moment(x), weights=weights)
-        found = moment(clouds[8]).mean(axis=1)
+        found = moment(particle_sets[8]).mean(axis=1)
         assert abs(found.mean() - expected) < 4.5 * found.std() / np.sqrt(60) + 2e-3
-    assert len(np.unique(clouds[8][0, :, 0])) > 1.2 * len(np.unique(clouds[0][0, :, 0]))
+    assert len(np.unique(particle_sets[8][0, :, 0])) > 1.2 * len(np.unique(particle_sets[0][0, :, 0]))
 
 
 def test_matches_the_unscented_filter_in_orbit():

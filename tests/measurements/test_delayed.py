@@ -5,9 +5,9 @@ import pytest
 
 from relnav_sim.measurements.delayed import Delayed
 from relnav_sim.measurements.interface import MeasurementDefaults
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
-NOISE = RadarNoise(
+NOISE = SightNoise(
     np.array([0.8, 0.2]),
     np.array([[2.0, 1e-3, 1e-3], [9.0, 5e-3, 5e-3]]),
     np.array([2.0, 1e-3, 1e-3]),
@@ -30,25 +30,25 @@ def earlier(states):
 
 
 def test_everything_is_the_bases_at_the_earlier_state(states, earlier):
-    base = PolarRadar(np.eye(3), NOISE)
+    base = SphericalRadar(np.eye(3), NOISE)
     late = Delayed(base, LATENCY_S)
     z = base.predict(earlier, 0) + np.array([1.0, 1e-3, -1e-3])
     for name in ("predict", "noise"):
         np.testing.assert_array_equal(getattr(late, name)(states, 0), getattr(base, name)(earlier, 0))
     np.testing.assert_array_equal(late.mixture(states, 0).covariances, base.mixture(earlier, 0).covariances)
     np.testing.assert_allclose(late.log_likelihood(z, states, 0), base.log_likelihood(z, earlier, 0), rtol=1e-12)
-    cloud, cloud_earlier = (np.repeat(x[:, None], 4, axis=1) for x in (states, earlier))
-    np.testing.assert_array_equal(late.predict(cloud, 0), base.predict(cloud_earlier, 0))
+    particle_set, cloud_earlier = (np.repeat(x[:, None], 4, axis=1) for x in (states, earlier))
+    np.testing.assert_array_equal(late.predict(particle_set, 0), base.predict(cloud_earlier, 0))
 
 
 def test_the_jacobian_is_the_derivative_and_states_stay_as_they_are(states):
-    late, before = Delayed(PolarRadar(np.eye(3), NOISE), LATENCY_S), states.copy()
+    late, before = Delayed(SphericalRadar(np.eye(3), NOISE), LATENCY_S), states.copy()
     expected = MeasurementDefaults.jacobian(late, states, 0)
     np.testing.assert_allclose(late.jacobian(states, 0), expected, atol=1e-7)  # differences of 3 km
     np.testing.assert_array_equal(states, before)
 
 
 def test_angles_wrap():
-    late = Delayed(PolarRadar(np.eye(3), NOISE), LATENCY_S)
+    late = Delayed(SphericalRadar(np.eye(3), NOISE), LATENCY_S)
     residual = late.residual(np.array([[1.0, 3.1, 0.0]]), np.array([[1.0, -3.1, 0.0]]))
     assert residual[0, 1] == pytest.approx(6.2 - 2 * np.pi)

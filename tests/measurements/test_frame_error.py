@@ -8,7 +8,7 @@ from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
 from relnav_sim.measurements.frame_error import FrameError, with_frame
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.relative_state import relative_gnss, relative_state
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 ORBIT = ChiefOrbit(7.137e6, 0.0, 0.7, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)
 MOUNTING = mounting_matrix(20.0, -30.0, 10.0)
@@ -24,14 +24,14 @@ def states(runs=7):
 
 
 def radar(turn, host="chief", assumed="total"):
-    noise = RadarNoise(
+    noise = SightNoise(
         np.array([0.9, 0.1]),
         np.array([[2.0, 1e-3, 1e-3], [9.0, 5e-3, 5e-3]]),
         np.array([2.0, 1e-3, 1e-3]),
         MOUNTING @ NADIR_FROM_RTN @ turn @ NADIR_FROM_RTN.T @ MOUNTING.T,
         assumed,
     )
-    return PolarRadar(MOUNTING, noise, host, ORBIT)
+    return SphericalRadar(MOUNTING, noise, host, ORBIT)
 
 
 @pytest.mark.parametrize(("host", "atol"), [("chief", 1e-9), ("deputy", 2e-3)])

@@ -11,7 +11,7 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, polar, sight_vector
 from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
 from relnav_sim.measurements.interface import MeasurementDefaults
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise, first_fix
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
 
 R_C = 7.0e6
 ORBIT = ChiefOrbit(R_C, 0.0, 0.5, 0.8, 0.5, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)
@@ -28,7 +28,7 @@ ATTITUDE = (2e-4) ** 2 * np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0
 
 def noise(assumed="total", attitude=ATTITUDE, sigmas=(4.0, ANGLE, ANGLE), weights=(0.7, 0.3), scales=(1.0, 2.0)):
     deviations = np.outer(scales, sigmas)
-    return RadarNoise(np.array(weights), deviations, deviations[0], attitude, assumed)
+    return SightNoise(np.array(weights), deviations, deviations[0], attitude, assumed)
 
 
 def states(runs=40, seed=1, spread=(900.0, 900.0, 900.0, 0.4, 0.4, 0.4)):
@@ -79,7 +79,7 @@ def test_half_open_angles():
 @pytest.mark.parametrize("mounting", MOUNTINGS)
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
 def test_prediction_is_the_geometry_of_two_craft_in_inertial_space(carrier, mounting):
-    radar = PolarRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
+    radar = SphericalRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
     n = ORBIT.mean_motion_rad_s
     turn = Rotation.from_euler("zxz", [20, 70, 130], degrees=True).as_matrix()
     chief = turn @ [R_C, 0, 0], turn @ [0, n * R_C, 0]
@@ -108,14 +108,14 @@ def test_deputy_at_rest_sees_what_the_corrected_formulas_of_wei_2012_say():
         [np.sqrt(x**2 + y**2 + z**2), np.arctan2(x_c, y_c), np.arctan2(z_c, np.hypot(x_c, y_c))], axis=-1
     )
     at_rest = np.stack([x, y, z, 0 * x, 0 * x, 0 * x], axis=-1)
-    predicted = PolarRadar(MOUNTINGS["wei"], noise(), "deputy", ORBIT).predict(at_rest, 0)
+    predicted = SphericalRadar(MOUNTINGS["wei"], noise(), "deputy", ORBIT).predict(at_rest, 0)
     np.testing.assert_allclose(predicted, expected, rtol=1e-9, atol=3e-8)
 
 
 @pytest.mark.parametrize("mounting", MOUNTINGS)
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
 def test_jacobian_agrees_with_finite_differences(carrier, mounting):
-    radar = PolarRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
+    radar = SphericalRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
     x = states()
     analytic = radar.jacobian(x, 0)
     numeric = MeasurementDefaults.jacobian(radar, x, 0)
@@ -136,7 +136,7 @@ def test_jacobian_agrees_with_finite_differences(carrier, mounting):
 
 
 def test_extra_states_and_particle_axes():
-    radar = PolarRadar(MOUNTINGS["oblique"], noise(), "deputy", ORBIT)
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), "deputy", ORBIT)
     x = np.concatenate([states(24).reshape(4, 6, 6), np.ones((4, 6, 2))], axis=-1)
     z, H = radar.predict(x, 0), radar.jacobian(x, 0)
     assert z.shape == (4, 6, 3)
@@ -149,7 +149,7 @@ def test_extra_states_and_particle_axes():
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
 def test_attitude_noise_is_that_of_a_turned_line_of_sight(carrier):
     """Turn the sight by many small angles of covariance P and look at the angles."""
-    radar = PolarRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
     x = states(6, seed=3)
     z = radar.predict(x, 0)
     sight = np.stack(sight_vector(*z.T), axis=-1)
@@ -166,7 +166,7 @@ def test_attitude_noise_is_that_of_a_turned_line_of_sight(carrier):
 
 
 def test_perfect_attitude_gives_one_matrix_for_all():
-    radar = PolarRadar(MOUNTINGS["aligned"], noise("nominal", np.zeros((3, 3))))
+    radar = SphericalRadar(MOUNTINGS["aligned"], noise("nominal", np.zeros((3, 3))))
     np.testing.assert_allclose(radar.noise(states(), 0), np.diag(np.square([4.0, ANGLE, ANGLE])))
 
 
@@ -174,7 +174,7 @@ def test_perfect_attitude_gives_one_matrix_for_all():
 def test_what_is_assumed(carrier):
     x = states(5)
     make = {
-        assumed: PolarRadar(MOUNTINGS["oblique"], noise(assumed), carrier, ORBIT)
+        assumed: SphericalRadar(MOUNTINGS["oblique"], noise(assumed), carrier, ORBIT)
         for assumed in ("nominal", "total", "mixture")
     }
     assert make["nominal"].mixture(x, 0) is make["total"].mixture(x, 0) is None
@@ -187,7 +187,7 @@ def test_what_is_assumed(carrier):
 
 
 def test_log_likelihood_of_the_mixture():
-    radar = PolarRadar(MOUNTINGS["oblique"], noise("mixture"))
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise("mixture"))
     x = states(3)
     points = np.stack([x, x + 1.0], axis=1)
     z = radar.predict(x, 0) + np.array([3.0, ANGLE, -2 * ANGLE])
@@ -259,7 +259,7 @@ def test_converted_covariance_to_first_order():
     mounting = MOUNTINGS["oblique"]
     mean = np.array([[300.0, 12000.0, -500.0, 0, 0, 0]])
     converted = ConvertedRadar(mounting, radar_noise)
-    H = PolarRadar(mounting, radar_noise).jacobian(mean, 0)[0, :, :3]
+    H = SphericalRadar(mounting, radar_noise).jacobian(mean, 0)[0, :, :3]
     to_radar = mounting @ np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]])
     J = np.linalg.inv(H)
     r = mean[0, :3]
@@ -272,7 +272,7 @@ def test_converted_covariance_to_first_order():
 
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
 def test_first_fix_inverts_the_reading(carrier):
-    radar = PolarRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
     x = states()
     x[:, 3:] = 0
     position, covariance = first_fix(radar, radar.predict(x, 0))
@@ -290,7 +290,7 @@ def test_first_fix_inverts_the_reading(carrier):
 @pytest.mark.parametrize("carrier", ["chief", "deputy"])
 def test_bits_do_not_depend_on_the_block(carrier):
     mounting = MOUNTINGS["oblique"]
-    polar_radar = PolarRadar(mounting, noise("mixture"), carrier, ORBIT)
+    polar_radar = SphericalRadar(mounting, noise("mixture"), carrier, ORBIT)
     converted = ConvertedRadar(mounting, noise("mixture"))
     x = states(203)
     functions = [
@@ -311,11 +311,11 @@ def test_bits_do_not_depend_on_the_block(carrier):
 
 
 def test_residual_wraps_across_the_seam():
-    radar = PolarRadar(MOUNTINGS["aligned"], noise())
+    radar = SphericalRadar(MOUNTINGS["aligned"], noise())
     difference = radar.residual(np.array([[10.0, np.pi - 1e-3, 0.1]]), np.array([[9.0, 1e-3 - np.pi, 0.0]]))
     np.testing.assert_allclose(difference, [[1.0, -2e-3, 0.1]], atol=1e-15)
 
 
 def test_a_radar_on_the_deputy_needs_the_orbit():
     with pytest.raises(ValueError, match="chief's nominal orbit"):
-        PolarRadar(MOUNTINGS["wei"], noise(), "deputy")
+        SphericalRadar(MOUNTINGS["wei"], noise(), "deputy")

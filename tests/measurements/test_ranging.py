@@ -8,7 +8,7 @@ from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging, crosslink, lidar
 from relnav_sim.measurements.several import JoinedMeasurement
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 ORBIT = ChiefOrbit(7.0e6, 0.0, 0.7, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)
 MOUNTING_DEG = (20.0, 30.0, 40.0)
@@ -51,8 +51,8 @@ def test_range_rate_is_the_derivative_of_the_range():
 def test_range_noise_grows_with_the_predicted_distance_and_nothing_else_changes():
     attitude = 1e-8 * np.diag([1.0, 2.0, 3.0])
     sigmas = np.array([0.05, 2e-3, 2e-3])
-    wide = RadarNoise(np.array([0.9, 0.1]), np.stack([sigmas, 4 * sigmas]), sigmas, attitude, "mixture")
-    radar = PolarRadar(np.eye(3), wide)
+    wide = SightNoise(np.array([0.9, 0.1]), np.stack([sigmas, 4 * sigmas]), sigmas, attitude, "mixture")
+    radar = SphericalRadar(np.eye(3), wide)
     grown = GrowingRangeNoise(radar, 2e-3 / 0.05)
     x = states(6)
     distance = np.linalg.norm(x[:, :3], axis=1)

@@ -14,7 +14,7 @@ from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.converted_tangent_radar import ConvertedTangentRadar, tangent_shrinkage
 from relnav_sim.measurements.delayed import Delayed
 from relnav_sim.measurements.sight import Sight
-from relnav_sim.measurements.spherical_radar import RadarNoise, first_fix
+from relnav_sim.measurements.spherical_radar import SightNoise, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight, camera
 
 ORBIT = ChiefOrbit(7.0e6, 0.0, 0.5, 0.8, 0.5, 0.0, 3.986004418e14, 6378137.0, 1.08263e-3)
@@ -30,7 +30,7 @@ MOUNTINGS = {
 
 def noise(channels=2, assumed="total", attitude=ATTITUDE, weights=(1.0,), scales=(1.0,)):
     deviations = np.outer(scales, [4.0, ANGLE, ANGLE][3 - channels :])
-    return RadarNoise(np.array(weights), deviations, deviations[0], attitude, assumed)
+    return SightNoise(np.array(weights), deviations, deviations[0], attitude, assumed)
 
 
 def sight(mounting="oblique", host="chief"):
@@ -234,7 +234,7 @@ def test_a_converted_position_is_unbiased_and_has_the_covariance_it_states():
     mounting, count = MOUNTINGS["on the axis"], 400_000
     deviations = np.array([[30.0, 0.35, 0.2], [60.0, 0.5, 0.4]])
     weights = np.array([0.8, 0.2])
-    told = RadarNoise(weights, deviations, deviations[0], np.zeros((3, 3)), "mixture")
+    told = SightNoise(weights, deviations, deviations[0], np.zeros((3, 3)), "mixture")
     state = np.array([[20.0, 900.0, -10.0, 0, 0, 0]])
     own = Sight(mounting, "chief", None)
     generator = np.random.default_rng(10)

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 from small_campaign import TEXT
 
 from relnav_sim import CampaignError, load_campaign
-from relnav_sim.simulation.augmented_states import extended_prior, extension_of, true_extra
+from relnav_sim.simulation.augmented_states import extended_prior, extension_of, true_augmented_states
 from relnav_sim.simulation.block import simulate_block
 from relnav_sim.simulation.chunks import chunks
 from relnav_sim.simulation.start import starting_belief
@@ -35,7 +35,7 @@ def test_the_first_fix_is_as_wrong_as_the_biases_make_it(tmp_path):
     b = extra.sigma * rng.standard_normal((runs, 3))
     z = first.inputs["radar"]["spherical"].copy()
     z += b[:, None]
-    biased = type(first)(first.first_epoch, first.truth, first.z, {"radar": {"spherical": z}}, first.fallen)
+    biased = type(first)(first.first_epoch, first.truth, first.z, {"radar": {"spherical": z}}, first.ended)
     prior = extended_prior(starting_belief(config, biased, source), extra, config)
     truth = np.concatenate([first.truth.relative[:, 0], b], axis=1)
     # The velocity at the start is no random number of the right size here, so position and biases are looked at.
@@ -141,7 +141,11 @@ def test_true_values_where_they_are_known(tmp_path):
     def true_values(text):
         config = campaign(tmp_path, entry, text).cases[0].config
         first = next(iter(chunks(config, RandomSource(5, (0, 1)))))
-        return true_extra(config.filters["ekf"], config, first.truth, RandomSource(5, (0, 1))), first.truth, config
+        return (
+            true_augmented_states(config.filters["ekf"], config, first.truth, RandomSource(5, (0, 1))),
+            first.truth,
+            config,
+        )
 
     biased = PLAIN.replace("angle_sigma_deg: 0.1,", "angle_sigma_deg: 0.1, elevation_bias_deg: 0.2,").replace(
         "noise: {kind: gaussian}", "noise: [{kind: gaussian}, {kind: bias, value: [0, 0, 3]}]"

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from relnav_sim import CampaignError, load_campaign
-from relnav_sim.simulation.augmented_states import true_extra
+from relnav_sim.simulation.augmented_states import true_augmented_states
 from relnav_sim.simulation.block import simulate_block
 from relnav_sim.simulation.chunks import chunks
 from relnav_sim.streams import RandomSource
@@ -86,7 +86,7 @@ def test_the_true_clock_is_that_of_each_run(tmp_path):
     config = campaign(tmp_path, entry("ekf", f"[{CLOCK}, sensor: link}}]")).cases[0].config
     source = RandomSource(3, (0, 1, 2))
     first = next(iter(chunks(config, source)))
-    values = true_extra(config.filters["ekf"], config, first.truth, source)
+    values = true_augmented_states(config.filters["ekf"], config, first.truth, source)
     assert values.shape == (3, len(first.truth.times_s), 2)
     relative = first.truth.relative
     distance = np.linalg.norm(relative[..., :3], axis=-1)

@@ -1,4 +1,4 @@
-"""Extra states behind a model's own: the dynamics of the concatenated state [x; b].
+"""Augmented states behind a model's own: the dynamics of the concatenated state [x; b].
 
 The one mechanism by which any filter estimates sensor biases, drag or an accelerometer's error, or accounts for them
 without estimating them (Schmidt 1966): the filter sees a larger state and is otherwise unchanged.
@@ -16,9 +16,9 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 
 
 class AugmentedDynamics:
-    """Dynamics of [x; b]: x_k = f(x_{k-1}) + G b_{k-1} + w, and the extra states b_k = D b_{k-1} + u.
+    """Dynamics of [x; b]: x_k = f(x_{k-1}) + G b_{k-1} + w, and the augmented states b_k = D b_{k-1} + u.
 
-    An extra state by itself is a constant (a factor 1 on the diagonal of D, no noise), a random walk (factor 1) or a
+    Alone, an augmented state is a constant (a factor 1 on the diagonal of D, no noise), a random walk (factor 1) or a
     first-order Gauss-Markov process (factor exp(-step / tau), noise sigma^2 (1 - factor^2)); a clock's bias and drift
     are coupled. u is independent of w.
 
@@ -28,7 +28,7 @@ class AugmentedDynamics:
         noise: Covariance of u, (e, e), or its diagonal (e,); 0 for a constant.
         inputs: G, (n, e), or a function ``inputs(step)`` that returns it, (n, e) or (runs, n, e); default: the extra
             states do not move x.
-        considered: Numbers, from 0, of the extra states that a filter is to account for without estimating them.
+        considered: Numbers, from 0, of the augmented states that a filter is to account for without estimating them.
 
     Attributes:
         considered: Their places in [x; b].
@@ -51,14 +51,14 @@ class AugmentedDynamics:
         self._D, self._noise = _square(decay), _square(noise)
         if self._D.shape != self._noise.shape or not _is_covariance(self._noise):
             raise ValueError(
-                "decay and noise must be (e,) or (e, e) over the same extra states, and the noise a covariance"
+                "decay and noise must be (e,) or (e, e) over the same augmented states, and the noise a covariance"
             )
         self._factors = np.diagonal(self._D)
         self._coupled = bool((np.diag(self._factors) != self._D).any())
         e = len(self._D)
         self.dimension = n + e
         if any(not 0 <= place < e for place in considered):
-            raise ValueError(f"considered {tuple(considered)} does not fit {e} extra states")
+            raise ValueError(f"considered {tuple(considered)} does not fit {e} augmented states")
         self.considered = tuple(n + place for place in considered)
         self._inputs: Callable[[Step], Array] | None
         if inputs is None or callable(inputs):

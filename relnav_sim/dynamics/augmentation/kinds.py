@@ -1,4 +1,4 @@
-"""The extra states that a campaign can name, and a filter's model built with them."""
+"""The augmented states that a campaign can name, and a filter's model built with them."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ _TAU = (
 )
 
 
-class ExtraStateOptions(Options):
-    """What extra states of one kind say, and how they move in time.
+class AugmentedStateOptions(Options):
+    """What augmented states of one kind say, and how they move in time.
 
     Attributes:
         names: Names of the states of this kind.
@@ -72,8 +72,8 @@ class ExtraStateOptions(Options):
         return _unit_column(3, self.axis, len(self.names))
 
 
-class SeparateStateOptions(ExtraStateOptions):
-    """Extra states of one kind that move each by itself: constants, random walks or Gauss-Markov processes.
+class SeparateStateOptions(AugmentedStateOptions):
+    """Augmented states of one kind that move each by itself: constants, random walks or Gauss-Markov processes.
 
     Attributes:
         key_unit: The unit of the campaign's keys, as it stands in their names.
@@ -234,7 +234,7 @@ class AccelerometerBiasOptions(SeparateStateOptions):
         return -np.eye(3)
 
 
-class ClockOptions(ExtraStateOptions):
+class ClockOptions(AugmentedStateOptions):
     """Bias and drift of the clocks behind a crosslink: the bias adds to the range, and the drift to the range rate.
 
     The drift moves the bias. White noise of the frequency makes the bias a random walk and its own walk the drift, the
@@ -272,7 +272,7 @@ class ClockOptions(ExtraStateOptions):
         )
 
 
-ExtraStateOption = (
+AugmentedStateOption = (
     AzimuthBiasOptions
     | ElevationBiasOptions
     | RangeBiasOptions
@@ -281,12 +281,12 @@ ExtraStateOption = (
     | AccelerometerBiasOptions
     | ClockOptions
 )
-"""The kinds of extra states."""
+"""The kinds of augmented states."""
 
 
 @dataclass(frozen=True)
 class Extension:
-    """What a filter believes of its e extra states: with mean 0 at the start, and independent then.
+    """What a filter believes of its e augmented states: with mean 0 at the start, and independent then.
 
     Attributes:
         names: Their names.
@@ -349,7 +349,7 @@ class SeenBy(Protocol):
         ...
 
 
-def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], step_s: float) -> Extension:
+def extension(options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], step_s: float) -> Extension:
     """Return the augmented states of a filter.
 
     Args:
@@ -375,12 +375,12 @@ def extension(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy]
     )
 
 
-def _named(option: ExtraStateOption) -> tuple[str, ...]:
+def _named(option: AugmentedStateOption) -> tuple[str, ...]:
     """Return the names of the states of one kind, with the sensor's before them where the option names one."""
     return option.names if option.sensor is None else tuple(f"{option.sensor}_{name}" for name in option.names)
 
 
-def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
+def sensor_of(option: AugmentedStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
     """Return the name of the sensor whose error an augmented state is; None where it is no error of a sensor.
 
     Raises:
@@ -406,7 +406,9 @@ def sensor_of(option: ExtraStateOption, sensors: Mapping[str, SeenBy]) -> str | 
     raise ValueError(f"{which} has {'not ' if option.sensor else ''}{lacking}")
 
 
-def _added(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, dict[str, Array]]:
+def _added(
+    options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], e: int
+) -> dict[str, dict[str, Array]]:
     """Return what e states add to the channels of sensors."""
     added: dict[str, dict[str, Array]] = {name: {} for name in sensors}
     first = 0
@@ -419,7 +421,7 @@ def _added(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e
     return added
 
 
-def _turned(options: Sequence[ExtraStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, Array]:
+def _turned(options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, Array]:
     """Return the turns of the sensors' hosts; a turn holds for all sensors on the same craft."""
     turns = {name: np.zeros((3, e)) for name in sensors}
     first = 0

@@ -1,4 +1,4 @@
-"""Extra states behind a model's own: what they do to dynamics and measurement."""
+"""Augmented states behind a model's own: what they do to dynamics and measurement."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 MOUNTING = mounting_matrix(20, 30, 40)
 ALL = (
@@ -61,8 +61,8 @@ def measured(extra, base):
 
 
 def radar(kind):
-    noise = RadarNoise(np.ones(1), np.array([[4.0, 1e-3, 1e-3]]), np.array([4.0, 1e-3, 1e-3]), 1e-9 * np.eye(3))
-    return PolarRadar(MOUNTING, noise) if kind == "spherical" else ConvertedRadar(MOUNTING, noise)
+    noise = SightNoise(np.ones(1), np.array([[4.0, 1e-3, 1e-3]]), np.array([4.0, 1e-3, 1e-3]), 1e-9 * np.eye(3))
+    return SphericalRadar(MOUNTING, noise) if kind == "spherical" else ConvertedRadar(MOUNTING, noise)
 
 
 def test_what_a_campaign_asks_for():
@@ -194,8 +194,8 @@ def test_an_attitude_error_moves_the_sight_as_the_attitude_noise_does():
     state[0, :3] = [300.0, 9000.0, 2000.0]
     P = np.diag([1.0, 2.0, 3.0]) * 1e-9
     sigmas = np.array([4.0, 1e-3, 1e-3])
-    noise = RadarNoise(np.ones(1), sigmas[None], sigmas, MOUNTING @ P @ MOUNTING.T)
-    polar = PolarRadar(MOUNTING, noise)
+    noise = SightNoise(np.ones(1), sigmas[None], sigmas, MOUNTING @ P @ MOUNTING.T)
+    polar = SphericalRadar(MOUNTING, noise)
     G = measured(extra, polar).jacobian(state, 0)[0, :, 6:]
     attitude_part = polar.noise(state, 0)[0] - np.diag(sigmas**2)
     assert np.allclose(G @ P @ G.T, attitude_part, rtol=1e-10, atol=1e-20)

@@ -1,4 +1,4 @@
-"""The cloud of weighted particles that the particle filters carry, and the Gaussian arithmetic on it.
+"""The particle set of weighted particles that the particle filters carry, and the Gaussian arithmetic on it.
 
 States are stored component by component, (runs, n, particles): each component is contiguous, which makes everything
 elementwise fast, and products with n x n matrices are one matrix product per run.
@@ -30,7 +30,7 @@ from relnav_sim.streams import RandomSource, Streams
 
 
 @dataclass(frozen=True)
-class CloudStreams:
+class ParticleStreams:
     """The random streams of a particle filter, one kind of draw each."""
 
     noise: Streams
@@ -40,13 +40,13 @@ class CloudStreams:
     acceptance: Streams
 
     @classmethod
-    def of(cls, source: RandomSource, kind: str) -> CloudStreams:
+    def of(cls, source: RandomSource, kind: str) -> ParticleStreams:
         """Return the streams ``filter.<kind>.<draw>``."""
         return cls(*(source.streams(f"filter.{kind}.{draw}") for draw in cls.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
-class Cloud:
+class ParticleSet:
     """Weighted particles.
 
     `mean` and `covariance` are those of the weighted particles before resampling, which only adds noise to them.
@@ -69,7 +69,7 @@ class Cloud:
     mean: Array
     covariance: Array
     parents: Array
-    streams: CloudStreams
+    streams: ParticleStreams
     centres: Array | None = None
     noise: Array | None = None
     root: Array | None = None
@@ -179,7 +179,7 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     """Return log p(z | state) of particles (runs, N, n): (runs, N).
 
     A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
-    cloud's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
+    particle set's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
     """
     if has_own_density(measurement):
         own = measurement.log_likelihood
@@ -200,11 +200,11 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     return result
 
 
-def average(matrices: Array, cloud: Cloud) -> Array:
+def average(matrices: Array, particle_set: ParticleSet) -> Array:
     """Return the weighted mean over particles of matrices (runs, N, n, n); fewer axes are returned as they are."""
     if matrices.ndim < 4:
         return matrices
-    return np.einsum("bp,bpij->bij", cloud.weights, matrices)
+    return np.einsum("bp,bpij->bij", particle_set.weights, matrices)
 
 
 def smoothing(parents: Array, bandwidth: float, observed: int | Integers) -> tuple[Array, Array]:
@@ -213,12 +213,12 @@ def smoothing(parents: Array, bandwidth: float, observed: int | Integers) -> tup
     Copies x of particles with mean m and covariance C become m + a (x - m) + noise with covariance k C: a^2 = 1 - h^2
     and, to keep the covariance, k = h^2 (Liu and West 2001). But the next update uses the inverse of a covariance that
     comes from p particles: the inverse of a Wishart matrix, for m_z measured components too large by (m_z + 1) / p in
-    the mean (Furrer and Bengtsson 2007). Where there is hardly any process noise a cloud that does not allow for that
+    the mean (Furrer and Bengtsson 2007). Where there is hardly any process noise a set that does not allow for that
     becomes ever surer of itself; so k = h^2 + (m_z + 1) / p.
 
     Args:
         parents: p, the effective number of particles that were copied, (runs,); infinite where none were.
-        bandwidth: h, in standard deviations of the cloud.
+        bandwidth: h, in standard deviations of the particle set.
         observed: m_z, the number of measured components, for all runs or (runs,).
     """
     h = np.where(np.isinf(parents), 0.0, bandwidth)[:, None, None]
@@ -257,5 +257,5 @@ def put(array: Array, rows: Indices, entries: Array) -> Array:
 
 
 def kernel_bandwidth(n: int, particles: int) -> float:
-    """Return Silverman's optimal width of a Gaussian kernel, in standard deviations of the cloud (1986, eq. 4.14)."""
+    """Return Silverman's optimal width of a Gaussian kernel, in standard deviations of the set (1986, eq. 4.14)."""
     return float((4 / (n + 2)) ** (1 / (n + 4)) * particles ** (-1 / (n + 4)))

@@ -1,4 +1,4 @@
-"""What the particle filters share: drawing, predicting, weighing and resampling a cloud."""
+"""What the particle filters share: drawing, predicting, weighing and resampling a particle set."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from pydantic import Field
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.cloud import (
-    Cloud,
-    CloudStreams,
+from relnav_sim.filters.kalman import joseph_update
+from relnav_sim.filters.particle_set import (
+    ParticleSet,
+    ParticleStreams,
     average,
     chosen,
     contracted,
@@ -26,7 +27,6 @@ from relnav_sim.filters.cloud import (
     square_root,
     standard_normals,
 )
-from relnav_sim.filters.kalman import joseph_update
 from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
@@ -37,7 +37,7 @@ from relnav_sim.streams import RandomSource, Streams
 NO_LIKELIHOOD = "no particle gives the measurement a finite likelihood"
 
 
-class CloudOptions(Options):
+class ParticleSetOptions(Options):
     """Options of every particle filter."""
 
     particles: int = Field(
@@ -68,12 +68,12 @@ class CloudOptions(Options):
     )
 
 
-class CloudFilter:
-    """Starting, predicting, weighting and resampling a cloud; `update` is the algorithm's own."""
+class ParticleSetFilter:
+    """Starting, predicting, weighting and resampling a particle set; `update` is the algorithm's own."""
 
     stochastic = True
 
-    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: CloudOptions) -> None:
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ParticleSetOptions) -> None:
         self.dynamics = dynamics
         self.measurement = measurement
         self._particles = options.particles
@@ -85,18 +85,18 @@ class CloudFilter:
         self._rooted: tuple[Array, Array] | None = None
         self._several = len(sensors_of(measurement)) > 1
 
-    def start(self, prior: Gaussian, source: RandomSource) -> Cloud:
+    def start(self, prior: Gaussian, source: RandomSource) -> ParticleSet:
         """Return particles drawn from the prior."""
-        streams = CloudStreams.of(source, "particle")
+        streams = ParticleStreams.of(source, "particle")
         runs, n = prior.mean.shape
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
         components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
         parents = np.full(runs, float(self._particles))
-        return Cloud(components, log_weights, prior.mean, prior.covariance, parents, streams)
+        return ParticleSet(components, log_weights, prior.mean, prior.covariance, parents, streams)
 
-    def predict(self, belief: Cloud, step: Step) -> Cloud:
-        """Return the cloud carried over one step, every particle with its own draw of the process noise."""
+    def predict(self, belief: ParticleSet, step: Step) -> ParticleSet:
+        """Return the particle set carried over one step, every particle with its own draw of the process noise."""
         share, width = np.ones((1, 1, 1)), np.zeros((1, 1, 1))
         if self._bandwidth > 0:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
@@ -127,8 +127,8 @@ class CloudFilter:
         drawn = spread(root, noise)
         drawn += centres
         parents = np.full(len(mean), np.inf)
-        cloud = Cloud(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
-        return replace(cloud, centres=centres, noise=noise, root=root)
+        particle_set = ParticleSet(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
+        return replace(particle_set, centres=centres, noise=noise, root=root)
 
     def _root(self, Q: Array) -> Array:
         """Return G with G G^T = Q; one that all runs share is kept until it changes."""
@@ -138,17 +138,17 @@ class CloudFilter:
             self._rooted = (Q.copy(), square_root(Q))
         return self._rooted[1]
 
-    def _log_likelihood(self, predicted: Cloud, components: Array, z: Array, step: Step) -> Array:
+    def _log_likelihood(self, predicted: ParticleSet, components: Array, z: Array, step: Step) -> Array:
         """Return log p(z | x) of particles (runs, n, N): (runs, N); the noise is that at the prediction's mean."""
         score = log_likelihood(self.measurement, z, transpose(components), predicted.mean, step.epoch)
         return np.ascontiguousarray(score)
 
     def _record(
-        self, predicted: Cloud, cloud: Cloud, z: Array, step: Step, evidence: Array, ess: Array
-    ) -> tuple[Cloud, Innovation]:
-        """Return the weighed cloud with its final covariance, and the innovation.
+        self, predicted: ParticleSet, particle_set: ParticleSet, z: Array, step: Step, evidence: Array, ess: Array
+    ) -> tuple[ParticleSet, Innovation]:
+        """Return the weighed particle set with its final covariance, and the innovation.
 
-        NIS is that of the predicted cloud's mean and covariance, with h linearised there. Weighted particles
+        NIS is that of the predicted particle set's mean and covariance, with h linearised there. Weighted particles
         underestimate the covariance by its 1 / ess part, and by all of it where one has all the weight; the Kalman
         update of the predicted moments stands in for that part.
         """
@@ -157,35 +157,43 @@ class CloudFilter:
         H, R = self.measurement.jacobian(mean, epoch), self.measurement.noise(mean, epoch)
         kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
         extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
-        covariance = cloud.covariance + kalman.covariance / ess[:, None, None]
+        covariance = particle_set.covariance + kalman.covariance / ess[:, None, None]
         failed = {place: NO_LIKELIHOOD for place in np.flatnonzero(~np.isfinite(evidence)).tolist()}
-        return replace(cloud, covariance=covariance), Innovation(innovation.nis, evidence, extras, failed)
+        return replace(particle_set, covariance=covariance), Innovation(innovation.nis, evidence, extras, failed)
 
     def _resampled_runs(self, ess: Array) -> Indices:
         return np.flatnonzero(ess < self._ess_threshold)
 
-    def _ancestors(self, cloud: Cloud, rows: Indices) -> Indices:
-        return draw_ancestors(self._resampling, cloud.weights[rows], chosen(cloud.streams.resampling, rows))
+    def _ancestors(self, particle_set: ParticleSet, rows: Indices) -> Indices:
+        return draw_ancestors(
+            self._resampling, particle_set.weights[rows], chosen(particle_set.streams.resampling, rows)
+        )
 
-    def _settle(self, cloud: Cloud, rows: Indices, ess: Array) -> Cloud:
-        """Return the cloud with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
+    def _settle(self, particle_set: ParticleSet, rows: Indices, ess: Array) -> ParticleSet:
+        """Return the particle set with equal weights in the resampled runs; ess is theirs before, (resampled runs,)."""
         equal = np.full((len(rows), self._particles), -np.log(self._particles))
-        return replace(cloud, log_weights=put(cloud.log_weights, rows, equal), parents=put(cloud.parents, rows, ess))
+        return replace(
+            particle_set,
+            log_weights=put(particle_set.log_weights, rows, equal),
+            parents=put(particle_set.parents, rows, ess),
+        )
 
-    def _for_next_sensor(self, cloud: Cloud, predicted: Cloud) -> Cloud:
-        """Return an updated cloud as the prediction of the epoch's next sensor, if there are several.
+    def _for_next_sensor(self, particle_set: ParticleSet, predicted: ParticleSet) -> ParticleSet:
+        """Return an updated particle set as the prediction of the epoch's next sensor, if there are several.
 
         Its particles have no process noise left to draw: they are their own centres, and the root is zero. Runs that
         did not read this sensor keep what they were predicted from.
         """
         if not self._several:
-            return cloud
+            return particle_set
         assert predicted.noise is not None and predicted.root is not None
         root = predicted.root
-        shape = (len(cloud.mean), *root.shape[-2:]) if root.ndim < 4 else root.shape
-        return replace(cloud, centres=cloud.components, noise=np.zeros(predicted.noise.shape), root=np.zeros(shape))
+        shape = (len(particle_set.mean), *root.shape[-2:]) if root.ndim < 4 else root.shape
+        return replace(
+            particle_set, centres=particle_set.components, noise=np.zeros(predicted.noise.shape), root=np.zeros(shape)
+        )
 
-    def _parted(self, belief: Cloud) -> Cloud:
+    def _parted(self, belief: ParticleSet) -> ParticleSet:
         """Return the prediction of an epoch's further sensor with the copies parted that the last one has left.
 
         As in `predict` the kernel takes the place of the process noise; after a prediction there are no copies.
@@ -214,31 +222,31 @@ class CloudFilter:
         )
 
 
-def weigh(cloud: Cloud, log_increments: Array) -> tuple[Cloud, Array, Array]:
-    """Return the reweighted cloud, with its moments; the evidence's logarithm; and the effective sample size.
+def weigh(particle_set: ParticleSet, log_increments: Array) -> tuple[ParticleSet, Array, Array]:
+    """Return the reweighted particle set, with its moments; the evidence's logarithm; and the effective sample size.
 
     The weights' mean increment estimates p(z_k | z_1 ... z_{k-1}); the product over k is unbiased (Del Moral 2004). A
     particle without a finite likelihood (NaN, or infinite) gets weight zero; a run in which all are such turns to NaN.
 
     Args:
-        cloud: Particles with the weights they had.
+        particle_set: Particles with the weights they had.
         log_increments: Logarithm of every particle's new factor, (runs, N).
     """
-    log_weights, components = cloud.log_weights + log_increments, cloud.components
+    log_weights, components = particle_set.log_weights + log_increments, particle_set.components
     highest = log_weights.max(axis=-1, keepdims=True)
     if not np.isfinite(highest).all():
         log_weights = usable(log_weights)
         highest = log_weights.max(axis=-1, keepdims=True)
         # Zero times NaN would spoil the moments.
         lost = (log_weights == -np.inf)[:, None] & ~np.isfinite(components)
-        components = np.where(lost, cloud.mean[:, :, None], components)
+        components = np.where(lost, particle_set.mean[:, :, None], components)
     weights = np.exp(log_weights - highest)
     total = weights.sum(axis=-1, keepdims=True)
     weights /= total
     evidence = highest + np.log(total)
     log_weights -= evidence
     mean, covariance = moments(components, weights)
-    weighted = Cloud(components, log_weights, mean, covariance, cloud.parents, cloud.streams)
+    weighted = ParticleSet(components, log_weights, mean, covariance, particle_set.parents, particle_set.streams)
     return weighted, evidence[:, 0], effective_sample_size(weights)
 
 

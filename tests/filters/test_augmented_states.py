@@ -1,4 +1,4 @@
-"""Filters over a state with extra states: estimated, or accounted for without estimating them (Schmidt's filter)."""
+"""Filters with augmented states: estimated, or accounted for without estimating them (Schmidt's filter)."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
 from relnav_sim.measurements.radar_errors import RadarDistortion, radar_errors
-from relnav_sim.measurements.spherical_radar import PolarRadar, RadarNoise
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 KINDS = sorted(filter_kinds())
 CONSIDERING = sorted(kind for kind, known in filter_kinds().items() if known.considers)
@@ -40,7 +40,7 @@ SMALLER = {"samples": 200, "particles": 200}
 class Problem:
     """Two coordinates and their rates; both coordinates are measured, each with a bias, one of which drifts.
 
-    A third extra state accelerates the first coordinate.
+    A third augmented state accelerates the first coordinate.
     """
 
     F: np.ndarray
@@ -88,7 +88,7 @@ def problem(runs=3, steps=60, seed=11):
     cov0 = np.diag([25.0, 1, 25, 1, 9, 4, 1e-4])
     case = Problem(F, Q, G, H, C, R, decay, noise, cov0, np.empty(0), np.empty(0))
     x = rng.standard_normal((runs, 7)) @ np.linalg.cholesky(cov0).T
-    # Q of the extra states is singular where one is constant, so its root is that of a diagonal.
+    # Q of the augmented states is singular where one is constant, so its root is that of a diagonal.
     root = np.block([[np.linalg.cholesky(Q), np.zeros((4, 3))], [np.zeros((3, 4)), np.diag(np.sqrt(noise))]])
     truth, z = np.empty((runs, steps, 7)), np.empty((runs, steps, 2))
     for k in range(steps):
@@ -220,7 +220,7 @@ def bias_sigmas(psd):
     n, step_s, epochs = 2 * np.pi / 6000, 60.0, 100
     _, Q = van_loan(cw_system(n), np.vstack([np.zeros((3, 3)), np.eye(3)]), psd * np.eye(3), step_s)
     sigmas = np.array([4.0, np.radians(1 / 15), np.radians(1 / 15)]) / np.sqrt(300)
-    radar = PolarRadar(np.eye(3), RadarNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
+    radar = SphericalRadar(np.eye(3), SightNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))
     extra = extension(
         [AzimuthBiasOptions(sigma_deg=0.1), ElevationBiasOptions(sigma_deg=0.1), RangeBiasOptions(sigma_m=20)],
         {"radar": Radar()},
