@@ -78,9 +78,9 @@ def test_nothing_is_learned_where_nothing_is_measured(campaign):
         bound_of(campaign, ONE, "clock.store_every_s=1", f"sensors.{name}.noise={gap}")
         for name in ("star_tracker", "gnss")
     )
-    # The range stays without the star tracker, and all stays while the host carries its orbit on.
+    # The range stays without the star tracker; all stays while the host carries its orbit on, with hardly more error.
     assert ((free.perfect < lost.perfect) & (lost.perfect < cut.perfect))[12:, 6].all()
-    np.testing.assert_array_equal(carried.perfect, free.perfect)
+    np.testing.assert_allclose(carried.perfect, free.perfect, rtol=1e-4)
     seldom = bound_of(campaign, ONE, "sensors.radar.period_s=8")
     assert (seldom.perfect[2:, 6] > free.perfect[8::4, 6]).all()
 
