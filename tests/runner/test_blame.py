@@ -14,6 +14,7 @@ from relnav_sim.runner.job import result_header
 from relnav_sim.runner.pool import KILLED, Pool, failed_task
 from relnav_sim.runner.sessions import provenance_of
 from relnav_sim.runner.work import blocks_left, with_filters
+from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 
 
@@ -82,7 +83,7 @@ def test_the_truth_of_a_run_whose_process_died_comes_from_another_block_or_is_un
     shards = [replace(block, case=with_filters(block.case, [name])) for name in filters]
     *others, died = shards
     for shard in others:
-        compute(shard)
+        compute(shard, Learned())
     failed_task(died, KILLED, retry=False)
     merge_shards(
         [shard.path for shard in shards], result_header(made), provenance_of([]), tmp_path / "out.h5", complete=False

@@ -65,5 +65,6 @@ def test_the_warnings_of_its_case_are_said_once(campaign, tmp_path, many):
     else:
         run_single(short, 0, 1, tmp_path / "one.h5", backend="sequential", say=said.append)
     warned = [sentence for sentence in said if sentence.startswith("warning: ")]
-    assert len(warned) == len(set(warned)) == 2
-    assert "would not be positive" in warned[0] and "convergence cannot be judged" in warned[1]
+    assert len(warned) == len(set(warned))
+    assert "would not be positive" in warned[0] and "convergence cannot be judged" in warned[-1]
+    assert all("not observable" in sentence for sentence in warned[1:-1])  # by so coarse a range
