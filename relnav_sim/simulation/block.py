@@ -43,7 +43,7 @@ from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
 
-NO_FIX = "no radar measurement at the start, which is at the first fix"
+_NO_FIX = "no reading at 0 s that gives a position, where the start is the first fix"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def simulate_block(
     if not config.truth.is_dispersed and ended:
         ended = dict.fromkeys(range(len(runs)), ended[0])
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
-    reasons = ended | {int(place): NO_FIX for place in no_fix}
+    reasons = ended | {int(place): _NO_FIX for place in no_fix}
     sound = [track for track in tracks if track.broken is None]
     result = BlockResult(
         case_index=case_index,
