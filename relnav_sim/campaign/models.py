@@ -70,7 +70,9 @@ class Clock(Options):
 class FirstFixStart(Options):
     """Every filter starts at the position that the first reading gives; needs a sensor that gives one by itself."""
 
-    kind: Literal["first_fix"] = Field(default="first_fix", description="Start at the position that the first reading gives")
+    kind: Literal["first_fix"] = Field(
+        default="first_fix", description="Start at the position that the first reading gives"
+    )
     velocity_m_s: Vector = Field(
         default=(0.0, 0.0, 0.0),
         description="Relative velocity assumed at the start, m/s, RTN (radial, along-track, normal); "

@@ -123,15 +123,6 @@ def _no_track(fit: Callable[[TrainingTrack], T]) -> T:
     raise ValueError("there is no training track to learn from; options that need one say training_track in `needs`")
 
 
-def learning_from(track: TrainingTrack) -> Learn:
-    """Return `DynamicsContext.learn` for a track at hand."""
-
-    def learn(fit: Callable[[TrainingTrack], T]) -> T:
-        return fit(track)
-
-    return learn
-
-
 @dataclass(frozen=True)
 class DynamicsContext:
     """What `DynamicsOptions.build` gets: what a filter knows before flight, and what the options declare in `needs`.
