@@ -198,7 +198,8 @@ class FilterTrack:
         self._shared = shared.by_dynamics.by(entry)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: Breakdown | None = None
-        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics))
+        sensors = relative_sensors(config.sensors, entry.sensors).values()
+        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics), *map(type, sensors))
         packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0

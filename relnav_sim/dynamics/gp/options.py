@@ -57,9 +57,10 @@ class GpOptions(DynamicsOptions):
     training: Literal["smoothed_radar", "truth"] = Field(
         default="smoothed_radar",
         description="Where training states come from, the nominal flight before the campaign's start, which ends "
-        "there: smoothed_radar (the track that the radar, with random numbers of its own, and a smoother give; the "
-        "smoother has the base dynamics and the filter's `process_noise`) or truth (the error-free states, as the "
-        "paper: no flight filter can have them, and reports call it leakage)",
+        "there: smoothed_radar (the track that the first sensor that gives a position by itself, a radar say, with "
+        "random numbers of its own, and a smoother give; the smoother has the base dynamics and the filter's "
+        "`process_noise`) or truth (the error-free states, as the paper: no flight filter can have them, and reports "
+        "call it leakage)",
     )
     training_points: int = Field(
         default=500, ge=50, le=5000, description="Training points S; default 500, as the paper; fitting costs S^3"
