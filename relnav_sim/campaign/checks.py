@@ -20,8 +20,6 @@ from relnav_sim.sensors.conformity import complaints
 from relnav_sim.truth import TruthOptions, nominal_chief
 
 MOST_EPOCHS = 10_000_000
-LINEAR_ONLY = frozenset({"kf"})
-"""Filters whose measurement must be linear in the state."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,7 @@ def _check_sensors_of(name: str, entry: FilterEntry, sensors: Sensors) -> Iterat
         yield Problem(place, own + no_such("sensor", each, list(relative)))
     if unknown:
         return
-    linear = entry.kind in LINEAR_ONLY
+    linear = filter_kinds()[entry.kind].linear_only
     for each, options in relative_sensors(sensors, entry.sensors).items():
         form = form_taken(options, entry.measurement)
         if linear and form not in options.linear_forms:

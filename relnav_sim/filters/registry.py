@@ -77,6 +77,11 @@ class FilterKind:
         return bool(getattr(self.factory, "considers", False))
 
     @property
+    def linear_only(self) -> bool:
+        """Whether its measurements must be linear in the state: `linear_only` of its class."""
+        return bool(getattr(self.factory, "linear_only", False))
+
+    @property
     def description(self) -> str:
         """What the filter is: the docstring of its class."""
         return inspect.getdoc(self.factory) or ""
