@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import mounting_matrix, polar, polar_gradients, rows, sight_vector, times
+from relnav_sim.astro.line_of_sight import mounting_matrix, rows, sight_vector, spherical_gradients, spherical_of, times
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
@@ -93,12 +93,12 @@ class SphericalRadar(MeasurementDefaults):
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
         # Laid out in memory as the states are: what follows is then elementwise along the particles.
         z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
-        z[..., 0], z[..., 1], z[..., 2] = polar(self._sight.of(states))
+        z[..., 0], z[..., 1], z[..., 2] = spherical_of(self._sight.of(states))
         return z
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
-        return self._sight.jacobian(states, polar_gradients)
+        return self._sight.jacobian(states, spherical_gradients)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, polar, sight_vector
+from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, sight_vector, spherical_of
 from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
@@ -65,7 +65,7 @@ def test_mounting_agrees_with_scipy():
 
 def test_polar_and_sight_vector_are_inverses():
     sight = tuple(np.random.default_rng(0).normal(size=(3, 200)) * 1e4)
-    for there, back in zip(sight, sight_vector(*polar(sight)), strict=True):
+    for there, back in zip(sight, sight_vector(*spherical_of(sight)), strict=True):
         np.testing.assert_allclose(back, there, atol=1e-11)
 
 
@@ -159,7 +159,7 @@ def test_attitude_noise_is_that_of_a_turned_line_of_sight(host):
     for column in factor.T:
         for sign in (1, -1):
             turned = Rotation.from_rotvec(sign * column).apply(sight)
-            d = radar.residual(np.stack(polar(tuple(turned.T)), axis=-1), z)
+            d = radar.residual(np.stack(spherical_of(tuple(turned.T)), axis=-1), z)
             total += np.einsum("bi,bj->bij", d, d) / 2
     diagonal = np.diag([0.7 + 0.3 * 4] * 3) * np.square([4.0, ANGLE, ANGLE])
     np.testing.assert_allclose(radar.noise(x, 0), total + diagonal, rtol=1e-5, atol=1e-14)
@@ -208,7 +208,7 @@ def sampled_conversion(radar_noise, mounting, position, size=400_000, seed=5):
     """Errors of converted positions, RTN, by drawing range, angles and attitude and converting each."""
     rng = np.random.default_rng(seed)
     to_radar = mounting @ np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]])
-    truth = np.array(polar(tuple(to_radar @ position)))
+    truth = np.array(spherical_of(tuple(to_radar @ position)))
     component = rng.choice(len(radar_noise.weights), p=radar_noise.weights, size=size)
     z = truth + rng.normal(size=(size, 3)) * radar_noise.deviations[component]
     factors = conversion(radar_noise.weights, radar_noise.deviations)
