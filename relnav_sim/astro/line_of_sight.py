@@ -30,7 +30,7 @@ def components(vectors: Array) -> Vector:
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
-def dot(a: Vector, b: Vector) -> Array:
+def dot(a: Sequence[Array], b: Sequence[Array]) -> Array:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
