@@ -28,16 +28,16 @@ CASES = (
     ("alpha_kf", {"samples": 10_000}, "cartesian", 8, 30, 700),
     ("alpha_kf", {"samples": 10_000, "sampling": "antithetic"}, "cartesian", 8, 30, None),
     ("alpha_kf", {"samples": 512, "sampling": "fixed"}, "cartesian", 200, 30, 15),
-    ("ekf", {}, "polar", 200, 60, None),
-    ("alpha_kf", {"samples": 10_000}, "polar", 8, 30, 700),
-    ("alpha_kf", {"samples": 10_000, "sampling": "antithetic"}, "polar", 8, 30, None),
-    ("alpha_kf", {"samples": 512, "sampling": "fixed"}, "polar", 200, 30, 15),
-    ("mkf", {"samples": 512, "sampling": "fixed", "proposal": "posterior"}, "polar", 200, 30, None),
-    ("skf", {}, "polar", 8, 30, None),
-    ("adaptive_alpha_kf", {"scheme": "gate"}, "polar", 200, 60, None),
-    ("adaptive_alpha_kf", {"scheme": "student_t"}, "polar", 200, 60, None),
-    ("adaptive_alpha_kf", {"scheme": "responsibilities"}, "polar", 200, 60, None),
-    ("adaptive_alpha_kf", {"scheme": "windowed_nis"}, "polar", 200, 60, None),
+    ("ekf", {}, "spherical", 200, 60, None),
+    ("alpha_kf", {"samples": 10_000}, "spherical", 8, 30, 700),
+    ("alpha_kf", {"samples": 10_000, "sampling": "antithetic"}, "spherical", 8, 30, None),
+    ("alpha_kf", {"samples": 512, "sampling": "fixed"}, "spherical", 200, 30, 15),
+    ("mkf", {"samples": 512, "sampling": "fixed", "proposal": "posterior"}, "spherical", 200, 30, None),
+    ("skf", {}, "spherical", 8, 30, None),
+    ("adaptive_alpha_kf", {"scheme": "gate"}, "spherical", 200, 60, None),
+    ("adaptive_alpha_kf", {"scheme": "student_t"}, "spherical", 200, 60, None),
+    ("adaptive_alpha_kf", {"scheme": "responsibilities"}, "spherical", 200, 60, None),
+    ("adaptive_alpha_kf", {"scheme": "windowed_nis"}, "spherical", 200, 60, None),
 )
 
 
@@ -49,7 +49,7 @@ def measurement_of(form):
         attitude=np.zeros((3, 3)),
         assumed="nominal",
     )
-    return (SphericalRadar if form == "polar" else ConvertedRadar)(np.eye(3), noise)
+    return (SphericalRadar if form == "spherical" else ConvertedRadar)(np.eye(3), noise)
 
 
 def problem(form, runs, steps):

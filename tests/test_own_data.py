@@ -87,7 +87,7 @@ def test_what_is_no_model_is_refused(wrong, words):
     with pytest.raises(ValueError, match="must be positive"):
         measurements.radar(range_sigma_m=0.0, angle_sigma_deg=1.0)
     with pytest.raises(ValueError, match="chief's nominal orbit"):
-        measurements.radar(range_sigma_m=1.0, angle_sigma_deg=1.0, carrier="deputy")
+        measurements.radar(range_sigma_m=1.0, angle_sigma_deg=1.0, host="deputy")
 
 
 def test_the_page_filters_recorded_readings(tmp_path, monkeypatch):

@@ -30,7 +30,7 @@ def components(vectors: Array) -> Vector:
     return vectors[..., 0], vectors[..., 1], vectors[..., 2]
 
 
-def dot(a: Vector, b: Vector) -> Array:
+def dot(a: Sequence[Array], b: Sequence[Array]) -> Array:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -88,7 +88,7 @@ def _cosine_sine(angle_deg: float) -> tuple[float, float]:
     return cos(radians(angle_deg)), sin(radians(angle_deg))
 
 
-def polar(sight: Vector) -> Vector:
+def spherical_of(sight: Vector) -> Vector:
     """Return range, azimuth and elevation of a line of sight in the radar frame (Shi et al. 2025, fig. 1).
 
     Azimuth is positive from x towards y, in [-pi, pi]; elevation is positive towards minus z, in [-pi/2, pi/2].
@@ -105,12 +105,12 @@ def polar(sight: Vector) -> Vector:
 
 
 def sight_vector(distance: Array, azimuth: Array, elevation: Array) -> Vector:
-    """Return the line of sight in the radar frame; the inverse of `polar` (Shi et al. 2025, eq. 33)."""
+    """Return the line of sight in the radar frame; the inverse of `spherical_of` (Shi et al. 2025, eq. 33)."""
     level = distance * np.cos(elevation)
     return level * np.cos(azimuth), level * np.sin(azimuth), -distance * np.sin(elevation)
 
 
-def polar_gradients(sight: Vector) -> tuple[Vector, Vector, Vector]:
+def spherical_gradients(sight: Vector) -> tuple[Vector, Vector, Vector]:
     """Return the gradients of range, azimuth and elevation by the line of sight, radar frame."""
     x, y, z = sight
     in_plane = x * x + y * y

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
+from relnav_sim.containment import Containment
 from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
 from relnav_sim.dynamics.registry import dynamics_kinds
@@ -15,11 +17,9 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.sensors.conformity import complaints
-from relnav_sim.truth import TruthOptions
+from relnav_sim.truth import TruthOptions, nominal_chief
 
 MOST_EPOCHS = 10_000_000
-LINEAR_ONLY = frozenset({"kf"})
-"""Filters whose measurement must be linear in the state."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,8 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
             yield from _check_sensor_errors(name, entry, parts.sensors)
             yield from _check_distortions(name, entry, parts.sensors)
+            if parts.truth is not None:
+                yield from _check_training(name, entry, parts.sensors, nominal_chief(parts.truth))
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
@@ -111,6 +113,22 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
         )
 
 
+def _check_training(name: str, entry: FilterEntry, sensors: Sensors, orbit: ChiefOrbit) -> Iterator[Problem]:
+    """Yield a problem where dynamics are to be learned from a smoothed track that no sensor gives a start for."""
+    if "training_track" not in entry.dynamics.needs or any(
+        each.gives_fix for each in relative_sensors(sensors).values()
+    ):
+        return
+    with Containment() as contained:  # it may be another package's, which fails in the results of this filter
+        source = entry.dynamics.training_request(orbit).source
+    if contained.error is None and source == "smoothed_radar":
+        yield Problem(
+            ("filters", name, "dynamics"),
+            "there is no track to learn from, as no sensor here gives a position by itself; learn from the truth or "
+            "take dynamics that are not learned",
+        )
+
+
 def _check_sensors_of(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
     """Yield what a filter wants of the sensors and can't have."""
     if entry.known_thrust == "measured" and own_sensor(sensors, "force") is None:
@@ -125,7 +143,7 @@ def _check_sensors_of(name: str, entry: FilterEntry, sensors: Sensors) -> Iterat
         yield Problem(place, own + no_such("sensor", each, list(relative)))
     if unknown:
         return
-    linear = entry.kind in LINEAR_ONLY
+    linear = filter_kinds()[entry.kind].linear_only
     for each, options in relative_sensors(sensors, entry.sensors).items():
         form = form_taken(options, entry.measurement)
         if linear and form not in options.linear_forms:

@@ -66,7 +66,7 @@ class FilterEntry(Options):
     )
     assumed_latency: AssumedLatency = Field(
         default="known",
-        description="The radar's latency as the filter takes it: known (it compares a reading with the position that "
+        description="The sensors' latency as the filter takes it: known (it compares a reading with the position that "
         "long ago; default) or none (it takes the reading as fresh)",
     )
 

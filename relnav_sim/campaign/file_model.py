@@ -102,7 +102,7 @@ SECTIONS: dict[str, tuple[Any, str]] = {
     "clock": (Clock, "Length of a run, step, and what is stored"),
     "truth": (TruthOptions, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
     "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
-    "start": (StartOptions, "Where the filters start, all alike; default: at the first radar fix"),
+    "start": (StartOptions, "Where the filters start, all alike; default: at the first fix"),
     "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
 }
 DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": StatisticsOptions()}

@@ -68,9 +68,11 @@ class Clock(Options):
 
 
 class FirstFixStart(Options):
-    """Every filter starts at the first radar measurement, converted to a position; needs the radar."""
+    """Every filter starts at the position that the first reading gives; needs a sensor that gives one by itself."""
 
-    kind: Literal["first_fix"] = Field(default="first_fix", description="Start at the first radar measurement")
+    kind: Literal["first_fix"] = Field(
+        default="first_fix", description="Start at the position that the first reading gives"
+    )
     velocity_m_s: Vector = Field(
         default=(0.0, 0.0, 0.0),
         description="Relative velocity assumed at the start, m/s, RTN (radial, along-track, normal); "

@@ -197,6 +197,6 @@ def _weighed(H: Array, noise: Array, probability: Array) -> Array:
     """Return the sum (K, n, n) over the ensemble of the information H^T I H times its probability (b, K)."""
     n = H.shape[-1]
     information = (H.swapaxes(1, 2) @ noise @ H).reshape(*probability.shape, n, n)
-    # Where nothing is measured the information may be anything, as of a target on the radar's axis.
+    # Where nothing is measured the information may be anything, as of a target on a sensor's axis.
     weighed = np.where(probability[..., None, None] > 0, probability[..., None, None] * information, 0.0)
     return np.asarray(weighed.sum(axis=0))

@@ -54,7 +54,7 @@ class Model:
             self.broken = contained.error.with_traceback(None)
 
     def has_states_of(self, other: Model) -> bool:
-        """Return whether both have the same augmented states, seen alike by the radar and known alike at the start."""
+        """Return whether both have the same augmented states, seen alike by the sensors, known alike at first."""
         a, b = self.extra, other.extra
         if a is None or b is None:
             return a is b

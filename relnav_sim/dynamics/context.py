@@ -106,7 +106,7 @@ class TrainingRequest:
     Attributes:
         duration_s: Its length, s; rounded up to whole steps.
         source: ``truth`` (the error-free states, which no flight filter can have) or ``smoothed_radar`` (those of a
-            Kalman filter on the radar's readings, smoothed).
+            Kalman filter on the readings of the first sensor that gives a position by itself, smoothed).
         base: The dynamics that this filter believes in.
     """
 
@@ -121,15 +121,6 @@ def _apart(name: str, make: Callable[[], Shared]) -> Shared:
 
 def _no_track(fit: Callable[[TrainingTrack], T]) -> T:
     raise ValueError("there is no training track to learn from; options that need one say training_track in `needs`")
-
-
-def learning_from(track: TrainingTrack) -> Learn:
-    """Return `DynamicsContext.learn` for a track at hand."""
-
-    def learn(fit: Callable[[TrainingTrack], T]) -> T:
-        return fit(track)
-
-    return learn
 
 
 @dataclass(frozen=True)

@@ -265,9 +265,9 @@ class KalmanOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian", overhead_us=170.0)
+@register_filter("kf", KalmanOptions, measurement="cartesian", overhead_us=170.0, linear_only=True)
 class KalmanFilter(GaussianFilter):
-    """Linear Kalman filter (Kalman 1960) on the radar measurement converted to Cartesian coordinates.
+    """Linear Kalman filter (Kalman 1960) on linear measurements: a radar's are converted to Cartesian coordinates.
 
     The baseline of every comparison: with linear dynamics and the converted measurement nothing is
     approximated but the noise. Use it when range times angle error is small against the range.

@@ -61,6 +61,7 @@ class FilterKind:
         cost_us: Rough CPU time per filter step and run, for planning, us.
         learned_dynamics: Whether campaigns may give it learned dynamics only.
         overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
+        linear_only: Whether its measurements must be linear in the state; campaigns refuse it others.
     """
 
     name: str
@@ -70,6 +71,7 @@ class FilterKind:
     cost_us: float
     learned_dynamics: bool = False
     overhead_us: float = 200.0
+    linear_only: bool = False
 
     @property
     def considers(self) -> bool:
@@ -89,6 +91,7 @@ def register_filter(
     cost_us: float = 3.0,
     learned_dynamics: bool = False,
     overhead_us: float = 200.0,
+    linear_only: bool = False,
 ) -> Callable[[C], C]:
     """Return a decorator that registers a filter class under `name`.
 
@@ -100,6 +103,7 @@ def register_filter(
         cost_us: Rough CPU time per filter step and run, us; only for planning.
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
         overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
+        linear_only: It needs measurements that are linear in the state; campaigns refuse it others.
 
     Raises:
         ValueError: Another filter has this name.
@@ -110,7 +114,9 @@ def register_filter(
         if known is not None and known.factory is not factory:
             raise ValueError(f"a filter named {name!r} is registered already")
         form: MeasurementKind = "cartesian" if measurement == "cartesian" else "spherical"
-        _KINDS[name] = FilterKind(name, options_model, factory, form, cost_us, learned_dynamics, overhead_us)
+        _KINDS[name] = FilterKind(
+            name, options_model, factory, form, cost_us, learned_dynamics, overhead_us, linear_only
+        )
         return factory
 
     return register

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol, cast
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
+from relnav_sim.measurements.around import Around
+from relnav_sim.measurements.interface import Measurement, Mixture
 
 
 class Distortion(Protocol):
@@ -56,7 +57,7 @@ class AdditiveBias:
         return None, self._C
 
 
-class AugmentedMeasurement(MeasurementDefaults):
+class AugmentedMeasurement(Around):
     """A measurement of [x; b]: what the base measures of x, distorted by the augmented states.
 
     Args:
@@ -66,21 +67,15 @@ class AugmentedMeasurement(MeasurementDefaults):
     """
 
     def __init__(self, base: Measurement, states: int, distortion: Distortion) -> None:
-        self.base = base
+        super().__init__(base)
         self._n = states
         self._distortion = distortion
-        self.dimension = base.dimension
-        self.whole = getattr(base, "whole", False)
-        seen = getattr(base, "depends_on", None)
+        self.states = None  # those of x are not all that there are
+        seen = self.depends_on
         self.depends_on = (
             *(range(states) if seen is None else seen),
             *(states + place for place in distortion.sees),
         )
-
-    def take(self, z: Array, first_epoch: int) -> Array:
-        """Return what the base makes of the readings."""
-        take = getattr(self.base, "take", None)
-        return z if take is None else np.asarray(take(z, first_epoch))
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the distorted readings of states (runs, ..., n + e)."""
@@ -109,7 +104,7 @@ class AugmentedMeasurement(MeasurementDefaults):
         """Return what the augmented states do to the reading by turning the host, (runs, ..., m, e)."""
         if self._distortion.turns is None:
             return None
-        return np.asarray(cast(Turnable, self.base).turning(x, epoch) @ self._distortion.turns)
+        return np.asarray(self.turning(x, epoch) @ self._distortion.turns)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R at x."""
@@ -118,7 +113,3 @@ class AugmentedMeasurement(MeasurementDefaults):
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the base's mixture at x."""
         return self.base.mixture(mean[..., : self._n], epoch)
-
-    def residual(self, z: Array, predicted: Array) -> Array:
-        """Return the base's residual."""
-        return self.base.residual(z, predicted)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-import numpy as np
-
 from relnav_sim.arrays import Array
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
+from relnav_sim.measurements.around import Around
+from relnav_sim.measurements.interface import Measurement, Mixture
 
 
-class Delayed(MeasurementDefaults):
+class Delayed(Around):
     """The base measurement of the state some time ago: h(r - v latency, v).
 
     The relative velocity is taken as constant meanwhile. What that leaves out is half the relative acceleration times
@@ -23,16 +20,10 @@ class Delayed(MeasurementDefaults):
     """
 
     def __init__(self, base: Measurement, latency_s: float) -> None:
-        self.base = base
+        super().__init__(base)
         self.latency_s = latency_s
-        self.dimension = base.dimension
-        self.angles = getattr(base, "angles", ())
-        self.whole = getattr(base, "whole", False)
-
-    def take(self, z: Array, first_epoch: int) -> Array:
-        """Return what the base makes of the readings."""
-        take = getattr(self.base, "take", None)
-        return z if take is None else np.asarray(take(z, first_epoch))
+        # The position some time ago depends on the velocity as well.
+        self.depends_on = None
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the base's h at the states some time ago, (runs, ..., m)."""
@@ -58,11 +49,7 @@ class Delayed(MeasurementDefaults):
         Raises:
             TypeError: The base can't say.
         """
-        return cast(Turnable, self.base).turning(self._earlier(states), epoch)
-
-    def residual(self, z: Array, predicted: Array) -> Array:
-        """Return the base's residual."""
-        return self.base.residual(z, predicted)
+        return super().turning(self._earlier(states), epoch)
 
     def _earlier(self, states: Array) -> Array:
         earlier = states.copy()

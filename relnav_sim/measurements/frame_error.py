@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.linalg import symmetric, transpose
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable, joint_components
+from relnav_sim.measurements.around import Around
+from relnav_sim.measurements.interface import Measurement, Mixture, joint_components
 
 _UPPER = np.triu_indices(6)
 COLUMNS = len(_UPPER[0])
@@ -21,7 +20,7 @@ def with_frame(z: Array, covariance: Array) -> Array:
     return np.concatenate([z, told], axis=-1)
 
 
-class FrameError(MeasurementDefaults):
+class FrameError(Around):
     """A measurement whose readings are given in a frame with a white error.
 
     A frame turned by a small theta, with a rate that is off, moves the relative state (r, v) in it to r + r x theta,
@@ -35,12 +34,7 @@ class FrameError(MeasurementDefaults):
     """
 
     def __init__(self, base: Measurement, covariance: Array | None = None) -> None:
-        self.base = base
-        self.dimension = base.dimension
-        self.angles = getattr(base, "angles", ())
-        self.depends_on = getattr(base, "depends_on", None)
-        self.states = getattr(base, "states", None)
-        self.whole = getattr(base, "whole", False)
+        super().__init__(base)
         self._constant = covariance
         self._told: Array | None = None
         self._first_epoch = 0
@@ -53,28 +47,7 @@ class FrameError(MeasurementDefaults):
             told[..., *_UPPER] = told[..., *_UPPER[::-1]] = z[..., m:]
             self._told, self._first_epoch = told, first_epoch
             z = z[..., :m]
-        take = getattr(self.base, "take", None)
-        return z if take is None else np.asarray(take(z, first_epoch))
-
-    def predict(self, states: Array, epoch: int) -> Array:
-        """Return the base's h(states)."""
-        return self.base.predict(states, epoch)
-
-    def jacobian(self, states: Array, epoch: int) -> Array:
-        """Return the base's dh/dx."""
-        return self.base.jacobian(states, epoch)
-
-    def turning(self, states: Array, epoch: int) -> Array:
-        """Return what a small turn of the host does to the base's reading.
-
-        Raises:
-            TypeError: The base can't say.
-        """
-        return cast(Turnable, self.base).turning(states, epoch)
-
-    def residual(self, z: Array, predicted: Array) -> Array:
-        """Return the base's residual."""
-        return self.base.residual(z, predicted)
+        return super().take(z, first_epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R and what the frame adds at `mean` (runs, n): (runs, m, m)."""

@@ -7,7 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.line_of_sight import components, cross, polar, polar_gradients, sight_gradients, sight_vector
+from relnav_sim.astro.line_of_sight import (
+    components,
+    cross,
+    sight_gradients,
+    sight_vector,
+    spherical_gradients,
+    spherical_of,
+)
 
 RANGE, AZIMUTH, ELEVATION, TURN = 0, 1, 2, slice(3, 6)
 """Rows of the radar's errors: range (m), azimuth, elevation (rad), and a turn about the radar's axes (rad)."""
@@ -31,8 +38,8 @@ def radar_errors(channels: Mapping[str, Array], turn: Array) -> Array:
 class RadarDistortion:
     """Range, azimuth and elevation read with biases, then turned by a small error of the attitude.
 
-    Polar and Cartesian measurement go the same way: to range and angles in the radar frame, where the biases add, to
-    the line of sight s, which a turn dtheta of the attitude moves to s + s x dtheta, and back.
+    Spherical and Cartesian measurement go the same way: to range and angles in the radar frame, where the biases add,
+    to the line of sight s, which a turn dtheta of the attitude moves to s + s x dtheta, and back.
 
     Args:
         errors: (6, e): the radar's errors as a combination of the augmented states, rows as above.
@@ -57,7 +64,7 @@ class RadarDistortion:
             return reading
         sight = self._turned(reading, errors)
         if self._rotation is None:
-            return _stacked(polar(components(sight)))
+            return _stacked(spherical_of(components(sight)))
         position: Array = np.einsum("ji,...j->...i", self._rotation, sight)
         return position
 
@@ -74,17 +81,17 @@ class RadarDistortion:
             by_reading = by_reading - _cross_matrices(errors[..., TURN]) @ by_reading
         by_errors = np.concatenate([by_reading, by_turn], axis=-1)
         if self._rotation is None:
-            by_errors = _rows(polar_gradients(components(self._turned(reading, errors)))) @ by_errors
+            by_errors = _rows(spherical_gradients(components(self._turned(reading, errors)))) @ by_errors
             return by_errors[..., :3], by_errors @ self._errors
         by_errors = self._rotation.T @ by_errors
-        by_sight = _rows(polar_gradients(sight_vector(*components(free))))
+        by_sight = _rows(spherical_gradients(sight_vector(*components(free))))
         return by_errors[..., :3] @ by_sight @ self._rotation, by_errors @ self._errors
 
     def _error_free(self, predicted: Array) -> Array:
         """Return range, azimuth and elevation of the error-free reading."""
         if self._rotation is None:
             return predicted
-        return _stacked(polar(components(np.einsum("ij,...j->...i", self._rotation, predicted))))
+        return _stacked(spherical_of(components(np.einsum("ij,...j->...i", self._rotation, predicted))))
 
     def _turned(self, reading: Array, errors: Array) -> Array:
         """Return the line of sight (..., 3) of a biased reading after the turn, radar frame."""

@@ -7,7 +7,7 @@ either craft (Montenbruck and Gill 2000, section 6.1).
 
 from __future__ import annotations
 
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import components, dot, mounting_matrix
+from relnav_sim.measurements.around import Around
 from relnav_sim.measurements.given_noise import MixtureNoise, checked_noise, mixture_of, noise_at
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 
@@ -75,11 +76,11 @@ class Ranging(MeasurementDefaults):
         return mixture_of(self._noise)
 
 
-class GrowingRangeNoise(MeasurementDefaults):
+class GrowingRangeNoise(Around):
     """A measurement whose first channel, the range, is noisier the farther the target: sigma = (1 + c rho) sigma_0.
 
     R is taken at the predicted range. Taken at the reading it would depend on the noise, give short readings more
-    weight and bias the filter.
+    weight and bias the filter. Its derivative by the state is left out, as in any filter of this kind.
 
     Args:
         base: The measurement with sigma_0, the noise at no distance.
@@ -87,25 +88,8 @@ class GrowingRangeNoise(MeasurementDefaults):
     """
 
     def __init__(self, base: Measurement, growth_per_m: float) -> None:
-        self.base = base
+        super().__init__(base)
         self._growth = growth_per_m
-        self.dimension = base.dimension
-        self.angles = getattr(base, "angles", ())
-        self.depends_on = getattr(base, "depends_on", None)
-        self.whole = getattr(base, "whole", False)
-
-    def take(self, z: Array, first_epoch: int) -> Array:
-        """Return what the base makes of the readings."""
-        take = getattr(self.base, "take", None)
-        return z if take is None else np.asarray(take(z, first_epoch))
-
-    def predict(self, states: Array, epoch: int) -> Array:
-        """Return the base's h(states)."""
-        return self.base.predict(states, epoch)
-
-    def jacobian(self, states: Array, epoch: int) -> Array:
-        """Return the base's dh/dx; that of the noise is left out, as in any filter of this kind."""
-        return self.base.jacobian(states, epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n), (runs, m, m)."""
@@ -123,18 +107,6 @@ class GrowingRangeNoise(MeasurementDefaults):
         scaled = np.array(np.broadcast_to(covariances, (len(mean), *covariances.shape[-3:])))
         scaled[:, :, 0, 0] *= self._squared_growth(mean)[:, None]
         return Mixture(mixture.weights, scaled, mixture.shared)
-
-    def turning(self, states: Array, epoch: int) -> Array:
-        """Return what a small turn of the host does to the base's reading.
-
-        Raises:
-            TypeError: The base can't say.
-        """
-        return cast(Turnable, self.base).turning(states, epoch)
-
-    def residual(self, z: Array, predicted: Array) -> Array:
-        """Return the base's residual."""
-        return self.base.residual(z, predicted)
 
     def _squared_growth(self, mean: Array) -> Array:
         r = components(mean)

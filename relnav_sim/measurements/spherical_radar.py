@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import mounting_matrix, polar, polar_gradients, rows, sight_vector, times
+from relnav_sim.astro.line_of_sight import mounting_matrix, rows, sight_vector, spherical_gradients, spherical_of, times
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
@@ -55,21 +55,21 @@ class SphericalRadar(MeasurementDefaults):
     """Range, azimuth and elevation of the other craft in the radar frame; z = (m, rad, rad).
 
     The state begins with the deputy's position and velocity relative to the chief, RTN (m, m/s); more states may
-    follow. The radar's axes stand fixed in the nadir frame of its carrier's orbit. The azimuth and its row of the
+    follow. The radar's axes stand fixed in the nadir frame of its host's orbit. The azimuth and its row of the
     Jacobian do not exist on the radar's z axis: mount the radar so that the target stays away from it.
 
     The noise is diagonal plus G P G^T: an attitude error dtheta turns the line of sight and moves the angles by
     G dtheta, G = H_angles [r x] (attitude errors do not touch the range).
 
     Args:
-        mounting: Rotation (3, 3) from the carrier's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the host's nadir frame to the radar frame.
         noise: What the filter is told about the noise.
-        carrier: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
+        host: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
             deputy, in the deputy's own orbit frame (Wei, Song and Zhang 2012); needs `chief_orbit`.
         chief_orbit: The chief's nominal orbit; taken as circular.
 
     Raises:
-        ValueError: The carrier is the deputy and there is no chief orbit.
+        ValueError: The host is the deputy and there is no chief orbit.
     """
 
     dimension = 3
@@ -79,10 +79,10 @@ class SphericalRadar(MeasurementDefaults):
         self,
         mounting: Array,
         noise: SightNoise,
-        carrier: Literal["chief", "deputy"] = "chief",
+        host: Literal["chief", "deputy"] = "chief",
         chief_orbit: ChiefOrbit | None = None,
     ) -> None:
-        self._sight = Sight(mounting, carrier, chief_orbit)
+        self._sight = Sight(mounting, host, chief_orbit)
         self.depends_on = self._sight.depends_on
         self._attitude = rows(noise.attitude) if noise.attitude.any() else None
         self._variances = noise.variances.tolist()
@@ -93,12 +93,12 @@ class SphericalRadar(MeasurementDefaults):
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
         # Laid out in memory as the states are: what follows is then elementwise along the particles.
         z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
-        z[..., 0], z[..., 1], z[..., 2] = polar(self._sight.of(states))
+        z[..., 0], z[..., 1], z[..., 2] = spherical_of(self._sight.of(states))
         return z
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
-        return self._sight.jacobian(states, polar_gradients)
+        return self._sight.jacobian(states, spherical_gradients)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
@@ -141,23 +141,23 @@ def radar(
     range_sigma_m: float,
     angle_sigma_deg: float,
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    carrier: Literal["chief", "deputy"] = "chief",
+    host: Literal["chief", "deputy"] = "chief",
     chief_orbit: ChiefOrbit | None = None,
     attitude_sigma_deg: float = 0.0,
 ) -> SphericalRadar:
     """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
 
     The state is the deputy's position and velocity relative to the chief in the chief's RTN frame, m and m/s; more
-    states may follow. The radar stands fixed in its carrier's nadir frame (x along-track, y minus orbit normal, z
+    states may follow. The radar stands fixed in its host's nadir frame (x along-track, y minus orbit normal, z
     nadir). Azimuth counts from the radar's x axis towards y, elevation towards minus z.
 
     Args:
         range_sigma_m: Standard deviation of the range, m.
         angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (readings are in rad).
         mounting_deg: Yaw, pitch and roll from the nadir frame to the radar frame, deg, about z, the new y, the new x.
-        carrier: Craft with the radar, which sees the other one.
+        host: Craft with the radar, which sees the other one.
         chief_orbit: The chief's nominal orbit, needed with the radar on the deputy; taken as circular.
-        attitude_sigma_deg: Standard deviation of a white error of the carrier's attitude about each axis, deg.
+        attitude_sigma_deg: Standard deviation of a white error of the host's attitude about each axis, deg.
 
     Raises:
         ValueError: A sigma is not positive (the attitude's: negative), or the chief's orbit is missing.
@@ -177,7 +177,7 @@ def radar(
     sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg, angle_sigma_deg])])
     attitude = np.square(np.radians(attitude_sigma_deg)) * np.eye(3)
     noise = SightNoise(np.ones(1), sigmas[None], sigmas, attitude)
-    return SphericalRadar(mounting_matrix(*mounting_deg), noise, carrier, chief_orbit)
+    return SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit)
 
 
 class Locating(Measurement, Protocol):

@@ -129,9 +129,9 @@ class TangentSight(MeasurementDefaults):
         first, second = deflection_by_turn(self._centre(self._sight.of(mean), epoch))
         P_first, P_second = times(self._attitude, first), times(self._attitude, second)
         covariance = np.empty((len(mean), 2, 2))
-        covariance[:, 0, 0] = _product(first, P_first)
-        covariance[:, 0, 1] = covariance[:, 1, 0] = _product(second, P_first)
-        covariance[:, 1, 1] = _product(second, P_second)
+        covariance[:, 0, 0] = dot(first, P_first)
+        covariance[:, 0, 1] = covariance[:, 1, 0] = dot(second, P_first)
+        covariance[:, 1, 1] = dot(second, P_second)
         return covariance
 
     def _centre(self, sight: Vector, epoch: int) -> Vector:
@@ -144,10 +144,6 @@ class TangentSight(MeasurementDefaults):
         read = self._centres[:, place].reshape(-1, *[1] * rest, 3)
         x, y, z = (np.where(np.isnan(read[..., i]), own[i], read[..., i]) for i in range(3))
         return x, y, z
-
-
-def _product(a: Vector, b: Sequence[Array]) -> Array:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def camera(

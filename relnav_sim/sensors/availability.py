@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.options import Options
 from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, relative_sensors
 from relnav_sim.sensors.due import due
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
@@ -95,13 +92,8 @@ def first_reading_s(options: SensorOptions, step_s: float) -> float:
 
 def working_probability(options: SensorOptions, times_s: Array) -> Array:
     """Return the probability (K,) that no outage of a sensor is on."""
-    return _working(noise_parts(options.noise), times_s)
-
-
-def _working(parts: Sequence[Options], times_s: Array) -> Array:
-    """Return the probability (K,) that no outage of a sensor is on."""
     probability = np.ones(len(times_s))
-    for part in parts:
+    for part in noise_parts(options.noise):
         if not isinstance(part, OutageNoise):
             continue
         for start, end in part.windows_s:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.attitude import in_axes, nadir_axes
-from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, polar, rotate, rows, sight_vector
+from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, rotate, rows, sight_vector, spherical_of
 from relnav_sim.astro.tangent_plane import deflected
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed, within
@@ -22,7 +22,7 @@ HalfAngle = Annotated[float, Field(gt=0, le=180)]
 def read_across(azimuth: Array, elevation: Array, errors: Array) -> tuple[Array, Array]:
     """Return azimuth and elevation of a line of sight that is read off by two small turns across it, (..., 2) rad."""
     direction = sight_vector(np.ones(()), azimuth, elevation)
-    _, read_azimuth, read_elevation = polar(deflected(direction, errors[..., 0], errors[..., 1]))
+    _, read_azimuth, read_elevation = spherical_of(deflected(direction, errors[..., 0], errors[..., 1]))
     return half_open(read_azimuth), read_elevation
 
 
@@ -58,7 +58,7 @@ class SightSensorOptions(RelativeSensorOptions):
         """Return the true range (m), azimuth and elevation (rad) of the other craft, each (runs or 1, K)."""
         difference = truth.target[..., :3] - truth.host[..., :3]
         in_nadir = in_axes(nadir_axes(truth.host), (difference[..., 0], difference[..., 1], difference[..., 2]))
-        return polar(rotate(rows(self.mounting), in_nadir))
+        return spherical_of(rotate(rows(self.mounting), in_nadir))
 
     def in_reach(self, truth: Sensed) -> Mask:
         """Return where the other craft is within the range limits and the field of view, (runs or 1, K)."""
@@ -81,7 +81,7 @@ class SightSensorOptions(RelativeSensorOptions):
         if frame.body_to_orbit is None:
             return z
         sight = sight_vector(z[..., 0], z[..., 1], z[..., 2])
-        _, azimuth, elevation = polar(self.in_orbit_frame(sight, frame))
+        _, azimuth, elevation = spherical_of(self.in_orbit_frame(sight, frame))
         return np.stack([z[..., 0], half_open(azimuth), elevation], axis=-1)
 
     def off_azimuth_axis(self, truth: Sensed) -> Array:

@@ -11,6 +11,7 @@ from relnav_sim.sensors.availability import reading_at_every_epoch, reading_prob
 from relnav_sim.sensors.campaign_sensors import Sensors, relative_sensors
 from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed
 from relnav_sim.sensors.suite import TrueStates
+from relnav_sim.wording import listed
 
 NEAR_AXIS_DEG = 5.0
 """Within this of the azimuth axis the azimuth turns eleven times as quickly as the line of sight, or more."""
@@ -141,8 +142,7 @@ def _when(flags: Mask, times_s: Array) -> str:
     more = len(windows) - _WINDOWS_NAMED
     named = windows[:_WINDOWS_NAMED] if more > 1 else windows
     named += [f"{more} more times"] if more > 1 else []
-    listed = f"{', '.join(named[:-1])} and {named[-1]}" if len(named) > 1 else named[0]
-    return f"{listed}{_of_runs(np.asarray(flags.any(axis=1)))}"
+    return f"{listed(named)}{_of_runs(np.asarray(flags.any(axis=1)))}"
 
 
 def _of_runs(which: Mask) -> str:

@@ -43,7 +43,7 @@ from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
 
-NO_FIX = "no radar measurement at the start, which is at the first fix"
+_NO_FIX = "no reading at 0 s that gives a position, where the start is the first fix"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def simulate_block(
     if not config.truth.is_dispersed and ended:
         ended = dict.fromkeys(range(len(runs)), ended[0])
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
-    reasons = ended | {int(place): NO_FIX for place in no_fix}
+    reasons = ended | {int(place): _NO_FIX for place in no_fix}
     sound = [track for track in tracks if track.broken is None]
     result = BlockResult(
         case_index=case_index,
@@ -198,7 +198,8 @@ class FilterTrack:
         self._shared = shared.by_dynamics.by(entry)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: Breakdown | None = None
-        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics))
+        sensors = relative_sensors(config.sensors, entry.sensors).values()
+        plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics), *map(type, sensors))
         packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
@@ -207,7 +208,7 @@ class FilterTrack:
         self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
-        self._extra: AugmentedTrack | None = None
+        self._augmented: AugmentedTrack | None = None
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -217,7 +218,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
-                self._extra = AugmentedTrack(made.extension, entry, config, self._errors.rules, source)
+                self._augmented = AugmentedTrack(made.extension, entry, config, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
             self._belief = self._filter.start(own, source)
@@ -233,7 +234,7 @@ class FilterTrack:
             self._steps += history.nis.size
             error = history.mean[..., :6] - chunk.truth.relative
             covariance = history.covariance[..., :6, :6]
-            if self._extra is not None:
+            if self._augmented is not None:
                 # A run whose augmented states are lost has failed, though position may not show it until a reading.
                 error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
             self._errors.add(
@@ -246,8 +247,8 @@ class FilterTrack:
                 {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
                 NisOfSensors(history.nis_by, history.dof_by),
             )
-            if self._extra is not None:
-                self._extra.add(chunk, history, self._errors.failed_epoch)
+            if self._augmented is not None:
+                self._augmented.add(chunk, history, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -283,7 +284,7 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._extra is None else replace(result, augmented=self._extra.result())
+        return result if self._augmented is None else replace(result, augmented=self._augmented.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -33,8 +33,8 @@ def training_track(
     """Return the states that learned dynamics are trained on, one step apart.
 
     The nominal flight of the same two craft before the campaign's start, which it reaches. From `smoothed_radar` the
-    states are those of an extended Kalman filter on its radar, with the base dynamics and a process noise, smoothed;
-    from `truth` they are error-free.
+    states are those of an extended Kalman filter on the first sensor that gives a position by itself, with the base
+    dynamics and a process noise, smoothed; from `truth` they are error-free.
 
     Args:
         config: The case.
@@ -43,7 +43,7 @@ def training_track(
         seed: The campaign's seed.
 
     Raises:
-        ValueError: The radar sees nothing during all that time.
+        ValueError: No sensor gives a position by itself, or it sees nothing during all that time.
     """
     step_s = config.clock.step_s
     request = options.training_request(nominal_chief(config.truth))
@@ -66,21 +66,21 @@ def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, orbit: ChiefOrb
     """Return the smoothed states (K, 6) after the first of a sensor's readings z (1, epochs, m), and their epoch."""
     step_s = config.clock.step_s
     sensors = config.sensors
-    radar = sensor_measurement(name, sensors, orbit, step_s)
+    told = sensor_measurement(name, sensors, orbit, step_s)
     at_once = sensor_measurement(name, sensors, orbit, step_s, assumed_latency="none")
     seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
     if not len(seen):
-        raise ValueError("the radar sees nothing before the campaign's start, so that there is nothing to learn from")
+        raise ValueError(f"the {name} sees nothing before the campaign's start, so that there is nothing to learn from")
     first = int(seen[0]) + 1
     fix = relative_sensors(sensors)[name].first_fix(at_once, z[:, first - 1])
     assert fix is not None  # the sensor is one that gives fixes
     position, position_covariance = fix
     # A closed relative orbit of that size moves no faster, so that a latency does not matter to the fix; how it moves,
-    # the radar tells in a few readings.
+    # a few readings tell.
     speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)
     covariance = np.zeros((1, 6, 6))
     covariance[:, :3, :3] = position_covariance
     covariance[:, 3:, 3:] = speed**2 * np.eye(3)
     start = Gaussian(np.concatenate([position, np.zeros((1, 3))], axis=1), covariance)
-    _, history = advance(create_filter("ekf", dynamics, radar), start, z[:, first:], first, step_s)
+    _, history = advance(create_filter("ekf", dynamics, told), start, z[:, first:], first, step_s)
     return smooth(history, dynamics, step_s, first).mean[0], first

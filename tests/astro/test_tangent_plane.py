@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from relnav_sim.astro.line_of_sight import polar, sight_vector
+from relnav_sim.astro.line_of_sight import sight_vector, spherical_of
 from relnav_sim.astro.tangent_plane import across, deflected, deflection, deflection_by_turn, deflection_gradients
 
 BEHIND = np.array([[-1.0, 0.0, 0.0], [-1.0, 1e-12, 0.0], [-1.0, 0.0, -1e-200], [-1.0, 1e-5, 3e-6]])
@@ -92,7 +92,7 @@ def test_near_the_boresight_it_is_azimuth_and_elevation_to_second_order():
         azimuth, elevation = off * np.cos(0.7), off * np.sin(0.7)
         direction = sight_vector(np.ones(()), azimuth, elevation)
         moved = deflected(direction, np.array(1e-4), np.array(-2e-4))
-        _, read_azimuth, read_elevation = polar(moved)
+        _, read_azimuth, read_elevation = spherical_of(moved)
         errors.append(np.hypot(read_azimuth - azimuth - 1e-4, read_elevation - elevation + 2e-4))
     assert errors[2] < 0.05**2 * 2.3e-4
     ratios = np.array(errors[:-1]) / errors[1:]

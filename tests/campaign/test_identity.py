@@ -1,11 +1,14 @@
 import json
 import pickle
 import random
+from pathlib import Path
 
 import pytest
 import yaml
 
 from relnav_sim.campaign import CampaignError, load_campaign, parse_campaign
+
+ROOT = Path(__file__).parents[2]
 
 
 def identity(text, *overrides):
@@ -33,6 +36,14 @@ COSMETIC = {
         "velocity_sigma_m_s: 0.5}", "velocity_sigma_m_s: [0.5, 0.5, 0.5]}"
     ),
     "a default in a varied value": lambda text: text.replace("- {kind: gaussian}", "- {kind: gaussian, scale: 1}"),
+    "a key by its former name": lambda text: text.replace(
+        "radar: {range_sigma_m", "radar: {carrier: chief, range_sigma_m"
+    ),
+    "a key by its name now": lambda text: text.replace("radar: {range_sigma_m", "radar: {host: chief, range_sigma_m"),
+    "a word by its former name": lambda text: text.replace("kind: ekf", "kind: ekf\n    measurement: polar"),
+    "a word by its name now": lambda text: text.replace("kind: ekf", "kind: ekf\n    measurement: spherical"),
+    "a kind that is the name": lambda text: text.replace("radar: {range_sigma_m", "radar: {kind: radar, range_sigma_m"),
+    "a default that came later": lambda text: text.replace("gnss: {", "gnss: {offset_s: 0, "),
     "quotes": lambda text: text.replace("kind: ekf", 'kind: "ekf"'),
     "other line ends": lambda text: text.replace("\n", "\r\n"),
     "another order": lambda text: yaml.safe_dump(shuffled(yaml.safe_load(text), random.Random(3)), sort_keys=False),
@@ -67,6 +78,19 @@ def test_what_is_the_default_in_some_cases_only_stays(demo):
     text = demo.replace("filters:\n", "filters:\n  told: {kind: kf, known_thrust: planned}\n")
     assert identity(text, *swept)[0] != identity(text.replace(", known_thrust: planned", ""), *swept)[0]
     assert [case.config.filters["told"].known_thrust for case in parse_campaign(text, swept).cases] == ["planned"] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "hash"),
+    [
+        ("demo", "a06e1e15b06a"),
+        ("rendezvous", "a1c409217852"),  # with an accelerometer, latency and known thrust
+        ("alpha_kf_bias", "f1995ccf24bd"),  # with augmented states
+    ],
+)
+def test_results_of_relnav_0_1_can_be_extended(name, hash):
+    """Hashes that relnav 0.1.1 gave, before keys had other names and sensors had names of one's choice."""
+    assert load_campaign(ROOT / "campaigns" / f"{name}.yaml").hash.startswith(hash)
 
 
 REAL = {

@@ -16,16 +16,16 @@ truth:
   deputy: {relative: {position_m: [200, 0, 0], velocity_m_s: [0, -0.43324, 0.21662]}, mass_kg: 1, area_m2: 1}
   forces: {zonals: 0, drag: none}
 sensors:
-  radar: {range_sigma_m: 1, angle_sigma_deg: 0.05, carrier: CARRIER}
+  radar: {range_sigma_m: 1, angle_sigma_deg: 0.05, host: HOST}
 filters:
   ekf: {kind: ekf, process_noise: {acceleration_psd_m2_s3: 1.0e-9}}
 """
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_the_safety_ellipse_leaves_the_axis_when_it_should(carrier):
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_the_safety_ellipse_leaves_the_axis_when_it_should(host):
     """x = 200 cos nt, y = -400 sin nt, z = 200 sin nt: 5 deg from x where sqrt(5) tan nt = tan 5 deg, at 36 s."""
-    campaign = parse_campaign(ELLIPSE.replace("CARRIER", carrier))
+    campaign = parse_campaign(ELLIPSE.replace("HOST", host))
     (sentence,) = campaign_warnings(campaign)
     assert "azimuth axis from 0 to 36 s, nearest 0 deg" in sentence
     n, t = 1.0831e-3, np.arange(0, 2401, 10.0)
@@ -36,7 +36,7 @@ def test_the_safety_ellipse_leaves_the_axis_when_it_should(carrier):
 
 
 def test_cases_are_named_where_they_differ():
-    text = ELLIPSE.replace("CARRIER", "chief") + "grid: {sensors.radar.range_sigma_m: [1, 500]}\n"
+    text = ELLIPSE.replace("HOST", "chief") + "grid: {sensors.radar.range_sigma_m: [1, 500]}\n"
     found = campaign_warnings(parse_campaign(text))
     assert found[0].startswith("The line of sight is within 5 deg")
     assert found[1].startswith("In case sensors.radar.range_sigma_m=500: About ")
@@ -47,11 +47,11 @@ def test_cases_are_named_where_they_differ():
 
 
 def test_a_start_without_a_reading_and_a_fall_are_said_before_the_run():
-    text = ELLIPSE.replace("CARRIER", "chief, range_limits_m: [210, 900]")
+    text = ELLIPSE.replace("HOST", "chief, range_limits_m: [210, 900]")
     assert [s for s in campaign_warnings(parse_campaign(text)) if "first_fix" in s] == [
         "The radar gives no position at 0 s, where start.kind first_fix needs one: every run would fail; take "
         "start.kind dispersed or given."
     ]
     down = "  manoeuvres: {down: {time_s: 60, delta_v_m_s: [0, -200, 0]}}\nsensors:"
-    found = campaign_warnings(parse_campaign(ELLIPSE.replace("CARRIER", "chief").replace("sensors:", down)))
+    found = campaign_warnings(parse_campaign(ELLIPSE.replace("HOST", "chief").replace("sensors:", down)))
     assert found[0].startswith("In the nominal trajectory the deputy falls to the Earth at ")

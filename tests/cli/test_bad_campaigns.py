@@ -35,6 +35,14 @@ KF = "kind: kf # takes the radar fix converted to a position"
 
 # name: (file, what one of the problems must say)
 BAD = {
+    "learned without a fix": (
+        edit(RADAR, CAMERA)
+        .partition("grid:")[0]
+        .replace(START, DISPERSED)
+        .replace("kind: cw}", "kind: gp}")
+        .replace(KF, "kind: ekf"),
+        "dynamics: there is no track to learn from, as no sensor here gives a position by itself",
+    ),
     "empty": ("", "the file is empty"),
     "blank": ("\n\n  \n", "the file is empty"),
     "only comments": ("# nothing\n", "the file is empty"),

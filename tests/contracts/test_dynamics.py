@@ -5,7 +5,7 @@ import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.chief_segments import NominalChief
-from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, TrainingTrack, learning_from
+from relnav_sim.dynamics.context import Arrival, ChiefFixes, DynamicsContext, TrainingTrack
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
@@ -146,8 +146,10 @@ def learned(request):
     for epoch in range(1, int(np.ceil(wanted.duration_s / 10.0)) + 1):
         track.append(motion.propagate(track[-1][None], Step(epoch, 10.0))[0])
     times = 10.0 * np.arange(1.0 - len(track), 1.0)
-    learn = learning_from(TrainingTrack(np.array(track), times, ORBIT))
-    return build_dynamics(options, DynamicsContext(ORBIT, NOISE, 10.0, learn=learn)), np.array(track[::100])
+    known = TrainingTrack(np.array(track), times, ORBIT)
+    return build_dynamics(options, DynamicsContext(ORBIT, NOISE, 10.0, learn=lambda fit: fit(known))), np.array(
+        track[::100]
+    )
 
 
 @pytest.mark.slow  # the fit takes seconds

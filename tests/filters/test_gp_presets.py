@@ -5,7 +5,7 @@ from radar_problem import polar, polar_jacobian
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, create_filter, run_filter
 from relnav_sim.campaign.entries import entry_from
-from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.gp.options import GpOptions
 from relnav_sim.filters.registry import filter_kinds
 
 SIGMAS = np.array([0.1 / 3, np.radians(0.05 / 3), np.radians(0.05 / 3)])

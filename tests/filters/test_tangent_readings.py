@@ -7,7 +7,7 @@ import pytest
 
 from relnav_sim import create_filter, run_filter
 from relnav_sim import dynamics as motions
-from relnav_sim.astro.line_of_sight import polar
+from relnav_sim.astro.line_of_sight import spherical_of
 from relnav_sim.astro.tangent_plane import deflected, unit
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.sight import Sight
@@ -28,9 +28,9 @@ def readings():
     """The same errors as azimuth and elevation and as turns across the line of sight."""
     v = np.random.default_rng(31).normal(size=(RUNS, EPOCHS, 3)) * SIGMAS
     sight = OWN.of(np.broadcast_to(PLACE, (EPOCHS, 6)))
-    spherical = v + np.stack(polar(sight), axis=-1)
+    spherical = v + np.stack(spherical_of(sight), axis=-1)
     tangent = spherical.copy()
-    _, tangent[..., 1], tangent[..., 2] = polar(deflected(unit(sight), v[..., 1], v[..., 2]))
+    _, tangent[..., 1], tangent[..., 2] = spherical_of(deflected(unit(sight), v[..., 1], v[..., 2]))
     for z in (spherical, tangent):
         z[1, 4:9] = np.nan
         z[2, 10:15, 1:] = np.nan

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from relnav_sim import LinearDynamics, create_filter, run_filter
-from relnav_sim.astro.line_of_sight import polar
+from relnav_sim.astro.line_of_sight import spherical_of
 from relnav_sim.astro.tangent_plane import deflected, unit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.sight import Sight
@@ -34,11 +34,11 @@ def history(form, name="ekf"):
     truth, generator = flown(), np.random.default_rng(21)
     v = generator.normal(size=(RUNS, EPOCHS, 3)) * SIGMAS
     sight = OWN.of(truth)
-    distance, azimuth, elevation = polar(sight)
+    distance, azimuth, elevation = spherical_of(sight)
     z = v.copy()
     z[..., 0] += distance
     if form == "tangent":
-        _, z[..., 1], z[..., 2] = polar(deflected(unit(sight), v[..., 1], v[..., 2]))
+        _, z[..., 1], z[..., 2] = spherical_of(deflected(unit(sight), v[..., 1], v[..., 2]))
         model = TangentSight(OWN, NOISE)
     else:
         z[..., 1:] += np.stack([azimuth, elevation], axis=-1)
@@ -95,10 +95,10 @@ def test_away_from_the_axis_both_are_the_same_to_second_order():
     v = generator.normal(size=(20, 60, 3)) * SIGMAS
     sight = OWN.of(np.broadcast_to(off, (60, 6)))
     z = v.copy()
-    z[..., 0] += polar(sight)[0]
+    z[..., 0] += spherical_of(sight)[0]
     tangent = v.copy()
     tangent[..., 0] = z[..., 0]
-    _, tangent[..., 1], tangent[..., 2] = polar(deflected(unit(sight), v[..., 1], v[..., 2]))
+    _, tangent[..., 1], tangent[..., 2] = spherical_of(deflected(unit(sight), v[..., 1], v[..., 2]))
     P0 = np.diag(np.square([5.0, 5, 5, 0.01, 0.01, 0.01]))
     made = [
         run_filter(create_filter("ekf", LinearDynamics(F, np.zeros((6, 6))), model), read, off, P0, step_s=STEP_S)

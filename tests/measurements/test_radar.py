@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, polar, sight_vector
+from relnav_sim.astro.line_of_sight import half_open, mounting_matrix, sight_vector, spherical_of
 from relnav_sim.measurements.converted_radar import ConvertedRadar, conversion
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
@@ -65,7 +65,7 @@ def test_mounting_agrees_with_scipy():
 
 def test_polar_and_sight_vector_are_inverses():
     sight = tuple(np.random.default_rng(0).normal(size=(3, 200)) * 1e4)
-    for there, back in zip(sight, sight_vector(*polar(sight)), strict=True):
+    for there, back in zip(sight, sight_vector(*spherical_of(sight)), strict=True):
         np.testing.assert_allclose(back, there, atol=1e-11)
 
 
@@ -77,9 +77,9 @@ def test_half_open_angles():
 
 
 @pytest.mark.parametrize("mounting", MOUNTINGS)
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_prediction_is_the_geometry_of_two_craft_in_inertial_space(carrier, mounting):
-    radar = SphericalRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_prediction_is_the_geometry_of_two_craft_in_inertial_space(host, mounting):
+    radar = SphericalRadar(MOUNTINGS[mounting], noise(), host, ORBIT)
     n = ORBIT.mean_motion_rad_s
     turn = Rotation.from_euler("zxz", [20, 70, 130], degrees=True).as_matrix()
     chief = turn @ [R_C, 0, 0], turn @ [0, n * R_C, 0]
@@ -87,7 +87,7 @@ def test_prediction_is_the_geometry_of_two_craft_in_inertial_space(carrier, moun
     for state, z in zip(x, radar.predict(x, 0), strict=True):
         position = chief[0] + turn @ state[:3]
         velocity = chief[1] + turn @ (state[3:] + np.cross([0, 0, n], state[:3]))
-        if carrier == "chief":
+        if host == "chief":
             sight = MOUNTINGS[mounting] @ body_axes(*chief) @ (position - chief[0])
         else:
             sight = MOUNTINGS[mounting] @ body_axes(position, velocity) @ (chief[0] - position)
@@ -113,9 +113,9 @@ def test_deputy_at_rest_sees_what_the_corrected_formulas_of_wei_2012_say():
 
 
 @pytest.mark.parametrize("mounting", MOUNTINGS)
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_jacobian_agrees_with_finite_differences(carrier, mounting):
-    radar = SphericalRadar(MOUNTINGS[mounting], noise(), carrier, ORBIT)
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_jacobian_agrees_with_finite_differences(host, mounting):
+    radar = SphericalRadar(MOUNTINGS[mounting], noise(), host, ORBIT)
     x = states()
     analytic = radar.jacobian(x, 0)
     numeric = MeasurementDefaults.jacobian(radar, x, 0)
@@ -129,7 +129,7 @@ def test_jacobian_agrees_with_finite_differences(carrier, mounting):
         behind[:, j] -= step
         change = radar.residual(radar.predict(ahead, 0), radar.predict(behind, 0)) / (2 * step)
         np.testing.assert_allclose(analytic[:, :, j], change, rtol=1e-5, atol=1e-10)
-    if carrier == "chief":
+    if host == "chief":
         assert not analytic[:, :, 3:].any()
     else:
         assert np.abs(analytic[:, 1:, 3:]).max() > 1e-5
@@ -146,10 +146,10 @@ def test_extra_states_and_particle_axes():
     np.testing.assert_array_equal(H[2, 3, :, :6], radar.jacobian(x[2:3, 3, :6], 0)[0])
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_attitude_noise_is_that_of_a_turned_line_of_sight(carrier):
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_attitude_noise_is_that_of_a_turned_line_of_sight(host):
     """Turn the sight by many small angles of covariance P and look at the angles."""
-    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), host, ORBIT)
     x = states(6, seed=3)
     z = radar.predict(x, 0)
     sight = np.stack(sight_vector(*z.T), axis=-1)
@@ -159,7 +159,7 @@ def test_attitude_noise_is_that_of_a_turned_line_of_sight(carrier):
     for column in factor.T:
         for sign in (1, -1):
             turned = Rotation.from_rotvec(sign * column).apply(sight)
-            d = radar.residual(np.stack(polar(tuple(turned.T)), axis=-1), z)
+            d = radar.residual(np.stack(spherical_of(tuple(turned.T)), axis=-1), z)
             total += np.einsum("bi,bj->bij", d, d) / 2
     diagonal = np.diag([0.7 + 0.3 * 4] * 3) * np.square([4.0, ANGLE, ANGLE])
     np.testing.assert_allclose(radar.noise(x, 0), total + diagonal, rtol=1e-5, atol=1e-14)
@@ -170,11 +170,11 @@ def test_perfect_attitude_gives_one_matrix_for_all():
     np.testing.assert_allclose(radar.noise(states(), 0), np.diag(np.square([4.0, ANGLE, ANGLE])))
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_what_is_assumed(carrier):
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_what_is_assumed(host):
     x = states(5)
     make = {
-        assumed: SphericalRadar(MOUNTINGS["oblique"], noise(assumed), carrier, ORBIT)
+        assumed: SphericalRadar(MOUNTINGS["oblique"], noise(assumed), host, ORBIT)
         for assumed in ("nominal", "total", "mixture")
     }
     assert make["nominal"].mixture(x, 0) is make["total"].mixture(x, 0) is None
@@ -208,7 +208,7 @@ def sampled_conversion(radar_noise, mounting, position, size=400_000, seed=5):
     """Errors of converted positions, RTN, by drawing range, angles and attitude and converting each."""
     rng = np.random.default_rng(seed)
     to_radar = mounting @ np.array([[0, 1, 0], [0, 0, -1], [-1, 0, 0]])
-    truth = np.array(polar(tuple(to_radar @ position)))
+    truth = np.array(spherical_of(tuple(to_radar @ position)))
     component = rng.choice(len(radar_noise.weights), p=radar_noise.weights, size=size)
     z = truth + rng.normal(size=(size, 3)) * radar_noise.deviations[component]
     factors = conversion(radar_noise.weights, radar_noise.deviations)
@@ -270,9 +270,9 @@ def test_converted_covariance_to_first_order():
     np.testing.assert_array_equal(converted.jacobian(mean, 0), np.eye(3, 6))
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_first_fix_inverts_the_reading(carrier):
-    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), carrier, ORBIT)
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_first_fix_inverts_the_reading(host):
+    radar = SphericalRadar(MOUNTINGS["oblique"], noise(), host, ORBIT)
     x = states()
     x[:, 3:] = 0
     position, covariance = first_fix(radar, radar.predict(x, 0))
@@ -287,25 +287,25 @@ def test_first_fix_inverts_the_reading(carrier):
     assert np.isfinite(np.delete(position, 3, axis=0)).all()
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_bits_do_not_depend_on_the_block(carrier):
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_bits_do_not_depend_on_the_block(host):
     mounting = MOUNTINGS["oblique"]
-    polar_radar = SphericalRadar(mounting, noise("mixture"), carrier, ORBIT)
+    spherical = SphericalRadar(mounting, noise("mixture"), host, ORBIT)
     converted = ConvertedRadar(mounting, noise("mixture"))
     x = states(203)
     functions = [
-        lambda s: polar_radar.predict(s, 0),
-        lambda s: polar_radar.jacobian(s, 0),
-        lambda s: polar_radar.noise(s, 0),
-        lambda s: polar_radar.mixture(s, 0).covariances,
+        lambda s: spherical.predict(s, 0),
+        lambda s: spherical.jacobian(s, 0),
+        lambda s: spherical.noise(s, 0),
+        lambda s: spherical.mixture(s, 0).covariances,
         lambda s: converted.noise(s, 0),
     ]
     for function in functions:
         whole = function(x)
         for runs in ([0], [202], [5, 77, 3]):
             np.testing.assert_array_equal(function(x[runs]), whole[runs])
-    position, covariance = first_fix(polar_radar, polar_radar.predict(x, 0))
-    alone = first_fix(polar_radar, polar_radar.predict(x[9:10], 0))
+    position, covariance = first_fix(spherical, spherical.predict(x, 0))
+    alone = first_fix(spherical, spherical.predict(x[9:10], 0))
     np.testing.assert_array_equal(alone[0][0], position[9])
     np.testing.assert_array_equal(alone[1][0], covariance[9])
 

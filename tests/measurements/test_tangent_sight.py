@@ -7,7 +7,7 @@ import pytest
 
 from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import cross_matrix, mounting_matrix, polar, sight_vector
+from relnav_sim.astro.line_of_sight import cross_matrix, mounting_matrix, sight_vector, spherical_of
 from relnav_sim.astro.tangent_plane import across, deflected, unit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.measurements.augmented import AdditiveBias, AugmentedMeasurement
@@ -44,7 +44,7 @@ def states(runs=30, seed=1):
 def angles_of(own, at, errors=0.0):
     """Azimuth and elevation of states (..., n) read off by errors (..., 2)."""
     u = deflected(unit(own.of(at)), *np.moveaxis(np.broadcast_to(errors, (*at.shape[:-1], 2)), -1, 0))
-    return np.stack(polar(u)[1:], axis=-1)
+    return np.stack(spherical_of(u)[1:], axis=-1)
 
 
 def differences(measurement, at, epoch, velocity_width):
@@ -106,7 +106,7 @@ def test_a_residual_points_the_right_way_up_to_half_a_turn():
         state = np.zeros((300, 6))
         state[:, :3] = 500 * np.stack([-predicted[2], predicted[0], -predicted[1]], axis=-1)
         model = TangentSight(own, noise())
-        z = model.take(np.stack(polar(u)[1:], axis=-1)[:, None], 0)[:, 0]
+        z = model.take(np.stack(spherical_of(u)[1:], axis=-1)[:, None], 0)[:, 0]
         residual = z - model.predict(state, 0)
         # A quarter of the way back along the great circle, seen from the reading.
         nearer = deflected(u, *(0.75 * -residual.T))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from relnav_sim.astro.constants import RADIUS_M
-from relnav_sim.astro.line_of_sight import polar, sight_vector
+from relnav_sim.astro.line_of_sight import sight_vector, spherical_of
 from relnav_sim.measurements.augmented import AugmentedMeasurement
 from relnav_sim.sensors import ErrorShares, Sensed, SensorSuite, filter_inputs, sensor_measurement
 from relnav_sim.sensors.camera import CameraOptions
@@ -152,7 +152,7 @@ def test_an_augmented_turn_of_the_host_moves_what_is_read(scene, form, kind, lat
     radial, along, normal = 60.0, 900.0, -250.0
     nadir = np.array([along, -normal, -radial])
     seen = Rotation.from_euler("ZYX", mounting, degrees=True).inv().apply(Rotation.from_rotvec(-dtheta).apply(nadir))
-    z = np.stack(polar(tuple(seen)))[1 if kind == "camera" else 0 :]
+    z = np.stack(spherical_of(tuple(seen)))[1 if kind == "camera" else 0 :]
     taken = told.take(np.broadcast_to(z, (1, 1, len(z))), 0)[:, 0]
     state = np.array([[radial, along, normal, 0, 0, 0, *dtheta]])
     np.testing.assert_allclose((taken - told.predict(state, 0))[:, -2:], 0, atol=3e-7)

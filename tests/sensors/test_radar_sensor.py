@@ -41,7 +41,7 @@ def test_mounting_turns_the_body_to_the_radar(scene):
 
 def test_radar_on_the_deputy_uses_the_deputys_own_frame(scene):
     """Wei, Song and Zhang (2012): alpha = atan2(radial, along), beta towards the normal, with roll -90 deg."""
-    z = read(scene, [300.0, -371.0, -400.0], carrier="deputy", mounting_deg=[0, 0, -90])
+    z = read(scene, [300.0, -371.0, -400.0], host="deputy", mounting_deg=[0, 0, -90])
     truth = scene.truth([300.0, -371.0, -400.0])
     for k in (0, 40):
         r, v = truth.deputy[0, k, :3], truth.deputy[0, k, 3:]
@@ -130,7 +130,7 @@ def test_period_must_fit_the_step(scene):
         ({"noise": {"kind": "gauss_markov", "tau_s": 3}}, "needs a gaussian or mixture part"),
         ({"noise": []}, "needs a gaussian or mixture part"),
         ({"noise": [{"kind": "gaussian"}, {"kind": "bias", "value": [1, 2]}]}, "this sensor has 3 channels"),
-        ({"carrier": "target"}, "'chief' or 'deputy'"),
+        ({"host": "target"}, "'chief' or 'deputy'"),
         ({"range_sigma": 4}, "Extra inputs"),
     ],
 )

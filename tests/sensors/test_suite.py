@@ -15,9 +15,9 @@ NOISE = [
 ]
 
 
-def everything(scene, carrier="chief"):
+def everything(scene, host="chief"):
     return scene.sensors(
-        radar={"noise": NOISE, "carrier": carrier, "mounting_deg": [5, 10, 15]},
+        radar={"noise": NOISE, "host": host, "mounting_deg": [5, 10, 15]},
         gnss={**scene.GNSS, "noise": NOISE},
         star_tracker={**scene.STAR_TRACKER, "noise": NOISE},
     )
@@ -40,9 +40,9 @@ def simulate(scene, options, runs, places, lengths=(EPOCHS,)):
     return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
 
-@pytest.mark.parametrize("carrier", ["chief", "deputy"])
-def test_bits_do_not_depend_on_block_or_chunks(scene, carrier):
-    options = everything(scene, carrier)
+@pytest.mark.parametrize("host", ["chief", "deputy"])
+def test_bits_do_not_depend_on_block_or_chunks(scene, host):
+    options = everything(scene, host)
     runs = [0, 1, 2, 3, 4]
     whole = simulate(scene, options, runs, relative(runs))
     assert np.isnan(whole["input spherical"]).any()

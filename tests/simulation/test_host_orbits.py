@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from relnav_sim.campaign.checks import LINEAR_ONLY
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import advance
@@ -230,7 +229,7 @@ def test_every_filter_goes_by_readings_whose_frame_is_told():
     text = TEXT[: TEXT.index("filters:")].replace("OUTAGE", "{kind: outage, windows_s: [[8, 20]]}") + "filters:\n"
     learned = {"gp_ekf", "gp_ukf", "gp_particle", "mf_upf"}
     for kind in sorted(set(filter_kinds()) - learned):
-        form = "cartesian" if kind in LINEAR_ONLY else "spherical"
+        form = "cartesian" if filter_kinds()[kind].linear_only else "spherical"
         more = f", {sampling[kind]}" if kind in sampling else ", particles: 300" if "particle" in kind else ""
         text += f"  {kind}: {{kind: {kind}, dynamics: {{kind: cw}}, measurement: {form}, assumed_noise: mixture{more},"
         text += " process_noise: {acceleration_psd_m2_s3: 1.0e-6}}\n"

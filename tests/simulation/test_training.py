@@ -5,7 +5,7 @@ import pytest
 from small_campaign import assert_same_bits
 
 from relnav_sim import open_results, run_campaign
-from relnav_sim.dynamics.gp.dynamics import GpOptions
+from relnav_sim.dynamics.gp.options import GpOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
 from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options

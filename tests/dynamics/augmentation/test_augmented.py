@@ -195,9 +195,9 @@ def test_an_attitude_error_moves_the_sight_as_the_attitude_noise_does():
     P = np.diag([1.0, 2.0, 3.0]) * 1e-9
     sigmas = np.array([4.0, 1e-3, 1e-3])
     noise = SightNoise(np.ones(1), sigmas[None], sigmas, MOUNTING @ P @ MOUNTING.T)
-    polar = SphericalRadar(MOUNTING, noise)
-    G = measured(extra, polar).jacobian(state, 0)[0, :, 6:]
-    attitude_part = polar.noise(state, 0)[0] - np.diag(sigmas**2)
+    spherical = SphericalRadar(MOUNTING, noise)
+    G = measured(extra, spherical).jacobian(state, 0)[0, :, 6:]
+    attitude_part = spherical.noise(state, 0)[0] - np.diag(sigmas**2)
     assert np.allclose(G @ P @ G.T, attitude_part, rtol=1e-10, atol=1e-20)
     cartesian = measured(extra, ConvertedRadar(MOUNTING, noise)).jacobian(state, 0)[0, :, 6:]
     r = MOUNTING.T @ MOUNTING @ NADIR_FROM_RTN @ state[0, :3]

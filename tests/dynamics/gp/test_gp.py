@@ -18,10 +18,11 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
 from relnav_sim import LinearDynamics
-from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack, learning_from
+from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack
 from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
-from relnav_sim.dynamics.gp.dynamics import GpOptions, PhaseClock, phase_clock
+from relnav_sim.dynamics.gp.dynamics import PhaseClock, phase_clock
 from relnav_sim.dynamics.gp.fit import Transitions, fit_gp_dynamics
+from relnav_sim.dynamics.gp.options import GpOptions
 from relnav_sim.dynamics.gp.process import GaussianProcess, Kernel, condition, most_informative
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
@@ -274,7 +275,7 @@ def test_campaign_options():
     track = TrainingTrack(x[: 2 * STEPS_PER_REVOLUTION], STEP_S * np.arange(-2.0 * STEPS_PER_REVOLUTION, 0), ORBIT)
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     options = GpOptions(restarts=0)
-    context = DynamicsContext(ORBIT, noise, STEP_S, learn=learning_from(track))
+    context = DynamicsContext(ORBIT, noise, STEP_S, learn=lambda fit: fit(track))
     dynamics = options.build(context)
     assert len(dynamics.process.inputs) == 500
     error = x[1:][THIRD] - dynamics.propagate(x[:-1][THIRD][None], STEP)[0]
@@ -293,7 +294,7 @@ def test_the_latest_span_is_learned_and_the_one_before_calibrates():
     track = TrainingTrack(flight()[:101], STEP_S * np.arange(-100.0, 1.0), ORBIT)
     noise = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-9)
     options = GpOptions(restarts=0, training_points=50, training_span_s=500.0)
-    process = options.build(DynamicsContext(ORBIT, noise, STEP_S, learn=learning_from(track))).process
+    process = options.build(DynamicsContext(ORBIT, noise, STEP_S, learn=lambda fit: fit(track))).process
     np.testing.assert_allclose(process.inputs, process.kernel.scaled(flight()[50:100]), atol=1e-12)
     assert options.training_request(ORBIT).duration_s == 1000.0
     period = 2 * np.pi / ORBIT.mean_motion_rad_s
@@ -314,7 +315,7 @@ def test_a_base_that_depends_on_the_epoch_is_taken_at_each_row_s_own(base):
     leftover = track.expected(base, noise, STEP_S) - track.states[1:]
     assert np.abs(leftover).max() < 1e-9
     learned = GpOptions(base=base, restarts=0, training_points=60, calibration_span_s=0.0)
-    built = learned.build(DynamicsContext(orbit, noise, STEP_S, learn=learning_from(track)))
+    built = learned.build(DynamicsContext(orbit, noise, STEP_S, learn=lambda fit: fit(track)))
     np.testing.assert_allclose(built.propagate(track.states[:1], Step(first + 1, STEP_S))[0], states[first + 1])
 
 
