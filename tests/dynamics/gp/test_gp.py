@@ -329,7 +329,7 @@ def test_expected_states_belong_to_a_base():
         fit_gp_dynamics(x[:-1], x[1:], STEP_S, CW, expected=x[1:], held_out=Transitions(x[:-1], x[1:]))
 
 
-@pytest.mark.parametrize("target", ["difference", "absolute"])
+@pytest.mark.parametrize("target", ["difference", pytest.param("absolute", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("constant", [0.1, *(pytest.param(c, marks=pytest.mark.slow) for c in (14.62, -7e6 / 3))])
 def test_a_column_constant_up_to_rounding_is_constant(constant, target):
     """Its standard deviation is some 1e-17 by rounding; a query 1e-9 beside it is no 1e7 length scales away."""
