@@ -218,6 +218,10 @@ BAD = {
     ),
     "a negative process noise": (edit("_m2_s3: 1.0e-7", "_m2_s3: -1.0e-7"), "must be at least 0, not -1e-07"),
     "a grid of no list": (DEMO + "  clock.step_s: 1\n", "must be a list of at least one value"),
+    "a grid over kinds with other keys": (
+        DEMO.replace(START, DISPERSED) + "  sensors.radar.kind: [radar, camera]\n",
+        "sensors.radar.range_sigma_m: unknown key; it belongs to the kind 'radar' (in the case",
+    ),
     "a grid of an unknown path": (DEMO + "  clok.step_s: [1]\n", "did you mean 'clock'?"),
     "a zip of unequal lists": (
         DEMO + "zip: {clock.step_s: [1, 2], statistics.settle_s: [1, 2, 3]}\n",
