@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,29 @@ def test_what_is_no_model_is_refused(wrong, words):
         measurements.radar(range_sigma_m=0.0, angle_sigma_deg=1.0)
     with pytest.raises(ValueError, match="chief's nominal orbit"):
         measurements.radar(range_sigma_m=1.0, angle_sigma_deg=1.0, host="deputy")
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({"semi_major_axis_m": 7000.0}, "semi_major_axis_m is 7000, within a body of 6.37814e+06 m"),
+        ({"eccentricity": 1.2}, "eccentricity is 1.2; it must be from 0 to less than 1"),
+        ({"raan_rad": np.nan}, "raan_rad is nan; it must be a finite number"),
+    ],
+)
+def test_what_is_no_orbit_is_refused(wrong, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        replace(ORBIT, **wrong)
+
+
+def test_what_gives_no_first_fix_is_refused():
+    radar = measurements.radar(range_sigma_m=1.0, angle_sigma_deg=1.0)
+    with pytest.raises(ValueError, match=r"z has shape \(3,\); it must be \(runs, 3\); for one reading use z\[None\]"):
+        measurements.first_fix(radar, np.array([1000.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match="gives no position; take a radar"):
+        measurements.first_fix(measurements.lidar(range_sigma_m=1.0), np.array([[1000.0]]))
+    with pytest.raises(ValueError, match=r"z has shape \(1, 2\)"):
+        measurements.first_fix(measurements.camera(angle_sigma_deg=1.0), np.zeros((1, 2)))
 
 
 def test_the_page_filters_recorded_readings(tmp_path, monkeypatch):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import sqrt
+from dataclasses import dataclass, fields, replace
+from math import isfinite, sqrt
 
 from relnav_sim.astro.constants import J2, MU_M3_S2, RADIUS_M
 
@@ -14,6 +14,9 @@ class ChiefOrbit:
 
     Angles in rad, lengths in m, mu in m^3/s^2; j2 to j4 are unnormalised zonal harmonics, J3 and J4 zero
     unless given.
+
+    Raises:
+        ValueError: A number is not finite, the orbit is no ellipse, or its semi-major axis lies within the body.
     """
 
     semi_major_axis_m: float
@@ -27,6 +30,18 @@ class ChiefOrbit:
     j2: float = J2
     j3: float = 0.0
     j4: float = 0.0
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            if not isfinite(getattr(self, each.name)):
+                raise ValueError(f"{each.name} is {getattr(self, each.name)}; it must be a finite number")
+        if not 0 <= self.eccentricity < 1:
+            raise ValueError(f"eccentricity is {self.eccentricity:g}; it must be from 0 to less than 1")
+        if self.semi_major_axis_m < self.equatorial_radius_m:
+            raise ValueError(
+                f"semi_major_axis_m is {self.semi_major_axis_m:g}, within a body of {self.equatorial_radius_m:g} m "
+                "radius; it is the distance from the centre, in metres"
+            )
 
     @property
     def mean_motion_rad_s(self) -> float:

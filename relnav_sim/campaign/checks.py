@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import ceil
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.entries import FilterEntry
@@ -268,6 +269,18 @@ def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
             yield Problem(
                 ("sensors", name, "offset_s"),
                 f"the first reading comes after {each.offset_s:g} s; the run ends at {clock.duration_s:g} s",
+            )
+    for name, relative in relative_sensors(sensors).items():
+        period_s = relative.period_s or clock.step_s
+        # Filters take no reading at the start itself, and what would have been taken before it is none.
+        earliest_s = max(clock.step_s, relative.latency_s)
+        count = max(ceil((earliest_s - relative.offset_s) / period_s - 1e-9), 0)
+        first_s = relative.offset_s + count * period_s
+        if relative.offset_s <= clock.duration_s < first_s * (1 - 1e-9):
+            key = "latency_s" if relative.latency_s > clock.step_s else "period_s"
+            yield Problem(
+                ("sensors", name, key),
+                f"the first reading that filters get comes at {first_s:g} s; the run ends at {clock.duration_s:g} s",
             )
 
 

@@ -88,7 +88,9 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
         whole: What the whole file may hold.
         kinds: Other kinds of the section that know the key.
     """
-    hint = meant_key(key, value, section.keys) or did_you_mean(key, section.keys)
+    # A key that the section of the file knows is unknown to the kind that a case has in its place.
+    meant = [] if key in section.keys else section.keys
+    hint = meant_key(key, value, meant) or did_you_mean(key, meant)
     if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
         hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
     homes = list(dict.fromkeys(places_of(key, whole))) if not hint else []

@@ -20,8 +20,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
 from relnav_sim.dynamics.registry import build_dynamics, dynamics_kinds
 from relnav_sim.results.observability import NOT_OBSERVABLE, Observability
-from relnav_sim.sensors import own_sensor, reading_at_every_epoch, reading_probability, relative_sensors
-from relnav_sim.sensors.due import steps_per_reading
+from relnav_sim.sensors import channels_due, reading_at_every_epoch, reading_probability, relative_sensors
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.simulation.thrust_inputs import known_thrust, planned_forces
@@ -93,11 +92,12 @@ class _Looked:
         truth = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,))).at(times_s)
         chances, fix, always = {}, {}, reading_at_every_epoch(config.sensors)
         for name, options in relative_sensors(config.sensors).items():
-            # Whether a reading is due at just these epochs does not matter, but how many there are.
+            # Whether a reading is due at just these epochs does not matter, but how many there are in each step.
             likely = np.nan_to_num(reading_probability(always, name, truth, 0, step_s)[:1])
             fix[name] = likely[:, :1] * (options.offset_s == 0)
-            begun = times_s >= options.offset_s
-            chances[name] = likely * begun[:, None] * every * _share_due(name, config)
+            due = channels_due(config.sensors, name, np.arange(1, every * (len(times_s) - 1) + 1), clock.step_s)
+            count = due.reshape(-1, every, due.shape[1]).sum(axis=1)
+            chances[name] = likely * np.concatenate([np.zeros_like(count[:1]), count])
         return cls(
             config=config.model_copy(update={"clock": clock.model_copy(update={"step_s": step_s})}),
             every=every,
@@ -107,15 +107,6 @@ class _Looked:
             fix=fix,
             stored=np.minimum(np.arange(clock.stored) * clock.store_every // every, len(times_s) - 1),
         )
-
-
-def _share_due(name: str, config: CaseConfig) -> Array:
-    """Return the share of epochs at which each channel of a sensor is due, (m,)."""
-    options, step_s = relative_sensors(config.sensors)[name], config.clock.step_s
-    attitude = own_sensor(config.sensors, "attitude", options.host) if "attitude" in options.direction_from else None
-    known = 1.0 if attitude is None else 1 / steps_per_reading(attitude[1].period_s, step_s)
-    share = 1 / steps_per_reading(options.period_s, step_s)
-    return np.array([share * known if needed else share for needed in options.needs_direction()])
 
 
 def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:

@@ -146,8 +146,9 @@ def create_filter(
         **options: The filter's options, as in a campaign.
 
     Raises:
-        ValueError: The name is not registered, an option is unknown or out of range, the measurement is for another
-            number of states, a sensor has no name, or the dynamics have considered states and the filter can't do that.
+        ValueError: The name is not registered, an option is unknown or out of range, the measurement is none or for
+            another number of states, a sensor has no name, or the dynamics have considered states and the filter can't
+            do that.
 
     Examples:
         >>> import numpy as np
@@ -189,9 +190,15 @@ def _attending(measurement: Measurement | Mapping[str, Measurement], states: int
     for name, one in named.items():
         if isinstance(measurement, Mapping) and (not isinstance(name, str) or not name):
             raise ValueError(f"{name!r} can't be the name of a sensor; give each measurement a name that is text")
+        which = f"of sensor {name!r} " if name else ""
+        lacking = [part for part in ("dimension", "predict", "jacobian", "noise") if not hasattr(one, part)]
+        if lacking:
+            raise ValueError(
+                f"the measurement {which}is {type(one).__name__!r} without {', '.join(lacking)}; give a model of "
+                "relnav_sim.measurements or a FunctionMeasurement, and several sensors as {name: measurement}"
+            )
         measured_states = getattr(one, "states", None)
         if measured_states not in (None, states):
-            which = f"of sensor {name!r} " if name else ""
             raise ValueError(
                 f"the measurement {which}(columns of H) is for {measured_states} states, the dynamics have {states}"
             )

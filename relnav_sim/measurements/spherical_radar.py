@@ -11,6 +11,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import mounting_matrix, rows, sight_vector, spherical_gradients, spherical_of, times
+from relnav_sim.given_arrays import numbers
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
 from relnav_sim.measurements.sight import Sight
@@ -203,6 +204,9 @@ def first_fix(
         Position of the deputy relative to the chief, RTN, (runs, 3) m, and covariance J R J^T, (runs, 3, 3) m^2,
         J = (dh/dr)^-1. Zero relative velocity is assumed where the reading depends on it.
 
+    Raises:
+        ValueError: The model gives no position, or the readings have another shape.
+
     Example:
         >>> import numpy as np
         >>> from relnav_sim import measurements
@@ -211,8 +215,17 @@ def first_fix(
         >>> position.round(6).tolist(), covariance[0].diagonal().round(3).tolist()
         ([[0.0, 1000.0, -0.0]], [0.762, 4.0, 0.762])
     """
-    state = np.zeros((len(z), 6))
-    state[:, :3] = radar.position(z)
+    if not hasattr(radar, "position"):
+        raise ValueError(
+            "a reading of this measurement gives no position; take a radar, or a lidar with angles, or start from "
+            "elsewhere"
+        )
+    readings = numbers(z, "z", masked_is_missing=True)
+    if readings.ndim != 2 or readings.shape[1] != 3:
+        hint = "; for one reading use z[None]" if readings.ndim == 1 else ""
+        raise ValueError(f"z has shape {readings.shape}; it must be (runs, 3){hint}")
+    state = np.zeros((len(readings), 6))
+    state[:, :3] = radar.position(readings)
     H = radar.jacobian(state, epoch)[:, :, :3]
     J = np.asarray(np.linalg.inv(H), dtype=np.float64)
     return state[:, :3], J @ (noise or radar.noise)(state, epoch) @ transpose(J)

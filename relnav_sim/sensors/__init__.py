@@ -1,7 +1,7 @@
 """What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.sensors.availability import reading_at_every_epoch, reading_probability
+from relnav_sim.sensors.availability import channels_due, reading_at_every_epoch, reading_probability
 from relnav_sim.sensors.campaign_sensors import (
     Sensors,
     attitude_covariance,
@@ -36,6 +36,7 @@ __all__ = [
     "SensorSuite",
     "Sensors",
     "attitude_covariance",
+    "channels_due",
     "filter_inputs",
     "form_taken",
     "frame_is_told",

@@ -64,6 +64,32 @@ def _direction_known(
     return probability
 
 
+def channels_due(sensors: Sensors, name: str, epochs: Integers, step_s: float) -> Mask:
+    """Return at which epochs (K, m) each channel of a relative sensor is due, whatever there is to be seen.
+
+    A reading that would have been taken before the start is none. A channel that needs a direction is due with its
+    host's star tracker, and from its first fix on.
+
+    Args:
+        sensors: All sensors of the campaign.
+        name: The sensor's name.
+        epochs: Numbers of the epochs (K,).
+        step_s: Time between epochs, s.
+    """
+    options = relative_sensors(sensors)[name]
+    times_s = epochs * step_s
+    read = due(epochs, options.period_s, options.offset_s, step_s)
+    read &= times_s >= options.latency_s * (1 - 1e-9)  # as in `simulation.chunks`, where that rounds
+    directed = read.copy()
+    for role in options.direction_from:
+        found = own_sensor(sensors, role, options.host)
+        if found is not None and role == "orbit":
+            directed &= times_s >= first_reading_s(found[1], step_s)
+        elif found is not None:
+            directed &= due(epochs, found[1].period_s, found[1].offset_s, step_s)
+    return np.stack([directed if needed else read for needed in options.needs_direction()], axis=-1)
+
+
 def reads_for_certain(options: SensorOptions, epochs: Integers, times_s: Array, step_s: float) -> Mask:
     """Return when (K,) a sensor is due and no fixed outage is on: it then reads but for random outages."""
     read = due(epochs, options.period_s, options.offset_s, step_s)

@@ -47,7 +47,23 @@ def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> 
     if z.shape != (_RUNS, _EPOCHS, m):
         yield _shape(options, "sample", z, f"(runs, K, {m}), here {(_RUNS, _EPOCHS, m)}, for its channels")
     elif isinstance(options, RelativeSensorOptions):
+        yield from _reached(options, sensed)
         yield from _told(options, z, HostFrame(sensed.host), step_s)
+
+
+def _reached(options: RelativeSensorOptions, sensed: Sensed) -> Iterator[str]:
+    """Yield what is wrong with where the other craft can be measured, and with which channels need a direction."""
+    m, run_wide = len(options.channels), ((_RUNS, _EPOCHS), (1, _EPOCHS))
+    distance = np.full((_RUNS, _EPOCHS), _AWAY_M)
+    checks = (
+        ("needs_direction", options.needs_direction(), ((m,),)),
+        ("in_reach", options.in_reach(sensed), run_wide),
+        ("off_pole", options.off_pole(sensed), run_wide),
+        ("no_echo", options.no_echo(distance), ((_RUNS, _EPOCHS),)),
+    )
+    for what, found, shapes in checks:
+        if found is not None and np.shape(found) not in shapes:
+            yield _shape(options, what, np.asarray(found), " or ".join(map(str, shapes)))
 
 
 def _told(options: RelativeSensorOptions, z: Array, frame: HostFrame, step_s: float) -> Iterator[str]:
@@ -55,6 +71,8 @@ def _told(options: RelativeSensorOptions, z: Array, frame: HostFrame, step_s: fl
     inputs = options.inputs(z, frame)
     states = np.zeros((_RUNS, 6))
     states[:, 1] = _AWAY_M
+    if options.forms[0] not in inputs:
+        yield f"inputs of the {options.kind} sensor returned no {options.forms[0]!r}, the usual form"
     for form in options.forms:
         if form not in inputs:
             continue

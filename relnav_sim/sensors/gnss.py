@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,7 +10,8 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.astro.frame_error import frame_covariance
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
+from relnav_sim.options import AddedLater
+from relnav_sim.sensors.interface import Craft, Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -29,6 +30,11 @@ class GnssOptions(SensorOptions):
         *(Channel(f"velocity_{axis}", "m/s", f"ECI velocity {axis}") for axis in "xyz"),
     )
     kind: Literal["gnss"] = Field(default="gnss", description="Position and velocity of its host, ECI")
+    host: Annotated[Craft | None, AddedLater()] = Field(
+        default=None,
+        description="Craft that carries it; default: the one that carries the relative sensors. For the other craft "
+        "give a second one, under a name of its own",
+    )
     position_sigma_m: float = Field(gt=0, description="Position noise per axis, 1 sigma, m")
     velocity_sigma_m_s: float = Field(gt=0, description="Velocity noise per axis, 1 sigma, m/s")
     noise: NoiseOption = Field(

@@ -119,6 +119,16 @@ class SensorOptions(Options):
         default=0.0, ge=0, description="Time of the first reading, s, a multiple of the clock's step; default 0"
     )
 
+    @field_validator("host")
+    @classmethod
+    def _carried(cls, host: str | None) -> str | None:
+        if host == "both" and not cls.per_craft:
+            raise ValueError(
+                "one sensor of this kind is on one craft, chief or deputy; for the other craft give a second sensor of "
+                "the kind, under a name of its own"
+            )
+        return host
+
     @field_validator("noise")
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -11,7 +11,8 @@ from relnav_sim.arrays import Array
 from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
 from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.sensors.interface import Role, Sensed, SensorOptions
+from relnav_sim.options import AddedLater
+from relnav_sim.sensors.interface import Craft, Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -32,6 +33,11 @@ class StarTrackerOptions(SensorOptions):
         Channel("about", "rad", "turn about the boresight"),
     )
     kind: Literal["star_tracker"] = Field(default="star_tracker", description="Attitude of its host's body")
+    host: Annotated[Craft | None, AddedLater()] = Field(
+        default=None,
+        description="Craft that carries it; default: the one that carries the relative sensors. For the other craft "
+        "give a second one, under a name of its own",
+    )
     cross_boresight_sigma_arcsec: float = Field(
         gt=0, lt=36000, description="Turn about each axis across the boresight, 1 sigma, arcsec"
     )

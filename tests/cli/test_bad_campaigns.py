@@ -111,6 +111,18 @@ BAD = {
         edit("a_km: 6878", "altitude_km: 500"),
         "altitude_km: unknown key; an orbit is given by a_km = altitude + 6378.137, here a_km: 6878.137",
     ),
+    "one receiver on both craft": (
+        edit("  gnss: {", "  gnss: {host: both, "),
+        "sensors.gnss.host: must be 'chief' or 'deputy', not the text 'both'",
+    ),
+    "a reading before the first step alone": (
+        edit(RADAR, RADAR[:-1] + ", period_s: 700}"),
+        "sensors.radar.period_s: the first reading that filters get comes at 700 s; the run ends at 600 s",
+    ),
+    "a latency beyond the end": (
+        edit(START, DISPERSED).replace(RADAR, RADAR[:-1] + ", latency_s: 601}"),
+        "sensors.radar.latency_s: the first reading that filters get comes at 601 s; the run ends at 600 s",
+    ),
     "an altitude in metres": (edit("a_km: 6878", "altitude_m: 512345.5"), "here a_km: 6890.4825"),
     "a key in metres": (edit("a_km: 6878", "a_m: 6878137.5"), "did you mean 'a_km'? Write a_km: 6878.1375"),
     "an element's whole name": (edit("i_deg: 51.6", "inclination: 51.6"), "did you mean 'i_deg'? Write i_deg: 51.6"),
@@ -214,6 +226,10 @@ BAD = {
     ),
     "a negative process noise": (edit("_m2_s3: 1.0e-7", "_m2_s3: -1.0e-7"), "must be at least 0, not -1e-07"),
     "a grid of no list": (DEMO + "  clock.step_s: 1\n", "must be a list of at least one value"),
+    "a grid over kinds with other keys": (
+        DEMO.replace(START, DISPERSED) + "  sensors.radar.kind: [radar, camera]\n",
+        "sensors.radar.range_sigma_m: unknown key; it belongs to the kind 'radar' (in the case",
+    ),
     "a grid of an unknown path": (DEMO + "  clok.step_s: [1]\n", "did you mean 'clock'?"),
     "a zip of unequal lists": (
         DEMO + "zip: {clock.step_s: [1, 2], statistics.settle_s: [1, 2, 3]}\n",

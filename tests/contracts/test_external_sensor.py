@@ -96,6 +96,18 @@ class Odd(RelativeSensorOptions):
     [
         ("np.zeros((2, 3))", "sensors.odd: sample of the odd sensor returned shape (2, 3); expected (runs, K, 2)"),
         ("truth.nothing", "sensors.odd: the odd sensor raises AttributeError: "),
+        (
+            "np.zeros((2, 3, 2))\n    def in_reach(self, truth):\n        return np.ones(4, bool)",
+            "sensors.odd: in_reach of the odd sensor returned shape (4,); expected (2, 3) or (1, 3)",
+        ),
+        (
+            "np.zeros((2, 3, 2))\n    def needs_direction(self):\n        return True",
+            "sensors.odd: needs_direction of the odd sensor returned shape (); expected (2,)",
+        ),
+        (
+            "np.zeros((2, 3, 2))\n    def inputs(self, z, frame):\n        return {'mine': z}",
+            "sensors.odd: inputs of the odd sensor returned no 'spherical', the usual form",
+        ),
     ],
 )
 def test_what_goes_wrong_is_named_before_anything_runs(tmp_path, sample, says):

@@ -50,6 +50,23 @@ def test_a_camera_alone_leaves_the_scale(own_sensors):
     assert abs(camera.direction @ start) / np.linalg.norm(start) == pytest.approx(1, abs=1e-6)
 
 
+def test_readings_count_as_often_as_they_come():
+    """Angles that never meet the attitude's own readings are none: the radar is a rangefinder."""
+    text = TEXT.replace("  camera: {kind: seen}\n", "").split("filters:")[0] + "filters: {ekf: {kind: ekf}}\n"
+    tracker = "  star_tracker: {cross_boresight_sigma_arcsec: 1, about_boresight_sigma_arcsec: 1, period_s: 20"
+    radar = "sensors.radar.period_s=20"
+    together = observed(text.replace("start:", tracker + "}\nstart:"), radar)["ekf"]
+    apart = observed(text.replace("start:", tracker + ", offset_s: 10}\nstart:"), radar)["ekf"]
+    assert together.observable and not apart.observable and apart.weakest == "normal position and normal velocity"
+    ranges = text.replace("radar: {range_sigma_m: 5, angle_sigma_deg: 0.1}", "lidar: {range_sigma_m: 5, period_s: 20}")
+    assert apart.ratio == pytest.approx(observed(ranges)["ekf"].ratio, rel=1e-9)
+
+    once = observed(text, "sensors.radar.period_s=2000")["ekf"]
+    assert once.blind == 3  # one position, and six numbers to tell
+    late, begun = (observed(text, f"sensors.radar.{key}=2000")["ekf"] for key in ("latency_s", "offset_s"))
+    assert late.ratio == pytest.approx(begun.ratio, rel=1e-12) and late.ratio[-1] < 0.9
+
+
 def test_a_manoeuvre_helps_the_filter_that_knows_of_it(own_sensors):
     text = TEXT.replace("sensors:", BURN, 1) + "  deaf: {kind: ekf, sensors: [camera], known_thrust: none}\n"
     found = observed(text)

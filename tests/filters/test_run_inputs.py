@@ -109,6 +109,11 @@ def test_what_cannot_be_right_is_refused_by_name(given, sentence):
         (lambda: FunctionMeasurement(lambda x, k: x[..., :1], [[1.0]], angles=(1,)), "angles (1,) do not fit"),
         (lambda: FunctionMeasurement(lambda x, k: x[..., :1], [[1.0]], angles=(0.0,)), "components by number"),
         (lambda: FunctionMeasurement(np.eye(2), [[1.0]]), "it must be a function"),
+        (
+            lambda: create_filter("ekf", LinearDynamics(F, Q), {"radar": lambda x, k: x[..., :1]}),
+            "the measurement of sensor 'radar' is 'function' without dimension, predict, jacobian, noise",
+        ),
+        (lambda: create_filter("ekf", LinearDynamics(F, Q), None), "the measurement is 'NoneType' without dimension"),
         (lambda: FunctionMeasurement(lambda x, k: x[..., :1], [[1.0, 0.0], [0.9, 1.0]]), "noise is no covariance"),
     ],
 )
