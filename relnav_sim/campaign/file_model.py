@@ -152,10 +152,14 @@ def _adapter(section: str) -> TypeAdapter[Any]:
     return TypeAdapter(SECTIONS[section][0])
 
 
-def _adapter_of(path: Path) -> TypeAdapter[Any]:
+def _adapter_of(path: Path, data: Any) -> TypeAdapter[Any]:
     if path[0] == "filters":
         return entry_adapter()
-    return sensor_adapter() if path[0] == "sensors" else _adapter(str(path[0]))
+    if path[0] != "sensors":
+        return _adapter(str(path[0]))
+    kind = sensor_kinds().get(str(data.get("kind"))) if isinstance(data, dict) else None
+    # The model of a known kind is at hand; that of all kinds has to be made, and serves to say what is wrong.
+    return sensor_adapter() if kind is None else TypeAdapter(kind)
 
 
 def spelt_now(path: Path, data: Any) -> Any:
@@ -197,7 +201,8 @@ class PartValidator:
         found = self._known.get((path, id(data)))
         if found is None:
             # The data is kept with the answer, so that its id stays its own.
-            found = (data, *self._validated(_adapter_of(path), spelt_now(path, data), path))
+            spelt = spelt_now(path, data)
+            found = (data, *self._validated(_adapter_of(path, spelt), spelt, path))
             self._known[path, id(data)] = found
         return found[1], found[2]
 
