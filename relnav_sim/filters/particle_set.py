@@ -23,8 +23,7 @@ from relnav_sim.linalg import (
     runs_first,
     transpose,
 )
-from relnav_sim.measurements.interface import Measurement
-from relnav_sim.measurements.partial import has_own_density
+from relnav_sim.measurements.interface import Measurement, has_own_density
 from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, Turnable, has_own_density
 
 
 class Around(MeasurementDefaults):
@@ -15,7 +15,12 @@ class Around(MeasurementDefaults):
 
     Args:
         base: The measurement; it need not have the attributes and functions that `MeasurementDefaults` gives.
+
+    Attributes:
+        change: What is changed of the base, in words.
     """
+
+    change: ClassVar[str]
 
     def __init__(self, base: Measurement) -> None:
         self.base = base
@@ -24,6 +29,19 @@ class Around(MeasurementDefaults):
         self.depends_on = getattr(base, "depends_on", None)
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
+        if has_own_density(base):
+            self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
+
+    def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
+        """Return the base's own log p(z | states), where it is still that of the reading.
+
+        Raises:
+            ValueError: What is changed of the base can't be applied to a density that only the base knows.
+        """
+        raise ValueError(
+            f"{type(self.base).__name__} has a log_likelihood of its own, to which {self.change} can't be applied; "
+            "take a filter that goes by its noise alone, ekf say, or leave that out"
+        )
 
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return what the base makes of the readings."""

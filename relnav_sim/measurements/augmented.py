@@ -66,6 +66,8 @@ class AugmentedMeasurement(Around):
         distortion: What b does to the reading.
     """
 
+    change = "what augmented states do to a reading"
+
     def __init__(self, base: Measurement, states: int, distortion: Distortion) -> None:
         super().__init__(base)
         self._n = states

@@ -19,11 +19,17 @@ class Delayed(Around):
         latency_s: Time from the measurement to its epoch, s.
     """
 
+    change = "a latency"
+
     def __init__(self, base: Measurement, latency_s: float) -> None:
         super().__init__(base)
         self.latency_s = latency_s
         # The position some time ago depends on the velocity as well.
         self.depends_on = None
+
+    def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
+        """Return the base's own log p(z | states) at the states some time ago, (runs, ...)."""
+        return self.base.log_likelihood(z, self._earlier(states), epoch)
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the base's h at the states some time ago, (runs, ..., m)."""

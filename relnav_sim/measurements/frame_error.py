@@ -33,6 +33,8 @@ class FrameError(Around):
         covariance: P (6, 6), RTN, rad and rad/s; None: each reading has its own behind it, from `with_frame`.
     """
 
+    change = "the error of its host's frame"
+
     def __init__(self, base: Measurement, covariance: Array | None = None) -> None:
         super().__init__(base)
         self._constant = covariance

@@ -154,3 +154,9 @@ class MeasurementDefaults:
         if mixture is None:
             return log_density(residual, self.noise(mean, epoch))
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
+
+
+def has_own_density(measurement: Measurement) -> bool:
+    """Whether a measurement brings a log_likelihood of its own instead of the one that follows from its noise."""
+    own = getattr(measurement, "log_likelihood", None)
+    return own is not None and getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood

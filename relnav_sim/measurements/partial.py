@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, has_own_density
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,6 @@ def all_channels(measurement: Measurement) -> Measurement:
     """Return a filter's measurement as it is with every channel present, whatever is read."""
     complete: Measurement = getattr(measurement, "complete", measurement)
     return complete
-
-
-def has_own_density(measurement: Measurement) -> bool:
-    """Whether a measurement brings a log_likelihood of its own instead of the one that follows from its noise."""
-    own = getattr(measurement, "log_likelihood", None)
-    return own is not None and getattr(own, "__func__", own) is not MeasurementDefaults.log_likelihood
 
 
 _MASKED = ("predict", "jacobian", "noise", "mixture", "residual")

@@ -87,6 +87,8 @@ class GrowingRangeNoise(Around):
         growth_per_m: c, 1/m.
     """
 
+    change = "a noise that grows with the range"
+
     def __init__(self, base: Measurement, growth_per_m: float) -> None:
         super().__init__(base)
         self._growth = growth_per_m

@@ -9,8 +9,14 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.linalg import LOG_TWO_PI
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, joint_components
-from relnav_sim.measurements.partial import PartialMeasurement, Sensor, has_own_density
+from relnav_sim.measurements.interface import (
+    Measurement,
+    MeasurementDefaults,
+    Mixture,
+    has_own_density,
+    joint_components,
+)
+from relnav_sim.measurements.partial import PartialMeasurement, Sensor
 
 
 @dataclass(frozen=True)
