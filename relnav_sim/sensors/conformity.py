@@ -89,6 +89,19 @@ def _told(options: RelativeSensorOptions, z: Array, frame: HostFrame, step_s: fl
         for what, found, shapes in checks:
             if found.shape not in shapes:
                 yield _shape(options, f"measurement().{what}", found, " or ".join(map(str, shapes)))
+    if options.gives_fix and options.forms[0] in inputs:
+        context = MeasurementContext(_ORBIT, np.zeros((3, 3)), "nominal", options.forms[0], step_s)
+        yield from _fix(options, options.first_fix(options.measurement(context), inputs[options.forms[0]][:, 0]))
+
+
+def _fix(options: RelativeSensorOptions, fix: object) -> Iterator[str]:
+    """Yield what is wrong with a first fix of a sensor that says that it gives one."""
+    if not isinstance(fix, tuple) or len(fix) != 2:
+        yield f"first_fix of the {options.kind} sensor returned no pair of position and covariance"
+        return
+    for what, found, shape in zip(("position", "covariance"), fix, ((_RUNS, 3), (_RUNS, 3, 3)), strict=True):
+        if np.shape(found) != shape:
+            yield _shape(options, f"first_fix's {what}", found, str(shape))
 
 
 _AWAY_M = 100.0

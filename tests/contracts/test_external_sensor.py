@@ -88,6 +88,8 @@ class Odd(RelativeSensorOptions):
         return SAMPLE
     def measurement(self, context):
         return LinearMeasurement(np.eye(2, 6), np.eye(2))
+    def first_fix(self, measurement, z):
+        return z, np.zeros((len(z), 3, 3))
 """
 
 
@@ -95,6 +97,10 @@ class Odd(RelativeSensorOptions):
     ("sample", "says"),
     [
         ("np.zeros((2, 3))", "sensors.odd: sample of the odd sensor returned shape (2, 3); expected (runs, K, 2)"),
+        (
+            "np.zeros((2, 3, 2))",
+            "sensors.odd: first_fix's position of the odd sensor returned shape (2, 2); expected (2, 3)",
+        ),
         ("truth.nothing", "sensors.odd: the odd sensor raises AttributeError: "),
         (
             "np.zeros((2, 3, 2))\n    def in_reach(self, truth):\n        return np.ones(4, bool)",
