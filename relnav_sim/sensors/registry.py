@@ -7,7 +7,7 @@ from functools import cache
 from typing import TypeVar, get_args, overload
 
 from relnav_sim.plugins import load_plugins
-from relnav_sim.sensors.interface import SensorOptions
+from relnav_sim.sensors.interface import RelativeSensorOptions, SensorOptions
 
 _BUILT_IN = ("radar", "camera", "lidar", "crosslink", "relative_gnss", "gnss", "star_tracker", "accelerometer")
 _KINDS: dict[str, type[SensorOptions]] = {}
@@ -65,6 +65,8 @@ def _check(name: str, model: type[SensorOptions]) -> None:
     for missing in ("role", "channels"):
         if not hasattr(model, missing):
             raise ValueError(f"{model.__name__} has no {missing}; see relnav_sim.sensors.SensorOptions")
+    if model.role == "other" and not issubclass(model, RelativeSensorOptions):
+        raise ValueError(f"{model.__name__} measures the other craft; derive it from RelativeSensorOptions")
 
 
 @cache
