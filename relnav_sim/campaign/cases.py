@@ -11,8 +11,8 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.expand import Point, Variable, points
 from relnav_sim.campaign.file_model import DEFAULTS, SECTIONS, PartValidator, check_name
 from relnav_sim.campaign.manoeuvres import default_thrust
-from relnav_sim.campaign.problems import SHOWN, Problem
-from relnav_sim.sensors import Sensors
+from relnav_sim.campaign.problems import SHOWN, Problem, did_you_mean, listed
+from relnav_sim.sensors import Sensors, sensor_kinds
 
 _CASES_WITH_PROBLEMS = 8
 """Enough to tell a problem of one value from a problem of the whole file."""
@@ -132,6 +132,11 @@ def _sensors(section: Any, validator: PartValidator) -> tuple[dict[str, Any] | N
     problems: list[Problem] = []
     for name, entry in section.items():
         if entry is None:
+            continue
+        if isinstance(entry, dict) and "kind" not in entry and name not in sensor_kinds():
+            kinds = sensor_kinds()
+            hint = did_you_mean(name, kinds) or f"; the kinds are {listed(list(kinds), 'and')}"
+            problems.append(Problem(("sensors", name), f"no kind of sensor has this name, so give its kind{hint}"))
             continue
         value, found = validator.part(("sensors", name), entry)
         problems += found

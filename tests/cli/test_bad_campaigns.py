@@ -208,6 +208,7 @@ BAD = {
     ),
     "a negative start sigma": (edit("velocity_sigma_m_s: 0.5}", "velocity_sigma_m_s: -1}"), "greater than 0, not -1"),
     "an unknown filter": (edit("kind: ekf", "kind: efk"), "filters.ekf.kind: there is no kind 'efk'"),
+    "a sensor misspelt": (edit("  radar: {", "  radr: {"), "so give its kind; did you mean 'radar'?"),
     "a filter of no kind": (edit("    kind: ekf # takes range, azimuth and elevation\n", ""), "ekf.kind: this key"),
     "a filter that is a text": (edit("  ekf:\n", "  ekf: ekf\n  e2:\n"), "filters.ekf: must be a section with keys"),
     "a filter's name with a slash": (edit("  ekf:\n", "  ../ekf:\n"), "filters.../ekf: a name has"),
