@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import polynomial
-from scipy.optimize import brentq
 
 from relnav_sim.arrays import Array
 from relnav_sim.truth import dop853
@@ -57,6 +56,8 @@ def _first_below(position: Array, radius_m: float) -> float:
     before = looked_at[below[0] - 1]
     if heights[below[0] - 1] <= 0:  # it starts on the surface, and goes down
         return float(before)
+    from scipy.optimize import brentq  # takes longer to import than to load a campaign, and few orbits end
+
     return float(brentq(polynomial.polyval, before, looked_at[below[0]], args=(height,), xtol=1e-15))
 
 
