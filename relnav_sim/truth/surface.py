@@ -56,7 +56,7 @@ def _first_below(position: Array, radius_m: float) -> float:
     before = looked_at[below[0] - 1]
     if heights[below[0] - 1] <= 0:  # it starts on the surface, and goes down
         return float(before)
-    from scipy.optimize import brentq  # takes longer to import than to load a campaign, and few orbits end
+    from scipy.optimize import brentq  # here, because it takes a tenth of a second to import and few orbits end
 
     return float(brentq(polynomial.polyval, before, looked_at[below[0]], args=(height,), xtol=1e-15))
 
