@@ -14,6 +14,11 @@ from relnav_sim.arrays import Array
 LOG_TWO_PI = float(np.log(2 * np.pi))
 
 
+def by_run(A: Array) -> Array:
+    """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
+    return np.ascontiguousarray(A if A.ndim == 3 else A[None])
+
+
 def runs_last(A: Array) -> Array:
     """Return a contiguous copy (..., runs) of A (runs, ...): elementwise work on its entries is then fast."""
     return A.transpose(*range(1, A.ndim), 0).copy()

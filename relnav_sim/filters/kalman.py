@@ -9,25 +9,14 @@ import numpy as np
 from pydantic import Field
 from scipy.special import chdtri
 
-from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim import kernels
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.filters.square_root_update import degenerate_innovation, drowned_variances, square_root_update
-from relnav_sim.linalg import (
-    LOG_TWO_PI,
-    back,
-    diagonal_last,
-    factor,
-    forward,
-    log_determinant_of,
-    matrices_last,
-    product,
-    runs_first,
-    runs_last,
-    symmetric_last,
-)
+from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
+from relnav_sim.linalg import by_run
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
@@ -69,11 +58,9 @@ class GaussianFilter:
 
     def predict(self, belief: Gaussian, step: Step) -> Gaussian:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
-        F = matrices_last(self.dynamics.transition(belief.mean, step))
-        Q = matrices_last(self.dynamics.process_noise(belief.mean, step))
-        FP = product(F, runs_last(belief.covariance))
-        P = product(F, FP.swapaxes(0, 1)) + Q  # F (F P)^T, because P is symmetric
-        return Gaussian(self.dynamics.propagate(belief.mean, step), runs_first(symmetric_last(P)))
+        F, Q = self.dynamics.transition(belief.mean, step), self.dynamics.process_noise(belief.mean, step)
+        P = kernels.kalman.predict(np.ascontiguousarray(belief.covariance), by_run(F), by_run(Q))
+        return Gaussian(self.dynamics.propagate(belief.mean, step), P)
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
@@ -134,22 +121,10 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
         The posterior and the innovation. Where S is singular, NIS and log-likelihood are those of its range; a
         residual outside it fails the run, because no state explains it.
     """
-    # Runs last from here on: every product is then a few elementwise passes over contiguous memory.
-    P, H, R, nu = runs_last(belief.covariance), matrices_last(H), matrices_last(R), runs_last(residual)
-    HP = product(H, P)
-    S = product(HP, H.swapaxes(0, 1)) + R
-    L = factor(S)
-    white = forward(L, np.concatenate([HP, nu[:, None]], axis=1))
-    W, w = white[:, :-1], white[:, -1]
-    WT = W.swapaxes(0, 1)
-    mean = belief.mean + product(WT, w[:, None])[:, 0].T
-    covariance = P - product(WT, W)
-    wide, lost = exceeds(S, R, WIDE), nearly_singular(S, L)
-    if wide.any():
-        KT = back(L, W)
-        covariance = np.where(wide, _joseph(P, H, R, KT, HP), covariance)
-        lost = lost | (wide & (exceeds(S, R, WIDEST) | _drowned(P, H, KT, covariance)))
-    update = Gaussian(mean, runs_first(covariance)), innovation_last(L, w)
+    H, R = by_run(H), by_run(R)
+    m, P, nu = map(np.ascontiguousarray, (belief.mean, belief.covariance, residual))
+    mean, P, nis, log_likelihood, lost = kernels.kalman.update(m, P, nu, H, R)
+    update = Gaussian(mean, P), Innovation(nis, log_likelihood)
     if not lost.any():
         return update
     rows = np.flatnonzero(lost)
@@ -163,13 +138,6 @@ def reading_size(belief: Gaussian, H: Array) -> Array:
     """Return how large the numbers are that H m is a sum of, (runs, m): its rounding is a share of that."""
     size = np.abs(belief.mean) + np.sqrt(np.abs(np.einsum("bii->bi", belief.covariance)))
     return np.einsum("bij,bj->bi", np.abs(H), size)
-
-
-def _drowned(P: Array, H: Array, KT: Array, covariance: Array) -> Mask:
-    """Return the runs in which a variance is below the rounding of those before; arguments runs last."""
-    h = np.broadcast_to(H, (*H.shape[:2], P.shape[2]))
-    drowned = drowned_variances(runs_first(P), runs_first(h), runs_first(KT.swapaxes(0, 1)), runs_first(covariance))
-    return np.asarray(drowned.any(axis=1))
 
 
 def replace_runs(
@@ -187,39 +155,9 @@ def replace_runs(
     return posterior, replace(innovation, failed={int(rows[place]): why for place, why in told.failed.items()})
 
 
-WIDE = 1e6
-"""Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
-WIDEST = 1e12
-"""The same of Joseph's form; S itself keeps four digits of R then."""
-_SINGULAR = 1e-12  # share of S that a pivot of its factor must keep, or S is as good as singular
-
-
-def nearly_singular(S: Array, L: Array) -> Mask:
-    """Return where S (m, m, runs), finite, is as good as singular: a pivot of its factor L is next to nothing."""
-    pivots = diagonal_last(L)
-    # Written so that a pivot that is not a number counts.
-    sound = pivots * pivots > _SINGULAR * diagonal_last(S)
-    if sound.all():
-        return np.zeros(S.shape[-1], dtype=bool)
-    # A run that has diverged stays as it is.
-    return np.asarray(~sound.all(axis=0) & np.isfinite(S.sum(axis=(0, 1))))
-
-
-def exceeds(S: Array, R: Array, ratio: float) -> Mask:
-    """Return where S (m, m, runs) is so many times as wide as R (m, m, runs or 1) in any channel."""
-    return np.asarray((diagonal_last(S) > ratio * diagonal_last(R)).any(axis=0))
-
-
 def of_runs(A: Array, rows: Indices) -> Array:
-    """Return the matrices (rows, p, q) of some runs from (p, q, runs or 1)."""
-    return runs_first(np.broadcast_to(A[..., rows] if A.shape[-1] > 1 else A, (*A.shape[:2], len(rows))))
-
-
-def _joseph(P: Array, H: Array, R: Array, KT: Array, HP: Array) -> Array:
-    """Return (I - K H) P (I - K H)^T + K R K^T, runs last, multiplied out with M = (I - K H) P."""
-    K = KT.swapaxes(0, 1)
-    M = P - product(K, HP)
-    return symmetric_last(M + product(product(K, R) - product(M, H.swapaxes(0, 1)), KT))
+    """Return the matrices (rows, p, q) of some runs from (runs, p, q) or (1, p, q)."""
+    return A[rows] if len(A) > 1 else np.broadcast_to(A, (len(rows), *A.shape[1:]))
 
 
 def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
@@ -230,22 +168,12 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
         residual: (runs, m).
         reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
     """
-    last = runs_last(S)
-    L = factor(last)
-    innovation = innovation_last(L, forward(L, runs_last(residual)))
-    singular = nearly_singular(last, L)
-    if not singular.any():
-        return innovation
-    rows = np.flatnonzero(singular)
-    told = degenerate_innovation(S[rows], residual[rows], reading[rows])
-    innovation.nis[rows], innovation.log_likelihood[rows] = told.nis, told.log_likelihood
-    return innovation
-
-
-def innovation_last(L: Array, white: Array) -> Innovation:
-    """Return the same of L (m, m, runs) and the whitened residual L^-1 nu (m, runs), runs last."""
-    nis = product(white[None], white[:, None])[0, 0]
-    return Innovation(nis, -0.5 * (nis + len(white) * LOG_TWO_PI + log_determinant_of(L)))
+    nis, log_likelihood, singular = kernels.kalman.innovation(np.ascontiguousarray(S), np.ascontiguousarray(residual))
+    if singular.any():
+        rows = np.flatnonzero(singular)
+        told = degenerate_innovation(S[rows], residual[rows], reading[rows])
+        nis[rows], log_likelihood[rows] = told.nis, told.log_likelihood
+    return Innovation(nis, log_likelihood)
 
 
 def scaled_noise(measurement: Measurement, mean: Array, epoch: int, factor: float) -> Array:

@@ -7,17 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import (
-    WIDE,
     GaussianFilter,
     GaussianFilterOptions,
-    exceeds,
-    innovation_last,
-    nearly_singular,
     of_runs,
     reading_size,
     replace_runs,
@@ -25,17 +22,7 @@ from relnav_sim.filters.kalman import (
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
-from relnav_sim.linalg import (
-    cholesky,
-    factor,
-    forward,
-    matrices_last,
-    product,
-    runs_first,
-    runs_last,
-    symmetric,
-    transpose,
-)
+from relnav_sim.linalg import by_run, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 
 _IMAGE_ROUNDING = 1e-14
@@ -134,22 +121,17 @@ class UnscentedKalmanFilter(GaussianFilter):
         S = self._covariance(deviations, shift, deviations, shift) + R
         cross = self._covariance(deviations, shift, offsets, self._shift(offsets))
         residual = self.measurement.residual(z, images[:, 0] + shift)
-        S_last = runs_last(symmetric(S))
-        L = factor(S_last)
-        white = forward(L, runs_last(np.concatenate([cross, residual[..., None]], axis=2)))
-        W = white[:, :-1]
-        WT = W.swapaxes(0, 1)
-        mean = belief.mean + product(WT, white[:, -1:])[:, 0].T
-        covariance = belief.covariance - runs_first(product(WT, W))
-        update = Gaussian(mean, covariance), innovation_last(L, white[:, -1])
-        wide = exceeds(S_last, matrices_last(R), WIDE) | nearly_singular(S_last, L)
+        mean, P, nis, log_likelihood, wide = kernels.kalman.update_by_moments(
+            belief.mean, np.ascontiguousarray(belief.covariance), residual, cross, symmetric(S), by_run(R)
+        )
+        update = Gaussian(mean, P), Innovation(nis, log_likelihood)
         if isinstance(belief, PropagatedPoints) or not wide.any():
             return update
         rows = np.flatnonzero(wide)
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
         H = jacobian_of_runs(self.measurement, belief.mean, step.epoch)[rows]
         reading = reading_size(prior, H) + np.abs(images[rows, 0]) + np.abs(z[rows])
-        R = of_runs(matrices_last(R), rows)
+        R = of_runs(by_run(R), rows)
         exact = self._from_roots(prior, H, deviations[rows], offsets[rows], R, residual[rows], reading)
         return replace_runs(rows, update, exact)
 

@@ -1,0 +1,34 @@
+"""Small-matrix work in compiled loops, behind filters, dynamics, measurements and the truth.
+
+Each file is a theme. Its functions are compiled by numba at their first call on a machine and read from a folder of
+compiled code after that. They take and return arrays that lead with the runs, in C order, as everything in relnav does;
+a run is an iteration of a loop, so its bits do not depend on which other runs are there. Inside, up to `LANES` runs
+lie side by side as the last axis, so that one instruction of the processor serves several.
+
+Nothing compiled is imported before a function of it is needed: `kernels.kalman.update(...)` is how to call one.
+
+Examples:
+    >>> import numpy as np
+    >>> from relnav_sim import kernels
+    >>> P = np.eye(2)[None]
+    >>> kernels.kalman.predict(P, np.array([[[1.0, 1.0], [0.0, 1.0]]]), np.zeros((1, 2, 2))).tolist()
+    [[[2.0, 1.0], [1.0, 1.0]]]
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from relnav_sim.kernels import kalman as kalman
+
+
+def __getattr__(name: str) -> Any:
+    """Import a theme on its first use; it then is an attribute of the package."""
+    try:
+        return importlib.import_module(f"relnav_sim.kernels.{name}")
+    except ModuleNotFoundError as error:
+        if error.name != f"relnav_sim.kernels.{name}":
+            raise
+        raise AttributeError(f"module 'relnav_sim.kernels' has no attribute {name!r}") from None

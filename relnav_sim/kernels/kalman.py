@@ -1,0 +1,279 @@
+"""The Kalman filter's prediction and update (Kalman, J. Basic Engineering 82(1), 1960)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.lanes import (
+    LANES,
+    factor,
+    forward,
+    forward_vectors,
+    load,
+    load_vectors,
+    product,
+    product_by_transpose,
+    store_symmetric,
+    store_vectors,
+)
+
+WIDE = 1e6
+"""Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
+WIDEST = 1e12
+"""The same of Joseph's form; S itself keeps four digits of R then."""
+SINGULAR = 1e-12
+"""Share of S that a pivot of its factor must keep, or S is as good as singular."""
+_EPS = float(np.finfo(float).eps)
+_LOG_TWO_PI = math.log(2 * math.pi)
+
+
+@kernel(given(3), given(3), given(3))
+def predict(P: Array, F: Array, Q: Array) -> Array:
+    """Return F P F^T + Q, (runs, n, n), symmetric to the bit.
+
+    Args:
+        P: Covariances (runs, n, n), symmetric.
+        F: (runs, n, n), or (1, n, n) for all runs, as Q.
+        Q: Covariance of the process noise.
+    """
+    runs, n, _ = P.shape
+    predicted = np.empty((runs, n, n))
+    p, f, q, fp = np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        load(F, first, used, f)
+        load(Q, first, used, q)
+        product(f, p, used, fp)
+        for i in range(n):
+            for j in range(i + 1):
+                for k in range(n):
+                    for b in range(used):
+                        q[i, j, b] += fp[i, k, b] * f[j, k, b]
+        store_symmetric(q, first, used, predicted)
+    return predicted
+
+
+@kernel(given(2), given(3), given(2), given(3), given(3))
+def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Array, Mask]:
+    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and in which runs they are lost.
+
+    One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
+    covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
+    where it is `WIDE` get Joseph's form instead (Bucy and Joseph, Filtering for Stochastic Processes, 1968). Lost are
+    runs in which even that has no digits left, or S is as good as singular; those that have diverged are not.
+
+    Args:
+        m: Predicted means (runs, n).
+        P: Their covariances (runs, n, n), symmetric.
+        nu: Residuals z - h(m), (runs, k).
+        H: Jacobians (runs, k, n), or (1, k, n) for all runs.
+        R: Measurement noise (runs, k, k) or (1, k, k).
+    """
+    runs, n = m.shape
+    k = nu.shape[1]
+    mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
+    nis, log_likelihood, lost = np.empty(runs), np.empty(runs), np.zeros(runs, dtype=np.bool_)
+    x, p, h, r = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((k, n, LANES)), np.empty((k, k, LANES))
+    hp, S, L = np.empty((k, n, LANES)), np.empty((k, k, LANES)), np.zeros((k, k, LANES))
+    W, w, short = np.empty((k, n, LANES)), np.empty((k, LANES)), np.empty((n, n, LANES))
+    wide = np.empty(LANES, dtype=np.bool_)
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load_vectors(m, first, used, x)
+        load(P, first, used, p)
+        load(H, first, used, h)
+        load(R, first, used, r)
+        load_vectors(nu, first, used, w)
+        product(h, p, used, hp)
+        product_by_transpose(hp, h, used, S)
+        for i in range(k):
+            for j in range(k):
+                for b in range(used):
+                    S[i, j, b] += r[i, j, b]
+        factor(S, used, L)
+        W[:] = hp
+        forward(L, used, W)
+        forward_vectors(L, used, w)
+        move(W, w, used, x)
+        for b in range(used):
+            nis[first + b], log_likelihood[first + b] = score(w, L, b)
+            wide[b] = exceeds(S, r, b, WIDE)
+            lost[first + b] = singular(S, L, b) or (wide[b] and exceeds(S, r, b, WIDEST))
+        short[:] = p
+        subtract_square(W, used, short)
+        for b in range(used):
+            if wide[b] and not lost[first + b]:
+                lost[first + b] = _joseph(b, p, h, r, hp, L, W, short)
+        store_vectors(x, first, used, mean)
+        store_symmetric(short, first, used, covariance)
+    return mean, covariance, nis, log_likelihood, lost
+
+
+@kernel(given(2), given(3), given(2), given(3), given(3), given(3))
+def update_by_moments(
+    m: Array, P: Array, nu: Array, C: Array, S: Array, R: Array
+) -> tuple[Array, Array, Array, Array, Mask]:
+    """Return the same as `update` from moments that sigma points give; lost are runs that are `WIDE` or singular.
+
+    Args:
+        m: Predicted means (runs, n).
+        P: Their covariances (runs, n, n), symmetric.
+        nu: Residuals (runs, k).
+        C: Covariances of reading and state, (runs, k, n).
+        S: Covariances of the residual (runs, k, k), symmetric.
+        R: Measurement noise (runs, k, k) or (1, k, k).
+    """
+    runs, n = m.shape
+    k = nu.shape[1]
+    mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
+    nis, log_likelihood, lost = np.empty(runs), np.empty(runs), np.zeros(runs, dtype=np.bool_)
+    x, p, r, s = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((k, k, LANES)), np.empty((k, k, LANES))
+    L, W, w = np.zeros((k, k, LANES)), np.empty((k, n, LANES)), np.empty((k, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load_vectors(m, first, used, x)
+        load(P, first, used, p)
+        load(C, first, used, W)
+        load(S, first, used, s)
+        load(R, first, used, r)
+        load_vectors(nu, first, used, w)
+        factor(s, used, L)
+        forward(L, used, W)
+        forward_vectors(L, used, w)
+        move(W, w, used, x)
+        subtract_square(W, used, p)
+        for b in range(used):
+            nis[first + b], log_likelihood[first + b] = score(w, L, b)
+            lost[first + b] = singular(s, L, b) or exceeds(s, r, b, WIDE)
+        store_vectors(x, first, used, mean)
+        store_symmetric(p, first, used, covariance)
+    return mean, covariance, nis, log_likelihood, lost
+
+
+@inner
+def move(W: Array, w: Array, used: int, x: Array) -> None:
+    """Add W^T w to x (n,), W (k, n)."""
+    for i in range(len(x)):
+        for j in range(len(W)):
+            for b in range(used):
+                x[i, b] += W[j, i, b] * w[j, b]
+
+
+@inner
+def subtract_square(W: Array, used: int, P: Array) -> None:
+    """Take W^T W, W (k, n), from the lower triangle of P (n, n)."""
+    for i in range(len(P)):
+        for j in range(i + 1):
+            for c in range(len(W)):
+                for b in range(used):
+                    P[i, j, b] -= W[c, i, b] * W[c, j, b]
+
+
+@kernel(given(3), given(2))
+def innovation(S: Array, nu: Array) -> tuple[Array, Array, Mask]:
+    """Return NIS and log-likelihood (runs,) of residuals (runs, k) by their covariances (runs, k, k).
+
+    The third array says where S is as good as singular, and the others don't count.
+    """
+    runs, k = nu.shape
+    nis, log_likelihood, degenerate = np.empty(runs), np.empty(runs), np.empty(runs, dtype=np.bool_)
+    s, L, w = np.empty((k, k, LANES)), np.zeros((k, k, LANES)), np.empty((k, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(S, first, used, s)
+        load_vectors(nu, first, used, w)
+        factor(s, used, L)
+        forward_vectors(L, used, w)
+        for b in range(used):
+            nis[first + b], log_likelihood[first + b] = score(w, L, b)
+            degenerate[first + b] = singular(s, L, b)
+    return nis, log_likelihood, degenerate
+
+
+@inner
+def score(w: Array, L: Array, b: int) -> tuple[float, float]:
+    """Return NIS and log-likelihood of the whitened residual w = L^-1 nu of lane b."""
+    nis = 0.0
+    for i in range(len(w)):
+        nis += w[i, b] * w[i, b]
+    return nis, -0.5 * (nis + len(w) * _LOG_TWO_PI + log_determinant(L, b))
+
+
+@inner
+def log_determinant(L: Array, b: int) -> float:
+    """Return log det(L L^T) of lane b."""
+    total = 0.0
+    for i in range(len(L)):
+        total += math.log(L[i, i, b])
+    return 2 * total
+
+
+@inner
+def exceeds(S: Array, R: Array, b: int, ratio: float) -> bool:
+    """Return whether S is so many times as wide as R in any channel of lane b."""
+    found = False
+    for i in range(len(S)):
+        found |= S[i, i, b] > ratio * R[i, i, b]
+    return found
+
+
+@inner
+def singular(S: Array, L: Array, b: int) -> bool:
+    """Return whether S of lane b, where it is finite, is as good as singular: a pivot of L is next to nothing."""
+    sound, total = True, 0.0
+    for i in range(len(S)):
+        # Written so that a pivot that is not a number counts.
+        sound &= L[i, i, b] * L[i, i, b] > SINGULAR * S[i, i, b]
+        for j in range(len(S)):
+            total += S[i, j, b]
+    return not sound and math.isfinite(total)
+
+
+@inner
+def _joseph(b: int, P: Array, H: Array, R: Array, HP: Array, L: Array, W: Array, covariance: Array) -> bool:
+    """Set lane b of the covariance to (I - K H) P (I - K H)^T + K R K^T; return whether a variance is drowned.
+
+    With M = (I - K H) P that is M + (K R - M H^T) K^T. A variance is drowned when it is below the rounding of the
+    covariance that the update began with.
+    """
+    k, n = len(L), len(P)
+    K, M, G = np.empty((n, k)), np.empty((n, n)), np.empty((n, k))
+    for i in range(n):  # K = W^T L^-1
+        for j in range(k - 1, -1, -1):
+            K[i, j] = W[j, i, b]
+            for c in range(j + 1, k):
+                K[i, j] -= L[c, j, b] * K[i, c]
+            K[i, j] /= L[j, j, b]
+    for i in range(n):
+        for j in range(n):
+            M[i, j] = P[max(i, j), min(i, j), b]
+            for c in range(k):
+                M[i, j] -= K[i, c] * HP[c, j, b]
+    for i in range(n):
+        for j in range(k):
+            G[i, j] = 0.0
+            for c in range(k):
+                G[i, j] += K[i, c] * R[c, j, b]
+            for c in range(n):
+                G[i, j] -= M[i, c] * H[j, c, b]
+    drowned = False
+    for i in range(n):
+        for j in range(i + 1):
+            upper, lower = M[i, j], M[j, i]
+            for c in range(k):
+                upper += G[i, c] * K[j, c]
+                lower += G[j, c] * K[i, c]
+            covariance[i, j, b] = (upper + lower) / 2
+        moved = 0.0
+        for j in range(n):
+            entry = 1.0 if i == j else 0.0
+            for c in range(k):
+                entry -= K[i, c] * H[c, j, b]
+            moved += abs(entry) * math.sqrt(abs(P[j, j, b]))
+        drowned |= covariance[i, i, b] < 8 * _EPS * moved * moved and P[i, i, b] != 0
+    return drowned

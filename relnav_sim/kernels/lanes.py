@@ -1,0 +1,143 @@
+"""Textbook steps on matrices of up to `LANES` runs, which lie side by side along the last axis.
+
+The innermost loop goes over the runs in use, 0 to `used`, and touches neighbouring numbers, so that one instruction of
+the processor does the same for several runs. Every run sees the same operations in the same order whatever its lane.
+A matrix that is not positive definite gives NaN in its own lane.
+"""
+
+from __future__ import annotations
+
+import math
+
+from relnav_sim.arrays import Array
+from relnav_sim.kernels.compiling import inner
+
+LANES = 32
+"""Runs side by side: enough to fill the processor's registers, few enough to stay in its fastest cache."""
+
+
+@inner
+def load_vectors(x: Array, first: int, used: int, out: Array) -> None:
+    """Copy vectors (runs, n) of the runs from `first` on to lanes (n, LANES)."""
+    for b in range(used):
+        for i in range(x.shape[1]):
+            out[i, b] = x[first + b, i]
+
+
+@inner
+def store_vectors(x: Array, first: int, used: int, out: Array) -> None:
+    """Copy lanes (n, LANES) back to vectors (runs, n)."""
+    for b in range(used):
+        for i in range(out.shape[1]):
+            out[first + b, i] = x[i, b]
+
+
+@inner
+def load(A: Array, first: int, used: int, out: Array) -> None:
+    """Copy matrices (runs, p, q), or one (1, p, q) that all runs share, to lanes (p, q, LANES)."""
+    shared = len(A) == 1
+    for b in range(used):
+        run = 0 if shared else first + b
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                out[i, j, b] = A[run, i, j]
+
+
+@inner
+def store(A: Array, first: int, used: int, out: Array) -> None:
+    """Copy lanes (p, q, LANES) back to matrices (runs, p, q)."""
+    for b in range(used):
+        for i in range(out.shape[1]):
+            for j in range(out.shape[2]):
+                out[first + b, i, j] = A[i, j, b]
+
+
+@inner
+def store_symmetric(A: Array, first: int, used: int, out: Array) -> None:
+    """Copy lanes (n, n, LANES), of which the lower triangle counts, back to symmetric matrices (runs, n, n)."""
+    for b in range(used):
+        for i in range(out.shape[1]):
+            for j in range(i + 1):
+                out[first + b, i, j] = out[first + b, j, i] = A[i, j, b]
+
+
+@inner
+def product(A: Array, B: Array, used: int, out: Array) -> None:
+    """Set out (p, r) to A B of A (p, q), B (q, r)."""
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            for b in range(used):
+                out[i, j, b] = A[i, 0, b] * B[0, j, b]
+            for k in range(1, A.shape[1]):
+                for b in range(used):
+                    out[i, j, b] += A[i, k, b] * B[k, j, b]
+
+
+@inner
+def product_by_transpose(A: Array, B: Array, used: int, out: Array) -> None:
+    """Set out (p, r) to A B^T of A (p, q), B (r, q)."""
+    for i in range(A.shape[0]):
+        for j in range(B.shape[0]):
+            for b in range(used):
+                out[i, j, b] = A[i, 0, b] * B[j, 0, b]
+            for k in range(1, A.shape[1]):
+                for b in range(used):
+                    out[i, j, b] += A[i, k, b] * B[j, k, b]
+
+
+@inner
+def factor(A: Array, used: int, L: Array) -> None:
+    """Set the lower triangle of L to the Cholesky factor of A, column by column.
+
+    Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
+    """
+    n = len(A)
+    for i in range(n):
+        for j in range(i + 1):
+            for b in range(used):
+                L[i, j, b] = A[i, j, b]
+    for k in range(n):
+        for b in range(used):
+            L[k, k, b] = math.sqrt(L[k, k, b])
+        for i in range(k + 1, n):
+            for b in range(used):
+                L[i, k, b] /= L[k, k, b]
+        for i in range(k + 1, n):
+            for j in range(k + 1, i + 1):
+                for b in range(used):
+                    L[i, j, b] -= L[i, k, b] * L[j, k, b]
+
+
+@inner
+def forward(L: Array, used: int, X: Array) -> None:
+    """Replace X (m, p) by L^-1 X."""
+    for i in range(len(L)):
+        for j in range(X.shape[1]):
+            for k in range(i):
+                for b in range(used):
+                    X[i, j, b] -= L[i, k, b] * X[k, j, b]
+            for b in range(used):
+                X[i, j, b] /= L[i, i, b]
+
+
+@inner
+def forward_vectors(L: Array, used: int, x: Array) -> None:
+    """Replace x (m,) by L^-1 x."""
+    for i in range(len(L)):
+        for k in range(i):
+            for b in range(used):
+                x[i, b] -= L[i, k, b] * x[k, b]
+        for b in range(used):
+            x[i, b] /= L[i, i, b]
+
+
+@inner
+def back(L: Array, used: int, X: Array) -> None:
+    """Replace X (m, p) by L^-T X."""
+    for i in range(len(L) - 1, -1, -1):
+        for j in range(X.shape[1]):
+            for k in range(i + 1, len(L)):
+                for b in range(used):
+                    X[i, j, b] -= L[k, i, b] * X[k, j, b]
+            for b in range(used):
+                X[i, j, b] /= L[i, i, b]
