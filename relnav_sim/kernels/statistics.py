@@ -11,41 +11,78 @@ from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
 from relnav_sim.kernels.lanes import LANES
 
 
-@kernel(given(2), given(3))
-def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask]:
-    """Return e^T P^-1 e of the whole state, its position and its velocity (3, N), and whether P > 0, (N,).
+@kernel(given(3), given(4))
+def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mask]:
+    """Return e^T P^-1 e of the whole state, its position and its velocity, (3, runs, K).
 
     The error is one more row of the Cholesky recursion: that row becomes L^-1 e. Position comes first in the state, so
     its part of the row belongs to its marginal covariance; that of the velocity is factored by itself.
 
     Args:
-        error: (N, 6).
-        covariance: (N, 6, 6); only the lower triangle is read.
+        error: (runs, K, 6).
+        covariance: (K, runs, 6, 6), an epoch after the other.
+
+    Returns:
+        The NEES; whether P > 0, and whether P is finite, (runs, K).
     """
-    N = len(error)
-    nees, definite = np.empty((3, N)), np.empty(N, dtype=np.bool_)
+    K, runs = covariance.shape[:2]
+    nees = np.empty((3, runs, K))
+    definite, finite = np.empty((runs, K), dtype=np.bool_), np.empty((runs, K), dtype=np.bool_)
     whole, velocity, positive = np.empty((7, 6, LANES)), np.empty((4, 3, LANES)), np.empty(LANES, dtype=np.bool_)
-    for first in range(0, N, LANES):
-        used = min(LANES, N - first)
+    for first in range(0, K * runs, LANES):
+        used = min(LANES, K * runs - first)
         for b in range(used):
+            k, run = (first + b) // runs, (first + b) % runs
             positive[b] = True
+            finite[run, k] = _all_finite(covariance[k, run])
             for j in range(6):
                 for i in range(j, 6):
-                    whole[i, j, b] = covariance[first + b, i, j]
-                whole[6, j, b] = error[first + b, j]
+                    whole[i, j, b] = covariance[k, run, i, j]
+                whole[6, j, b] = error[run, k, j]
             for j in range(3):
                 for i in range(j, 4):
                     velocity[i, j, b] = whole[3 + i, 3 + j, b]
         _eliminate(whole, used, positive)
         for b in range(used):
-            definite[first + b] = positive[b]
+            definite[(first + b) % runs, (first + b) // runs] = positive[b]
         _eliminate(velocity, used, positive)
         for b in range(used):
+            k, run = (first + b) // runs, (first + b) % runs
             position = _sum_of_squares(whole, 6, 0, b)
-            nees[0, first + b] = position + _sum_of_squares(whole, 6, 3, b)
-            nees[1, first + b] = position
-            nees[2, first + b] = _sum_of_squares(velocity, 3, 0, b)
-    return nees, definite
+            nees[0, run, k] = position + _sum_of_squares(whole, 6, 3, b)
+            nees[1, run, k] = position
+            nees[2, run, k] = _sum_of_squares(velocity, 3, 0, b)
+    return nees, definite, finite
+
+
+@kernel(given(3), given(4))
+def doubtful(mean: Array, covariance: Array) -> Mask:
+    """Return in which runs a mean or covariance is not finite, or a variance negative, at any epoch.
+
+    Args:
+        mean: (K, runs, n).
+        covariance: (K, runs, n, n).
+    """
+    K, runs, n = mean.shape
+    doubt = np.zeros(runs, dtype=np.bool_)
+    for k in range(K):
+        for run in range(runs):
+            negative = False
+            for i in range(n):
+                negative |= covariance[k, run, i, i] < 0
+            sound = _all_finite(mean[k, run : run + 1]) and _all_finite(covariance[k, run])
+            doubt[run] |= negative or not sound
+    return doubt
+
+
+@inner
+def _all_finite(A: Array) -> bool:
+    """Return whether all entries of A (p, q) are finite."""
+    other = False
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            other |= not abs(A[i, j]) < math.inf
+    return not other
 
 
 @inner

@@ -16,18 +16,20 @@ from relnav_sim.results import layout
 from relnav_sim.statistics.moments import Moments, merged, moments, no_moments
 
 
-def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask]:
+def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mask]:
     """Return e^T P^-1 e of the whole state and of its position and velocity parts (their marginal covariances).
 
     Args:
-        error: (N, 6).
-        covariance: (N, 6, 6); only the lower triangle is read.
+        error: (runs, K, 6).
+        covariance: (runs, K, 6, 6); only the lower triangle is read. Quickest where the epochs lie one after the other
+            in memory.
 
     Returns:
-        NEES (3, N) in the order of `layout.BLOCKS`, and whether the covariance is positive definite (N,). The
-        NEES of a covariance that is not is NaN or meaningless.
+        NEES (3, runs, K) in the order of `layout.BLOCKS`; whether the covariance is positive definite, and whether it
+        is finite, (runs, K). The NEES of a covariance that is not is NaN or meaningless.
     """
-    return kernels.statistics.normalised_errors(np.ascontiguousarray(error), np.ascontiguousarray(covariance))
+    by_epoch = np.ascontiguousarray(covariance.swapaxes(0, 1))
+    return kernels.statistics.normalised_errors(np.ascontiguousarray(error), by_epoch)
 
 
 def chi_square_quantile(probability: float, dof: float) -> float:
