@@ -15,9 +15,11 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inner, kernel
-from relnav_sim.kernels.elementary import atan2
+from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead
 from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
 
+SAMPLES = 8 * LANES
+"""Samples of one run at a time."""
 _TWO_PI = 2 * math.pi
 
 
@@ -102,6 +104,69 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
         for i in range(3):
             R[0, i, i] = variances[i]
     return nu, H, R
+
+
+@kernel(given(2), given(2), given(3), given(3), given(2))
+def sample_residuals(z: Array, centre: Array, root: Array, e: Array, M: Array) -> Array:
+    """Return readings less `spherical` of the states centre + root e, angles in [-pi, pi], (runs, 3, N).
+
+    The differences of angles are taken as one: in axes turned by the azimuth that was read, the line of sight lies at
+    minus that difference; likewise, in the vertical plane through it, for the elevation.
+
+    Args:
+        z: Readings (runs, 3).
+        centre: (runs, n >= 3).
+        root: (runs, n, 3), of which the first three rows count.
+        e: Samples (runs or 1, 3, N).
+        M: Rotation (3, 3) from the states' axes to the radar's.
+    """
+    runs, N = len(z), e.shape[2]
+    residuals = np.empty((runs, 3, N))
+    axes, c, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    s, q = np.empty((3, SAMPLES)), np.empty((2, SAMPLES))
+    for run in range(runs):
+        ca, sa, ce, se = math.cos(z[run, 1]), math.sin(z[run, 1]), math.cos(z[run, 2]), math.sin(z[run, 2])
+        for j in range(3):
+            axes[0, j], axes[1, j], axes[2, j] = ca * M[0, j] + sa * M[1, j], ca * M[1, j] - sa * M[0, j], M[2, j]
+        for i in range(3):
+            c[i] = axes[i, 0] * centre[run, 0] + axes[i, 1] * centre[run, 1] + axes[i, 2] * centre[run, 2]
+            for k in range(3):
+                A[i, k] = axes[i, 0] * root[run, 0, k] + axes[i, 1] * root[run, 1, k] + axes[i, 2] * root[run, 2, k]
+        samples = e[0 if len(e) == 1 else run]
+        for first in range(0, N, SAMPLES):
+            used = min(SAMPLES, N - first)
+            e0, e1, e2 = (
+                samples[0, first : first + used],
+                samples[1, first : first + used],
+                samples[2, first : first + used],
+            )
+            for i in range(3):
+                for b in range(used):
+                    s[i, b] = c[i] + A[i, 0] * e0[b] + A[i, 1] * e1[b] + A[i, 2] * e2[b]
+            distance = residuals[run, 0, first : first + used]
+            for b in range(used):
+                in_plane = s[0, b] * s[0, b] + s[1, b] * s[1, b]
+                level = math.sqrt(in_plane)
+                distance[b] = z[run, 0] - math.sqrt(in_plane + s[2, b] * s[2, b])
+                q[0, b] = level * ce - s[2, b] * se
+                q[1, b] = level * se + s[2, b] * ce
+            _angles(s[1], s[0], used, -1.0, residuals[run, 1, first : first + used])
+            _angles(q[1], q[0], used, 1.0, residuals[run, 2, first : first + used])
+    return residuals
+
+
+@inner
+def _angles(y: Array, x: Array, used: int, sign: float, out: Array) -> None:
+    """Set out to the angles of points (x, y) times a sign. Where all points lie ahead, less will do."""
+    aside = False
+    for b in range(used):
+        aside |= not abs(y[b]) <= TAN_EIGHTH_PI * x[b]
+    if aside:
+        for b in range(used):
+            out[b] = sign * atan2(y[b], x[b])
+    else:
+        for b in range(used):
+            out[b] = sign * atan2_ahead(y[b], x[b])
 
 
 @inner

@@ -154,6 +154,13 @@ class MeasurementDefaults:
         """
         return one_by_one(self, z, mean, epoch)
 
+    def sample_residuals(self, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return z - h(x) of the samples x = centre + root e, (runs, m, N); a filter asks by the function of this name.
+
+        A measurement may have it cheaper than by the states themselves.
+        """
+        return residuals_of_states(self, z, centre, root, e, epoch)
+
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
         extra = states.ndim - 2
@@ -179,6 +186,44 @@ def one_by_one(measurement: Any, z: Array, mean: Array, epoch: int) -> tuple[Arr
     """Return the same as `linearised` by the measurement's other functions."""
     residual = measurement.residual(z, measurement.predict(mean, epoch))
     return residual, measurement.jacobian(mean, epoch), measurement.noise(mean, epoch)
+
+
+def sample_residuals(measurement: Measurement, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+    """Return z - h(x) of the samples x = centre + root e, (runs, m, N).
+
+    By the measurement's own ``sample_residuals(z, centre, root, e, epoch)`` where it has one.
+
+    Args:
+        measurement: The measurement.
+        z: Readings (runs, m).
+        centre: (runs, n).
+        root: (runs, n, d).
+        e: (runs, d, N), or (1, d, N) for all runs.
+        epoch: Their epoch.
+    """
+    own: Callable[[Array, Array, Array, Array, int], Array] | None = getattr(measurement, "sample_residuals", None)
+    if own is None:
+        return residuals_of_states(measurement, z, centre, root, e, epoch)
+    return own(z, centre, root, e, epoch)
+
+
+def residuals_of_states(measurement: Any, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+    """Return the same by the measurement's other functions."""
+    residual = measurement.residual(z[:, None], measurement.predict(affine(centre, root, e), epoch))
+    return np.ascontiguousarray(residual.swapaxes(1, 2))
+
+
+def affine(centre: Array, root: Array, e: Array) -> Array:
+    """Return the states centre + root e, (runs, N, n).
+
+    They lie in memory with the samples last: a component's arithmetic then runs along them.
+    """
+    runs, n, d = root.shape
+    # One product for all, [root centre] [e; 1]: adding the centre would cost another pass over memory.
+    factor = np.empty((runs, n, d + 1))
+    factor[:, :, :d], factor[:, :, d] = root, centre
+    states: Array = factor @ np.concatenate([e, np.ones((len(e), 1, e.shape[2]))], axis=1)
+    return states.swapaxes(1, 2)
 
 
 def has_own_density(measurement: Measurement) -> bool:

@@ -109,6 +109,15 @@ class SphericalRadar(MeasurementDefaults):
         )
         return nu, in_states(H, by_state, mean), R if self._turns else R[0]
 
+    def sample_residuals(self, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return residuals of the samples centre + root e, (runs, 3, N)."""
+        if self.depends_on is None or root.shape[2] != 3:
+            return super().sample_residuals(z, centre, root, e, epoch)
+        own, samples = np.ascontiguousarray(root), np.ascontiguousarray(e)
+        return kernels.sight.sample_residuals(
+            np.ascontiguousarray(z), np.ascontiguousarray(centre), own, samples, self._rotation
+        )
+
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
         return self._covariance(mean, self._variances)
