@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import sampling as sampling
+    from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import statistics as statistics
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.linalg import log_density, mixture_log_density
+
+Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,20 @@ class MeasurementDefaults:
             columns.append(change / (ahead[..., j] - behind[..., j])[..., None])
         return np.stack(columns, axis=-1)
 
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return z - h(mean), dh/dx and R at the means (runs, n): what an update linearised there needs.
+
+        A measurement may have it cheaper in one; a filter asks by the function `linearised`.
+        """
+        return one_by_one(self, z, mean, epoch)
+
+    def sample_residuals(self, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return z - h(x) of the samples x = centre + root e, (runs, m, N); a filter asks by the function of this name.
+
+        A measurement may have it cheaper than by the states themselves.
+        """
+        return residuals_of_states(self, z, centre, root, e, epoch)
+
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
         extra = states.ndim - 2
@@ -154,6 +171,59 @@ class MeasurementDefaults:
         if mixture is None:
             return log_density(residual, self.noise(mean, epoch))
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
+
+
+def linearised(measurement: Measurement, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return residual (runs, m), Jacobian and R of a reading z at the means (runs, n).
+
+    By the measurement's own ``linearised(z, mean, epoch)`` where it has one.
+    """
+    own: Linearised | None = getattr(measurement, "linearised", None)
+    return one_by_one(measurement, z, mean, epoch) if own is None else own(z, mean, epoch)
+
+
+def one_by_one(measurement: Any, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return the same as `linearised` by the measurement's other functions."""
+    residual = measurement.residual(z, measurement.predict(mean, epoch))
+    return residual, measurement.jacobian(mean, epoch), measurement.noise(mean, epoch)
+
+
+def sample_residuals(measurement: Measurement, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+    """Return z - h(x) of the samples x = centre + root e, (runs, m, N).
+
+    By the measurement's own ``sample_residuals(z, centre, root, e, epoch)`` where it has one.
+
+    Args:
+        measurement: The measurement.
+        z: Readings (runs, m).
+        centre: (runs, n).
+        root: (runs, n, d).
+        e: (runs, d, N), or (1, d, N) for all runs.
+        epoch: Their epoch.
+    """
+    own: Callable[[Array, Array, Array, Array, int], Array] | None = getattr(measurement, "sample_residuals", None)
+    if own is None:
+        return residuals_of_states(measurement, z, centre, root, e, epoch)
+    return own(z, centre, root, e, epoch)
+
+
+def residuals_of_states(measurement: Any, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+    """Return the same by the measurement's other functions."""
+    residual = measurement.residual(z[:, None], measurement.predict(affine(centre, root, e), epoch))
+    return np.ascontiguousarray(residual.swapaxes(1, 2))
+
+
+def affine(centre: Array, root: Array, e: Array) -> Array:
+    """Return the states centre + root e, (runs, N, n).
+
+    They lie in memory with the samples last: a component's arithmetic then runs along them.
+    """
+    runs, n, d = root.shape
+    # One product for all, [root centre] [e; 1]: adding the centre would cost another pass over memory.
+    factor = np.empty((runs, n, d + 1))
+    factor[:, :, :d], factor[:, :, d] = root, centre
+    states: Array = factor @ np.concatenate([e, np.ones((len(e), 1, e.shape[2]))], axis=1)
+    return states.swapaxes(1, 2)
 
 
 def has_own_density(measurement: Measurement) -> bool:
