@@ -64,6 +64,7 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
             _stop(sentence, Exit.INPUT_OUTPUT)
 
         from relnav_sim.campaign.problems import CampaignError
+        from relnav_sim.kernels import CompilerError
         from relnav_sim.results.block import RefusedError, ResultsError
 
         before = signal.getsignal(signal.SIGINT)
@@ -79,7 +80,7 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
             raise typer.Exit(Exit.BAD_INPUT) from None
         except (UserError, RefusedError) as error:
             _stop(str(error), Exit.BAD_INPUT)
-        except ResultsError as error:
+        except (ResultsError, CompilerError) as error:
             _stop(str(error), Exit.INPUT_OUTPUT)
         except EOFError as error:
             raise RuntimeError("a file ended too early") from error  # click would make it exit code 1

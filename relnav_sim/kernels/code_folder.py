@@ -196,12 +196,20 @@ def _remove_old(folder: Path) -> None:
             shutil.rmtree(other, ignore_errors=True)
 
 
-_told = False
+_trouble: str | None = None
+_hushed = False
+
+
+def trouble() -> str | None:
+    """Return why compiled code could not be kept in this process; None where it could."""
+    return _trouble
 
 
 def warn_not_kept(reason: str) -> None:
     """Warn that compiled code can't be kept, once in a process."""
-    if not _told:
+    global _trouble
+    _trouble = reason
+    if not _hushed:
         hush()
         with suppress(UserWarning):  # a program that makes errors of warnings must not lose a run by it
             warnings.warn(not_kept(reason), UserWarning, stacklevel=2)
@@ -209,8 +217,8 @@ def warn_not_kept(reason: str) -> None:
 
 def hush() -> None:
     """Say nothing of it in this process: another one has said it, or will."""
-    global _told
-    _told = True
+    global _hushed
+    _hushed = True
 
 
 def not_kept(reason: str) -> str:

@@ -104,7 +104,7 @@ def compile_kernel(name: str) -> float:
     return time.process_time() - before
 
 
-class _Kept(numba.core.caching.NullCache):
+class _Kept(numba.core.caching.NullCache):  # type: ignore[misc]  # numba has no types
     """Where numba looks for the code of a kernel and leaves it: what its own cache does, and more carefully.
 
     That one asks a folder to be writable to read from it, believes what it reads, and does not see that a function of
@@ -156,4 +156,4 @@ LATEST_KNOWN = (0, 68)
 
 def inner(function: Function) -> Function:
     """Compile a function that kernels call, as a part of each of them; a kernel itself is not called by others."""
-    return numba.njit(error_model="numpy")(function)  # type: ignore[return-value]  # a kernel calls it as one
+    return numba.njit(error_model="numpy")(function)
