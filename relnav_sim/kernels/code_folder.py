@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -145,8 +145,10 @@ def not_writable() -> str | None:
 @contextmanager
 def alone(name: str) -> Iterator[None]:
     """Wait while another process compiles this kernel; where nothing can be locked, don't."""
+    say_compiling()
     try:
         _make_folder()
+        os.utime(code_folder())  # for who waits outside: something is at work here
         lock = open(code_folder() / f"{name}.lock", "ab")  # noqa: SIM115  # closed below
     except (OSError, RuntimeError):
         yield
@@ -194,6 +196,28 @@ def _remove_old(folder: Path) -> None:
     for other in others[KEPT:]:
         if time.time() - used(other) > IN_USE_S:
             shutil.rmtree(other, ignore_errors=True)
+
+
+_say: Callable[[str], None] | None = None
+
+
+def tell(say: Callable[[str], None]) -> None:
+    """Name who is told, once in this process, that kernels are being compiled; by default nobody is."""
+    global _say
+    if _say is not _say_nothing:
+        _say = say
+
+
+def say_compiling() -> None:
+    """Say that kernels are being compiled."""
+    global _say
+    if _say is not None:
+        _say("compiling the numerical kernels for this machine, once ...")
+        _say = _say_nothing
+
+
+def _say_nothing(sentence: str) -> None:
+    """Do nothing: it has been said."""
 
 
 _trouble: str | None = None

@@ -20,7 +20,16 @@ from typing import Any
 
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.kernels.code_folder import code_folder, hush, is_kept, kernel_names, not_kept, not_writable
+from relnav_sim.kernels.code_folder import (
+    code_folder,
+    hush,
+    is_kept,
+    kernel_names,
+    not_kept,
+    not_writable,
+    say_compiling,
+    tell,
+)
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.work import with_filters
 from relnav_sim.runner.worker import Worker
@@ -65,6 +74,7 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
         worker = Worker()
     except (OSError, RuntimeError, MemoryError):
         return False  # the campaign's own workers will say it
+    tell(say)
     before = time.monotonic()
     last, seen, told = before, _changed(), False
     try:
@@ -72,10 +82,8 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
         while not ended.done() and not worker.is_lost and time.monotonic() - last < LONGEST_SILENCE_S:
             wait([ended], LOOKED_AT_EVERY_S)
             if _changed() != seen:
-                last, seen = time.monotonic(), _changed()
-                if not told:
-                    say("compiling the numerical kernels for this machine, once ...")
-                    told = True
+                last, seen, told = time.monotonic(), _changed(), True
+                say_compiling()
         is_up = worker.started.done() and worker.started.exception() is None
         # A process that died, or was ended, says nothing of it.
         reason = ended.result() if ended.done() and ended.exception() is None else None
