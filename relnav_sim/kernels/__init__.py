@@ -27,8 +27,17 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import statistics as statistics
 
 
+class CompilerError(ImportError):
+    """What compiles the kernels can't be imported; the message says why."""
+
+
 def __getattr__(name: str) -> Any:
-    """Import a theme on its first use; it then is an attribute of the package."""
+    """Import a theme on its first use; it then is an attribute of the package.
+
+    Raises:
+        CompilerError: What compiles can't be imported.
+    """
+    importlib.import_module("relnav_sim.kernels.compiling")  # before a theme imports numba itself
     try:
         return importlib.import_module(f"relnav_sim.kernels.{name}")
     except ModuleNotFoundError as error:
