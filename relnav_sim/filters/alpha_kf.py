@@ -23,7 +23,7 @@ from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement, affine, sample_residuals
+from relnav_sim.measurements.interface import Measurement, affine, squared_errors
 from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
@@ -220,7 +220,8 @@ class AlphaKalmanFilter(SamplingFilter):
         """
         if self._options.likelihood == "mixture":
             return self._options.alpha * log_likelihood(self.measurement, z, affine(*samples), mean, epoch)
-        return kernels.sampling.log_weights(sample_residuals(self.measurement, z, *samples, epoch), scale)
+        errors = squared_errors(self.measurement, z, scale, *samples, epoch)
+        return np.negative(errors, out=errors)
 
 
 @dataclass(frozen=True)

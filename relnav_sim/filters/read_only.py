@@ -9,7 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.measurements.interface import one_by_one, residuals_of_states
+from relnav_sim.measurements.interface import one_by_one, squares_of_states
 from relnav_sim.read_only_call import called_read_only
 
 
@@ -94,9 +94,9 @@ class ReadOnlyMeasurement:
         """Return residual, dh/dx and R by the functions above."""
         return one_by_one(self, z, mean, epoch)
 
-    def sample_residuals(self, z: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
-        """Return residuals of samples by the functions above."""
-        return residuals_of_states(self, z, centre, root, e, epoch)
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return squared errors of samples by the functions above."""
+        return squares_of_states(self, z, W, centre, root, e, epoch)
 
 
 def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:

@@ -10,12 +10,14 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number
+from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, number
 from relnav_sim.kernels.elementary import exp
 from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
 
 CHUNK = 4 * LANES
 """Samples at a time: four for every sum that is kept, which saves most of the trips of the sums to the cache."""
+SAMPLES = 8 * LANES
+"""Samples at a time where nothing is summed over them."""
 INDEPENDENT, PAIRED, EXACT = 0, 1, 2
 """Samples of their own, in pairs +e and -e (the second half), or a set whose mean and covariance are exact."""
 
@@ -145,32 +147,36 @@ def whitener(R: Array, share: float) -> Array:
 
 
 @kernel(given(3), given(3))
-def log_weights(r: Array, W: Array) -> Array:
-    """Return -|W r|^2 (runs, N) of residuals r (runs, m, N), W (runs or 1, m, m) lower triangular."""
+def squared(r: Array, W: Array) -> Array:
+    """Return |W r|^2 (runs, N) of residuals r (runs, m, N), W (runs or 1, m, m) lower triangular."""
     runs, m, N = r.shape
-    weights = np.empty((runs, N))
-    white = np.empty(CHUNK)
+    errors = np.empty((runs, N))
+    part = np.empty((m, SAMPLES))
     for run in range(runs):
-        w = W[0 if len(W) == 1 else run]
-        for first in range(0, N, CHUNK):
-            used = min(CHUNK, N - first)
-            sums = weights[run, first : first + used]
+        for first in range(0, N, SAMPLES):
+            used = min(SAMPLES, N - first)
             for i in range(m):
                 residual = r[run, i, first : first + used]
                 for b in range(used):
-                    white[b] = w[i, i] * residual[b]
-                for j in range(i):
-                    if w[i, j] != 0:
-                        residual = r[run, j, first : first + used]
-                        for b in range(used):
-                            white[b] += w[i, j] * residual[b]
-                if i == 0:
-                    for b in range(used):
-                        sums[b] = -white[b] * white[b]
-                else:
-                    for b in range(used):
-                        sums[b] -= white[b] * white[b]
-    return weights
+                    part[i, b] = residual[b]
+            add_squares(part, used, W[0 if len(W) == 1 else run], errors[run, first : first + used])
+    return errors
+
+
+@inner
+def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
+    """Set errors to |W r|^2 of residuals r (m, SAMPLES), which are lost; W lower triangular."""
+    for b in range(used):
+        errors[b] = 0.0
+    for i in range(len(W) - 1, -1, -1):
+        for b in range(used):
+            r[i, b] *= W[i, i]
+        for j in range(i):
+            if W[i, j] != 0:
+                for b in range(used):
+                    r[i, b] += W[i, j] * r[j, b]
+        for b in range(used):
+            errors[b] += r[i, b] * r[i, b]
 
 
 @kernel(given(2), given(3), integer)
@@ -258,14 +264,14 @@ def _gather(samples: Array, first: int, used: int, x: Array) -> None:
             x[i, b] = 0.0
 
 
-@inner
+@inlined
 def _add(a: Array, sums: Array) -> None:
     """Add numbers (CHUNK,) to sums (LANES,)."""
     for b in range(LANES):
         sums[b] += (a[b] + a[b + LANES]) + (a[b + 2 * LANES] + a[b + 3 * LANES])
 
 
-@inner
+@inlined
 def _add_product(a: Array, c: Array, sums: Array) -> None:
     """Add products of numbers (CHUNK,) to sums (LANES,)."""
     for b in range(LANES):
