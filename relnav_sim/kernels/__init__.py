@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import sigma_points as sigma_points
 
 
 def __getattr__(name: str) -> Any:
