@@ -21,7 +21,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import components as components
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import sigma_points as sigma_points
 
 
