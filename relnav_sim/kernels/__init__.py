@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import merging as merging
+    from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sigma_points as sigma_points
 
 

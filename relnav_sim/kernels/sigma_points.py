@@ -149,6 +149,32 @@ def moments(
     return mean, covariance, cross
 
 
+@kernel(given(3), number, number)
+def weighted_deviations(d: Array, weight: float, centre_weight: float) -> tuple[Array, Array]:
+    """Return the mean less the centre, s (runs, p), and a root D (runs, p, 2 n + 1) of the covariance, D D^T.
+
+    The columns are sqrt(w) (d_i - s), and -sqrt(w_0) s for the centre (van der Merwe and Wan, ICASSP 2001).
+
+    Args:
+        d: Deviations from the centre (runs, 2 n, p).
+        weight: w.
+        centre_weight: w_0, not negative.
+    """
+    runs, points, p = d.shape
+    shift, D = np.empty((runs, p)), np.empty((runs, p, points + 1))
+    root, centre_root = math.sqrt(weight), math.sqrt(centre_weight)
+    for run in range(runs):
+        for j in range(p):
+            total = 0.0
+            for point in range(points):
+                total += d[run, point, j]
+            s = weight * total
+            shift[run, j], D[run, j, points] = s, -centre_root * s
+            for point in range(points):
+                D[run, j, point] = root * (d[run, point, j] - s)
+    return shift, D
+
+
 @inner
 def _shift(d: Array, weight: float, used: int, s: Array) -> None:
     """Set s (p,) to w times the sum of the deviations (2 n, p)."""
