@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 
 LOG_TWO_PI = float(np.log(2 * np.pi))
@@ -93,8 +94,7 @@ def log_determinant_of(L: Array) -> Array:
 
 def cholesky(A: Array) -> Array:
     """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
-    n = A.shape[-1]
-    return runs_first(factor(runs_last(A.reshape(-1, n, n)))).reshape(A.shape)
+    return kernels.roots.cholesky(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
 
 
 class CholeskyFactor:
