@@ -21,6 +21,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import kalman as kalman
 
 
