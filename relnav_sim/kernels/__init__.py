@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import sight as sight
 
 
 def __getattr__(name: str) -> Any:

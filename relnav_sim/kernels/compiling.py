@@ -50,3 +50,8 @@ class _Uncompiled:
 def inner(function: Function) -> Function:
     """Compile a function that kernels call, as a part of each of them; a kernel itself is not called by others."""
     return numba.njit(error_model="numpy")(function)  # type: ignore[return-value]  # a kernel calls it as one
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function of single numbers as `inner` does, but into the loop that calls it, which then vectorises."""
+    return numba.njit(error_model="numpy", forceinline=True)(function)  # type: ignore[return-value]  # as above

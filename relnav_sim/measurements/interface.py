@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.linalg import log_density, mixture_log_density
+
+Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,13 @@ class MeasurementDefaults:
             columns.append(change / (ahead[..., j] - behind[..., j])[..., None])
         return np.stack(columns, axis=-1)
 
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return z - h(mean), dh/dx and R at the means (runs, n): what an update linearised there needs.
+
+        A measurement may have it cheaper in one; a filter asks by the function `linearised`.
+        """
+        return one_by_one(self, z, mean, epoch)
+
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
         extra = states.ndim - 2
@@ -154,6 +164,21 @@ class MeasurementDefaults:
         if mixture is None:
             return log_density(residual, self.noise(mean, epoch))
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
+
+
+def linearised(measurement: Measurement, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return residual (runs, m), Jacobian and R of a reading z at the means (runs, n).
+
+    By the measurement's own ``linearised(z, mean, epoch)`` where it has one.
+    """
+    own: Linearised | None = getattr(measurement, "linearised", None)
+    return one_by_one(measurement, z, mean, epoch) if own is None else own(z, mean, epoch)
+
+
+def one_by_one(measurement: Any, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return the same as `linearised` by the measurement's other functions."""
+    residual = measurement.residual(z, measurement.predict(mean, epoch))
+    return residual, measurement.jacobian(mean, epoch), measurement.noise(mean, epoch)
 
 
 def has_own_density(measurement: Measurement) -> bool:

@@ -28,6 +28,7 @@ class Sight:
 
     Attributes:
         depends_on: The states on which it depends; None: any.
+        sensor_from_rtn: Rotation (3, 3) from the host's RTN axes to the sensor's.
 
     Raises:
         ValueError: The host is the deputy and there is no chief orbit.
@@ -36,8 +37,9 @@ class Sight:
     def __init__(self, mounting: Array, host: Literal["chief", "deputy"], chief_orbit: ChiefOrbit | None) -> None:
         if host == "deputy" and chief_orbit is None:
             raise ValueError("a sensor on the deputy needs the chief's nominal orbit")
-        self._sensor_from_rtn = rows(mounting @ NADIR_FROM_RTN)
-        self._rtn_from_sensor = rows((mounting @ NADIR_FROM_RTN).T)
+        self.sensor_from_rtn = mounting @ NADIR_FROM_RTN
+        self._sensor_from_rtn = rows(self.sensor_from_rtn)
+        self._rtn_from_sensor = rows(self.sensor_from_rtn.T)
         self._orbit = chief_orbit if host == "deputy" else None
         # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
         self.depends_on: tuple[int, ...] | None = (0, 1, 2) if self._orbit is None else None
@@ -46,6 +48,22 @@ class Sight:
         """Return the line of sight of states (runs, ..., n) in the sensor's axes, m, (runs, ...) each."""
         relative = components(states) if self._orbit is None else chief_from_deputy(states, self._orbit)
         return rotate(self._sensor_from_rtn, relative)
+
+    def positions(self, states: Array) -> Array:
+        """Return where the other craft is seen from the host of states (runs, ..., n), (points, 3 or more) m.
+
+        In the host's RTN axes, in C order for a kernel; columns behind the third are of no meaning.
+        """
+        if self._orbit is None:
+            return np.ascontiguousarray(states.reshape(-1, states.shape[-1]), dtype=np.float64)
+        return np.stack([part.ravel() for part in chief_from_deputy(states, self._orbit)], axis=-1)
+
+    def positions_with_jacobian(self, states: Array) -> tuple[Array, Array | None]:
+        """Return `positions` and their derivatives by the first six states, (points, 3, 6); None: they are states."""
+        if self._orbit is None:
+            return self.positions(states), None
+        seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
+        return np.stack([part.ravel() for part in seen], axis=-1), by_state.reshape(-1, 3, 6)
 
     def jacobian(self, states: Array, gradients: Callable[[Vector], Sequence[Vector]]) -> Array:
         """Return the derivatives by states (runs, ..., n) of what has these gradients by the line of sight.
@@ -77,3 +95,21 @@ class Sight:
         """Return the relative position, RTN (..., 3) m, that has this line of sight; at rest where that matters."""
         seen = rotate(self._rtn_from_sensor, sight)
         return np.stack(seen if self._orbit is None else deputy_from_chief(seen, self._orbit), axis=-1)
+
+
+def in_states(by_position: Array, by_state: Array | None, states: Array) -> Array:
+    """Return the derivatives by states (runs, ..., n) of m numbers given by their derivatives by position.
+
+    Args:
+        by_position: (points, m, 3), or (points, m, n) with zeros behind the third column where positions are states.
+        by_state: Derivatives of the positions, from `Sight.positions_with_jacobian`.
+        states: The states.
+
+    Returns:
+        (runs, ..., m, n).
+    """
+    H = by_position
+    if by_state is not None:
+        H = np.zeros((*by_position.shape[:2], states.shape[-1]))
+        H[..., :6] = by_position @ by_state
+    return H.reshape(*states.shape[:-1], *H.shape[1:])
