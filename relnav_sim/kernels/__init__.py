@@ -22,8 +22,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
+    from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import sight as sight
+    from relnav_sim.kernels import tangent as tangent
 
 
 def __getattr__(name: str) -> Any:

@@ -1,16 +1,23 @@
-"""Covariance of a radar reading converted to a position, at many states (see `measurements.converted_radar`)."""
+"""Covariance of a radar reading converted to a position, at many states.
+
+See `measurements.converted_radar` and, of tangent angles, `measurements.converted_tangent_radar`.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inner, kernel
 from relnav_sim.kernels.lanes import LANES
+from relnav_sim.kernels.tangent import across
 
 W, U, V, D, E = 0, 4, 6, 8, 12
 """Where the coefficients of w, u, v, d and e begin in a row of `covariances`."""
-COEFFICIENTS = 14
+ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+"""A symmetric 3 x 3 matrix is carried as six entries in this order."""
 
 
 @kernel(given(2), given(2), given(2), given(2))
@@ -30,30 +37,64 @@ def covariances(states: Array, M: Array, coefficients: Array, T: Array) -> Array
     """
     runs, k = len(states), len(coefficients)
     R = np.empty((runs, k, 3, 3))
-    turned = T.any()
     r, s, products = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((6, LANES))
-    a, attitude, entries = M[2], np.zeros((6, LANES)), np.empty((6, LANES))
+    a, attitude, entries = M[2], np.empty((6, LANES)), np.empty((6, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        for b in range(used):
-            for i in range(3):
-                r[i, b] = states[first + b, i]
-        for i in range(3):
-            for b in range(used):
-                s[i, b] = M[i, 0] * r[0, b] + M[i, 1] * r[1, b] + M[i, 2] * r[2, b]
-        if turned:
-            _entries_of_square(r, used, products)
-            for n in range(6):
-                for b in range(used):
-                    attitude[n, b] = 0.0
-                for o in range(6):
-                    for b in range(used):
-                        attitude[n, b] += T[n, o] * products[o, b]
+        _positions(states, first, used, M, r, s)
+        _of_attitude(r, T, used, products, attitude)
         for component in range(k):
             _of_component(r, s, a, coefficients[component], used, entries)
             for b in range(used):
                 _unfold(entries, attitude, b, R[first + b, component])
     return R
+
+
+@kernel(given(2), given(2), given(2), given(2))
+def tangent_covariances(states: Array, M: Array, coefficients: Array, T: Array) -> Array:
+    """Return w r r^T + p e_a e_a^T + q e_b e_b^T + [r x] P [r x]^T, (runs, k, 3, 3), symmetric to the bit.
+
+    e_a and e_b are the axes across the line of sight (`kernels.tangent.across`). Arguments as above, but for the
+    coefficients (k, 6): w of 1 and 1 / r^2, p and q of r^2 and 1 each.
+    """
+    runs, k = len(states), len(coefficients)
+    R = np.empty((runs, k, 3, 3))
+    r, u, axes = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((2, 3, LANES))
+    squared, products, attitude = np.empty(LANES), np.empty((6, LANES)), np.empty((6, LANES))
+    entries, e = np.empty((6, LANES)), np.empty((2, 3))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        _positions(states, first, used, M, r, u)
+        for b in range(used):
+            squared[b] = r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b]
+            length = math.sqrt(u[0, b] * u[0, b] + u[1, b] * u[1, b] + u[2, b] * u[2, b])
+            u[0, b], u[1, b], u[2, b] = u[0, b] / length, u[1, b] / length, u[2, b] / length
+        across(u, used, axes)
+        _of_attitude(r, T, used, products, attitude)
+        for b in range(used):
+            for i in range(2):
+                for j in range(3):
+                    e[i, j] = M[0, j] * axes[i, 0, b] + M[1, j] * axes[i, 1, b] + M[2, j] * axes[i, 2, b]
+            for component in range(k):
+                c = coefficients[component]
+                w = c[0] + c[1] / squared[b]
+                p, q = c[2] * squared[b] + c[3], c[4] * squared[b] + c[5]
+                for n in range(6):
+                    i, j = ROWS[n], COLUMNS[n]
+                    entries[n, b] = w * r[i, b] * r[j, b] + p * e[0, i] * e[0, j] + q * e[1, i] * e[1, j]
+                _unfold(entries, attitude, b, R[first + b, component])
+    return R
+
+
+@inner
+def _positions(states: Array, first: int, used: int, M: Array, r: Array, s: Array) -> None:
+    """Set r and s = M r, (3, LANES) both."""
+    for b in range(used):
+        for i in range(3):
+            r[i, b] = states[first + b, i]
+    for i in range(3):
+        for b in range(used):
+            s[i, b] = M[i, 0] * r[0, b] + M[i, 1] * r[1, b] + M[i, 2] * r[2, b]
 
 
 @inner
@@ -84,18 +125,21 @@ def _of_component(r: Array, s: Array, a: Array, c: Array, used: int, entries: Ar
 
 
 @inner
-def _entries_of_square(r: Array, used: int, products: Array) -> None:
-    """Set the six entries of r r^T: (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)."""
-    for b in range(used):
-        products[0, b], products[1, b], products[2, b] = r[0, b] * r[0, b], r[1, b] * r[1, b], r[2, b] * r[2, b]
-        products[3, b], products[4, b], products[5, b] = r[0, b] * r[1, b], r[0, b] * r[2, b], r[1, b] * r[2, b]
+def _of_attitude(r: Array, T: Array, used: int, products: Array, entries: Array) -> None:
+    """Set the six entries of [r x] P [r x]^T, T times those of r r^T."""
+    for n in range(6):
+        for b in range(used):
+            products[n, b] = r[ROWS[n], b] * r[COLUMNS[n], b]
+            entries[n, b] = 0.0
+    for n in range(6):
+        for o in range(6):
+            if T[n, o] != 0:
+                for b in range(used):
+                    entries[n, b] += T[n, o] * products[o, b]
 
 
 @inner
 def _unfold(entries: Array, added: Array, b: int, R: Array) -> None:
     """Set R (3, 3) to the symmetric matrix of these entries of lane b."""
-    for i in range(3):
-        R[i, i] = entries[i, b] + added[i, b]
-    R[0, 1] = R[1, 0] = entries[3, b] + added[3, b]
-    R[0, 2] = R[2, 0] = entries[4, b] + added[4, b]
-    R[1, 2] = R[2, 1] = entries[5, b] + added[5, b]
+    for n in range(6):
+        R[ROWS[n], COLUMNS[n]] = R[COLUMNS[n], ROWS[n]] = entries[n, b] + added[n, b]
