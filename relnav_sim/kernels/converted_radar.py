@@ -31,8 +31,8 @@ def covariances(states: Array, M: Array, coefficients: Array, T: Array) -> Array
     Args:
         states: (runs, n), the position r first, m.
         M: Rotation (3, 3) from RTN to the radar's axes.
-        coefficients: (k, 14), a row for each component of the noise: w and d of 1, 1 / q^2, q^2 / p^2 and 1 / p^2 (d of
-            p^2, p^2 / q^2, q^2 and 1), u and v of 1 and 1 / q^2, e of q^2 and 1; q^2 = x^2 + y^2 + z^2, p^2 = x^2 + y^2.
+        coefficients: (k, 14), a row for each component of the noise, with q^2 = x^2 + y^2 + z^2, p^2 = x^2 + y^2: w of
+            1, 1 / q^2, q^2 / p^2 and 1 / p^2; u and v of 1 and 1 / q^2; d of p^2, p^2 / q^2, q^2 and 1; e of q^2 and 1.
         T: (6, 6), takes the products of r's components to the entries of [r x] P [r x]^T.
     """
     runs, k = len(states), len(coefficients)

@@ -110,7 +110,7 @@ class TangentSight(MeasurementDefaults):
 
     def turning(self, states: Array, epoch: int) -> Array:
         """Return what a small turn of the host about the sensor's axes does to the reading, (runs, 1, ..., m, 3)."""
-        first = states[(slice(None), *[0] * (states.ndim - 2))]
+        first = states.reshape(len(states), -1, states.shape[-1])[:, 0]
         G = np.zeros((len(states), self.dimension, 3))
         G[:, self._angles] = kernels.tangent.by_turn(
             self._sight.positions(first), self._rotation, self._read(len(states), epoch)
