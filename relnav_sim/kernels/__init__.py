@@ -21,16 +21,21 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from relnav_sim.kernels import components as components
-    from relnav_sim.kernels import kalman as kalman
 
     """What compiles the kernels can't be imported; the message says why."""
+    from relnav_sim.kernels import components as components
+    from relnav_sim.kernels import converted_radar as converted_radar
+    from relnav_sim.kernels import deputy as deputy
+    from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import linear as linear
     from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import sigma_points as sigma_points
     from relnav_sim.kernels import statistics as statistics
+    from relnav_sim.kernels import tangent as tangent
 class CompilerError(ImportError):
 
 

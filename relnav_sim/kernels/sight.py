@@ -45,7 +45,7 @@ def jacobian(states: Array, M: Array) -> Array:
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
         seen(states, first, used, M, s)
-        _derivatives(s, used, M, h)
+        derivatives(s, used, M, h)
         store(h, first, used, H)
     return H
 
@@ -94,7 +94,7 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
             for b in range(used):
                 d[i, b] -= _TWO_PI * np.rint(d[i, b] / _TWO_PI)
         store_vectors(d, first, used, nu)
-        _derivatives(s, used, M, h)
+        derivatives(s, used, M, h)
         store(h, first, used, H)
         if turns:
             _covariance(s, used, P, variances, r)
@@ -200,7 +200,7 @@ def spherical_of(s: Array, used: int, z: Array) -> None:
 
 
 @inner
-def _derivatives(s: Array, used: int, M: Array, H: Array) -> None:
+def derivatives(s: Array, used: int, M: Array, H: Array) -> None:
     """Set the first three columns of H (3, n, LANES) to dh/ds M."""
     g = np.empty((3, 3, LANES))
     for b in range(used):
