@@ -10,7 +10,7 @@ from pydantic import Field
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.particle_set import ParticleSet, chosen, pick, put, spread, standard_normals
+from relnav_sim.filters.particle_set import ParticleSet, chosen, pick, pick_roots, put, spread, standard_normals
 from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import factor, transpose
@@ -61,20 +61,13 @@ class Proposal:
         log_ratio = np.einsum("brp,brp->bp", normals, normals) - np.einsum("brp,brp->bp", xi, xi)
         log_ratio *= 0.5
         log_ratio += np.log(self.shrinkage).sum(axis=1)
-        components = spread(self.root, xi)
-        components += self.centres
-        return components, log_ratio
+        return spread(self.centres, self.root, xi), log_ratio
 
     def of(self, rows: Indices, ancestors: Indices) -> Proposal:
         """Return the proposals of the chosen runs' ancestors."""
-        root = self.root
-        if root.ndim == 3:
-            root = root[rows]
-        elif root.ndim == 4:
-            root = pick(root, rows, ancestors, axis=0)
         return Proposal(
             pick(self.centres, rows, ancestors),
-            root,
+            pick_roots(self.root, rows, ancestors),
             pick(self.mean, rows, ancestors),
             pick(self.directions, rows, ancestors),
             pick(self.shrinkage, rows, ancestors),
