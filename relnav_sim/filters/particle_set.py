@@ -14,18 +14,12 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Integers
 from relnav_sim.linalg import (
-    LOG_TWO_PI,
     by_run,
     cholesky,
-    factor,
-    forward,
-    log_determinant_of,
-    matrices_last,
     mixture_log_density,
-    runs_first,
     transpose,
 )
-from relnav_sim.measurements.interface import Measurement, has_own_density
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, has_own_density
 from relnav_sim.read_only_call import called_read_only
 from relnav_sim.streams import RandomSource, Streams
 
@@ -156,26 +150,26 @@ def moments(components: Array, log_weights: Array) -> tuple[Array, Array]:
 def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Array, epoch: int) -> Array:
     """Return log p(z | state) of particles (runs, N, n): (runs, N).
 
-    A measurement's own function where it has one. The default one is worked out here, at less than half its cost: the
-    particle set's mean, where the noise is wanted, is known, and whitening is one product with the factor's inverse.
+    A measurement's own function where it has one. The default one is worked out here, at a fraction of its cost: the
+    particle set's mean, where the noise is wanted, is known.
     """
     if has_own_density(measurement):
         own = measurement.log_likelihood
         return np.asarray(
             called_read_only(lambda particles, at: own(z, particles, at), "log_likelihood", states, epoch), dtype=float
         )
-    residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
-    mixture = measurement.mixture(mean, epoch)
+    predicted, mixture = measurement.predict(states, epoch), measurement.mixture(mean, epoch)
     if mixture is not None:
+        residual = measurement.residual(z[:, None], predicted)
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
-    L = factor(matrices_last(measurement.noise(mean, epoch)))
-    m = len(L)
-    whitener = runs_first(forward(L, np.broadcast_to(np.eye(m)[:, :, None], L.shape)))
-    white = whitener @ transpose(residual)
-    result = np.einsum("bmp,bmp->bp", white, white)
-    result += (m * LOG_TWO_PI + log_determinant_of(L))[:, None]
-    result *= -0.5
-    return result
+    angle = np.zeros(measurement.dimension, dtype=bool)
+    if getattr(measurement.residual, "__func__", None) is MeasurementDefaults.residual:
+        angle[list(getattr(measurement, "angles", ()))] = True
+    else:
+        # A density that is symmetric does not see the sign.
+        z, predicted = np.zeros(z.shape), measurement.residual(z[:, None], predicted)
+    z, predicted = np.ascontiguousarray(z), np.ascontiguousarray(predicted)
+    return kernels.likelihood.gaussian(z, predicted, angle, by_run(measurement.noise(mean, epoch)))
 
 
 def average(matrices: Array, particle_set: ParticleSet) -> Array:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import resampling as resampling

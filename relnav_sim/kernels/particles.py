@@ -179,24 +179,25 @@ def moments_of(x: Array, w: Array, mean: Array, covariance: Array) -> None:
     """Set mean (n,) and covariance (n, n) of particles (n, N) by normalised weights (N,); zero is passed over."""
     n, N = x.shape
     first_sums, second_sums = np.zeros((n, BLOCK)), np.zeros((n, n, BLOCK))
-    d = np.empty((n, BLOCK))
+    d, weighted = np.empty((n, BLOCK)), np.empty(BLOCK)
     for first in range(0, N, BLOCK):
         weight = w[first : first + BLOCK]
         for i in range(n):
-            x_i, sums = x[i, first : first + BLOCK], first_sums[i]
+            x_i = x[i, first : first + BLOCK]
             for p in range(len(weight)):
-                sums[p] += weight[p] * x_i[p] if weight[p] > 0 else 0.0
+                first_sums[i, p] += weight[p] * x_i[p] if weight[p] > 0 else 0.0
     for i in range(n):
         mean[i] = total_of(first_sums[i])
     for first in range(0, N, BLOCK):
         weight = w[first : first + BLOCK]
         for i in range(n):
-            x_i, d_i, middle = x[i, first : first + BLOCK], d[i], mean[i]
+            x_i = x[i, first : first + BLOCK]
             for p in range(len(weight)):
-                d_i[p] = x_i[p] - middle if weight[p] > 0 else 0.0
+                d[i, p] = x_i[p] - mean[i] if weight[p] > 0 else 0.0
+                weighted[p] = weight[p] * d[i, p]
             for j in range(i + 1):
                 for p in range(len(weight)):
-                    second_sums[i, j, p] += weight[p] * d_i[p] * d[j, p]
+                    second_sums[i, j, p] += weighted[p] * d[j, p]
     for i in range(n):
         for j in range(i + 1):
             covariance[i, j] = covariance[j, i] = total_of(second_sums[i, j])
