@@ -12,7 +12,7 @@ from math import prod
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array, Indices, Integers
+from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.linalg import (
     by_run,
     cholesky,
@@ -137,8 +137,12 @@ def spread(centres: Array, root: Array, noise: Array) -> Array:
         root: G, (n, r), (runs, n, r) or (runs, N, n, r).
         noise: xi, (runs, r, N).
     """
-    own = root if root.ndim == 4 else by_run(root)[:, None]
-    return kernels.particles.spread(centres, np.ascontiguousarray(own), noise)
+    return kernels.particles.spread(centres, roots_of(root), noise)
+
+
+def roots_of(root: Array) -> Array:
+    """Return roots (n, r), (runs, n, r) or (runs, N, n, r) with all four axes, in C order for a kernel."""
+    return np.ascontiguousarray(root if root.ndim == 4 else by_run(root)[:, None])
 
 
 def moments(components: Array, log_weights: Array) -> tuple[Array, Array]:
@@ -162,14 +166,22 @@ def log_likelihood(measurement: Measurement, z: Array, states: Array, mean: Arra
     if mixture is not None:
         residual = measurement.residual(z[:, None], predicted)
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
-    angle = np.zeros(measurement.dimension, dtype=bool)
-    if getattr(measurement.residual, "__func__", None) is MeasurementDefaults.residual:
-        angle[list(getattr(measurement, "angles", ()))] = True
-    else:
+    angle = wrapped_components(measurement)
+    if angle is None:
         # A density that is symmetric does not see the sign.
         z, predicted = np.zeros(z.shape), measurement.residual(z[:, None], predicted)
+        angle = np.zeros(measurement.dimension, dtype=bool)
     z, predicted = np.ascontiguousarray(z), np.ascontiguousarray(predicted)
     return kernels.likelihood.gaussian(z, predicted, angle, by_run(measurement.noise(mean, epoch)))
+
+
+def wrapped_components(measurement: Measurement) -> Mask | None:
+    """Return which components (m,) of a residual are wrapped as angles; None: it has a residual of its own."""
+    if getattr(measurement.residual, "__func__", None) is not MeasurementDefaults.residual:
+        return None
+    angle = np.zeros(measurement.dimension, dtype=bool)
+    angle[list(getattr(measurement, "angles", ()))] = True
+    return angle
 
 
 def average(matrices: Array, particle_set: ParticleSet) -> Array:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import particles as particles
+    from relnav_sim.kernels import proposal as proposal
     from relnav_sim.kernels import resampling as resampling
 
 

@@ -32,7 +32,7 @@ def box_muller(numbers: Array) -> None:
     pairs = count // 2
     for run in range(runs):
         for i in range(pairs):
-            radius = math.sqrt(-2 * _log(1 - numbers[run, i]))
+            radius = math.sqrt(-2 * log(1 - numbers[run, i]))
             # A turn of the circle is exact in quarters, and what is left of it within an eighth.
             turn = numbers[run, pairs + i] - 0.5
             quarters = np.rint(4 * turn)
@@ -46,7 +46,7 @@ def box_muller(numbers: Array) -> None:
 
 
 @inner
-def _log(x: float) -> float:
+def log(x: float) -> float:
     """Return log x of a positive normal number, to one unit in the last place.
 
     x = 2^k (1 + f) with 1 + f next to 1, and log(1 + f) = 2 s + s R(s^2), s = f / (2 + f), with the polynomial R of
