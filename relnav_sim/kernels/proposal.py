@@ -65,29 +65,31 @@ def propose(image: Array, centre: Array, z: Array, angle: Mask, R: Array) -> tup
     C, mid, middle, nu = np.empty((m, r, LANES)), np.empty((m, r, LANES)), np.empty((m, LANES)), np.empty((m, LANES))
     M, S = np.empty((m, m, LANES)), np.empty((m, m, LANES))
     L_M, L_S, u = np.zeros((m, m, LANES)), np.zeros((m, m, LANES)), np.empty((m, r, LANES))
-    s, along, total = np.empty((m, LANES)), np.empty(LANES), np.empty(LANES)
-    steepness = 2 * math.sqrt(r)
+    s, along = np.empty((m, LANES)), np.empty(LANES)
+    share, scale = 1 / r, 1 / (2 * math.sqrt(r))
     for run in range(runs):
         noise = R[run if len(R) > 1 else 0]
         for first in range(0, N, LANES):
             used = min(LANES, N - first)
+            middle_image = centre[run, first : first + used]
             for a in range(m):
                 for b in range(used):
-                    nu[a, b] = z[run, first + b if z.shape[1] > 1 else 0, a] - centre[run, first + b, a]
+                    nu[a, b] = z[run, first + b if z.shape[1] > 1 else 0, a] - middle_image[b, a]
                     middle[a, b] = 0.0
                 _wrap(nu[a], angle[a], used)
                 for j in range(r):
                     ahead, behind = C[a, j], mid[a, j]
+                    plus, minus = image[j, run, 0, first : first + used], image[j, run, 1, first : first + used]
                     for b in range(used):
-                        ahead[b] = image[j, run, 0, first + b, a] - centre[run, first + b, a]
-                        behind[b] = image[j, run, 1, first + b, a] - centre[run, first + b, a]
+                        ahead[b] = plus[b, a] - middle_image[b, a]
+                        behind[b] = minus[b, a] - middle_image[b, a]
                     _wrap(ahead, angle[a], used)
                     _wrap(behind, angle[a], used)
                     for b in range(used):
                         difference = ahead[b] - behind[b]
-                        behind[b] = (ahead[b] + behind[b]) / 2
-                        ahead[b] = difference / steepness
-                        middle[a, b] += behind[b] / r
+                        behind[b] = 0.5 * (ahead[b] + behind[b])
+                        ahead[b] = scale * difference
+                        middle[a, b] += share * behind[b]
                 for b in range(used):
                     nu[a, b] -= middle[a, b]
             for a in range(m):
@@ -97,7 +99,7 @@ def propose(image: Array, centre: Array, z: Array, angle: Mask, R: Array) -> tup
                         S[a, c, b] = 0.0
                     for j in range(r):
                         for b in range(used):
-                            M[a, c, b] += mid[a, j, b] * mid[c, j, b] / r
+                            M[a, c, b] += share * (mid[a, j, b] * mid[c, j, b])
                             S[a, c, b] += C[a, j, b] * C[c, j, b]
                     for b in range(used):
                         S[a, c, b] += M[a, c, b]
@@ -107,12 +109,11 @@ def propose(image: Array, centre: Array, z: Array, angle: Mask, R: Array) -> tup
             forward_vectors(L_S, used, nu)
             for j in range(r):
                 for b in range(used):
-                    total[b] = C[0, j, b] * nu[0, b]
+                    mid[0, j, b] = C[0, j, b] * nu[0, b]
                 for a in range(1, m):
                     for b in range(used):
-                        total[b] += C[a, j, b] * nu[a, b]
-                for b in range(used):
-                    mean[run, j, first + b] = total[b]
+                        mid[0, j, b] += C[a, j, b] * nu[a, b]
+            _give(mid[0], first, used, mean[run])
             for a in range(m):
                 for j in range(r):
                     for b in range(used):
@@ -127,10 +128,8 @@ def propose(image: Array, centre: Array, z: Array, angle: Mask, R: Array) -> tup
                             u[a, j, b] += u[c, j, b] * along[b]
                 for b in range(used):
                     s[a, b] = L_M[a, a, b] / L_S[a, a, b]
-                    shrinkage[run, a, first + b] = s[a, b]
-                for j in range(r):
-                    for b in range(used):
-                        directions[run, a, j, first + b] = u[a, j, b]
+                _give(u[a], first, used, directions[run, a])
+            _give(s, first, used, shrinkage[run])
     return mean, directions, shrinkage
 
 
@@ -158,10 +157,10 @@ def draw(mean: Array, directions: Array, shrinkage: Array, normals: Array) -> tu
             for a in range(m - 1, -1, -1):
                 _take(directions[run, a], first, used, u)
                 _dot(u, x, used, along)
+                s = shrinkage[run, a, first : first + used]
                 for b in range(used):
-                    s = shrinkage[run, a, first + b]
-                    along[b] /= 1 + s
-                    ratio[b] += log(s)
+                    along[b] /= 1 + s[b]
+                    ratio[b] += log(s[b])
                 for j in range(r):
                     for b in range(used):
                         x[j, b] -= u[j, b] * along[b]
@@ -169,10 +168,11 @@ def draw(mean: Array, directions: Array, shrinkage: Array, normals: Array) -> tu
             for j in range(r):
                 for b in range(used):
                     x[j, b] += u[j, b]
-                    xi[run, j, first + b] = x[j, b]
+            _give(x, first, used, xi[run])
             _dot(x, x, used, along)
+            result = log_ratio[run, first : first + used]
             for b in range(used):
-                log_ratio[run, first + b] = ratio[b] - 0.5 * along[b]
+                result[b] = ratio[b] - 0.5 * along[b]
     return xi, log_ratio
 
 
@@ -183,6 +183,15 @@ def _take(x: Array, first: int, used: int, out: Array) -> None:
         block = x[j, first : first + used]
         for b in range(used):
             out[j, b] = block[b]
+
+
+@inner
+def _give(x: Array, first: int, used: int, out: Array) -> None:
+    """Copy lanes (r, LANES) back to particles (r, N) from `first` on."""
+    for j in range(len(x)):
+        block = out[j, first : first + used]
+        for b in range(used):
+            block[b] = x[j, b]
 
 
 @inner
