@@ -185,7 +185,7 @@ def moments_of(x: Array, w: Array, mean: Array, covariance: Array) -> None:
         for i in range(n):
             x_i = x[i, first : first + BLOCK]
             for p in range(len(weight)):
-                first_sums[i, p] += weight[p] * x_i[p] if weight[p] > 0 else 0.0
+                first_sums[i, p] += weight[p] * x_i[p] if weight[p] != 0 else 0.0
     for i in range(n):
         mean[i] = total_of(first_sums[i])
     for first in range(0, N, BLOCK):
@@ -193,7 +193,7 @@ def moments_of(x: Array, w: Array, mean: Array, covariance: Array) -> None:
         for i in range(n):
             x_i = x[i, first : first + BLOCK]
             for p in range(len(weight)):
-                d[i, p] = x_i[p] - mean[i] if weight[p] > 0 else 0.0
+                d[i, p] = x_i[p] - mean[i] if weight[p] != 0 else 0.0
                 weighted[p] = weight[p] * d[i, p]
             for j in range(i + 1):
                 for p in range(len(weight)):

@@ -35,7 +35,8 @@ def ancestors(weights: Array, u: Array) -> Integers:
         for i in range(N):
             marks[below] = i
             # The positions below an edge c: those of the full strata, and the one in the last where u is small enough.
-            c = min(edges[i] * scale, float(N))
+            c = edges[i] * scale
+            c = c if c < N else float(N)  # also where it is no number
             full = int(c)
             below = full + (u[run, min(full, N - 1) if u.shape[1] > 1 else 0] < c - full)
         latest = 0
