@@ -21,8 +21,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-
-    """What compiles the kernels can't be imported; the message says why."""
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
@@ -41,7 +39,10 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sigma_points as sigma_points
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
+
+
 class CompilerError(ImportError):
+    """What compiles the kernels can't be imported; the message says why."""
 
 
 def __getattr__(name: str) -> Any:
