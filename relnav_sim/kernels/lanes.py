@@ -62,6 +62,15 @@ def store_symmetric(A: Array, first: int, used: int, out: Array) -> None:
 
 
 @inner
+def copy(A: Array, used: int, out: Array) -> None:
+    """Set out (p, q) to A; an assignment of whole arrays would be compiled for every way they could lie in memory."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            for b in range(used):
+                out[i, j, b] = A[i, j, b]
+
+
+@inner
 def product(A: Array, B: Array, used: int, out: Array) -> None:
     """Set out (p, r) to A B of A (p, q), B (q, r)."""
     for i in range(A.shape[0]):
