@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import components as components
+    from relnav_sim.kernels import iterated as iterated
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import roots as roots

@@ -1,4 +1,4 @@
-"""Square roots of covariances: triangular forms by Householder's reflections, and Cholesky factors where they will do."""
+"""Square roots of covariances: Cholesky factors, and triangular forms by Householder's reflections."""
 
 from __future__ import annotations
 
