@@ -20,6 +20,21 @@ def by_run(A: Array) -> Array:
     return np.ascontiguousarray(A if A.ndim == 3 else A[None])
 
 
+def in_rows(x: Array) -> Array:
+    """Return vectors (..., n) as (points, n), in C order for a kernel."""
+    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]))
+
+
+def matrices(A: Array) -> Array:
+    """Return matrices (..., p, q) as (points, p, q), one (p, q) as (1, p, q), in C order for a kernel."""
+    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]))
+
+
+def images(A: Array, x: Array) -> Array:
+    """Return A x, (..., m), of vectors x (..., n) and one matrix A (m, n) in C order."""
+    return kernels.linear.images(A, in_rows(x)).reshape(*x.shape[:-1], len(A))
+
+
 def runs_last(A: Array) -> Array:
     """Return a contiguous copy (..., runs) of A (runs, ...): elementwise work on its entries is then fast."""
     return A.transpose(*range(1, A.ndim), 0).copy()
