@@ -124,8 +124,7 @@ def linearise(D: Array, K: Array, P: Array, V: Array) -> tuple[Array, Array, Arr
 @inner
 def _linearise(D: Array, K: Array, P: Array, V: Array, T: Array, E: Array, EP: Array, S: Array) -> None:
     _turn(D, K, T)
-    E[:] = D
-    _solve(T, E)
+    _solve(T, D, E)
     _multiply(E, P, EP)
     _multiply_by_transpose(EP, E, S)
     for i in range(len(S)):
@@ -156,8 +155,7 @@ def turned(D: Array, K: Array, B: Array, S: Array) -> tuple[Array, Array]:
                 transposed[i, j] = T[j, i]
             for j in range(i):
                 scatter[run, j, i] = scatter[run, i, j]
-        solution[run] = B[run]
-        _solve(transposed, solution[run])
+        _solve(transposed, B[run], solution[run])
     return solution, scatter
 
 
@@ -224,29 +222,41 @@ def _solve_definite(A: Array, x: Array) -> None:
 
 
 @inner
-def _solve(A: Array, B: Array) -> None:
-    """Replace B (m, n) by A^-1 B, by elimination with row exchanges; A is overwritten, NaN where it is singular."""
+def _solve(A: Array, B: Array, X: Array) -> None:
+    """Set X (m, n) to A^-1 B, by elimination with row exchanges; A is overwritten, X is NaN where it is singular."""
     m, n = B.shape
+    for i in range(m):
+        for j in range(n):
+            X[i, j] = B[i, j]
     for k in range(m):
         pivot = k
         for i in range(k + 1, m):
             if abs(A[i, k]) > abs(A[pivot, k]):
                 pivot = i
-        if A[pivot, k] == 0:
-            B[:] = math.nan
-            return
+        # Zero here, it makes all that follows NaN.
+        inverse = 1 / A[pivot, k] if A[pivot, k] != 0 else math.nan
         for j in range(m):
             A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
         for j in range(n):
-            B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
+            X[k, j], X[pivot, j] = X[pivot, j], X[k, j]
+            X[k, j] *= inverse
+        for j in range(k + 1, m):
+            A[k, j] *= inverse
         for i in range(k + 1, m):
-            factor = A[i, k] / A[k, k]
             for j in range(k + 1, m):
-                A[i, j] -= factor * A[k, j]
+                A[i, j] -= A[i, k] * A[k, j]
             for j in range(n):
-                B[i, j] -= factor * B[k, j]
+                X[i, j] -= A[i, k] * X[k, j]
     for k in range(m - 1, -1, -1):
         for j in range(n):
             for i in range(k + 1, m):
-                B[k, j] -= A[k, i] * B[i, j]
-            B[k, j] /= A[k, k]
+                X[k, j] -= A[k, i] * X[i, j]
+
+
+@kernel(given(3), given(2), given(3), given(2))
+def squares(W: Array, a: Array, U: Array, b: Array) -> Array:
+    """Return |W a|^2 + |U b|^2, (runs,), for W (runs, n, n), a (runs, n), U (runs, m, m), b (runs, m)."""
+    total = np.empty(len(a))
+    for run in range(len(a)):
+        total[run] = _square(W[run], a[run]) + _square(U[run], b[run])
+    return total
