@@ -40,11 +40,6 @@ def runs_last(A: Array) -> Array:
     return A.transpose(*range(1, A.ndim), 0).copy()
 
 
-def matrices_last(A: Array) -> Array:
-    """Return matrices (runs, p, q), or one (p, q) that all runs share, as (p, q, runs or 1)."""
-    return runs_last(A) if A.ndim == 3 else A[..., None]
-
-
 def runs_first(A: Array) -> Array:
     """Return a contiguous copy (runs, ...) of A (..., runs), the inverse of `runs_last`."""
     return A.transpose(-1, *range(A.ndim - 1)).copy()
@@ -99,47 +94,36 @@ def back(L: Array, B: Array) -> Array:
     return X
 
 
-def log_determinant_of(L: Array) -> Array:
-    """Return log det(L L^T), runs last: L (m, m, runs) -> (runs,)."""
-    total = np.log(L[0, 0])
-    for i in range(1, len(L)):
-        total = total + np.log(L[i, i])
-    return 2 * total
-
-
 def cholesky(A: Array) -> Array:
     """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
     return kernels.roots.cholesky(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
 
 
 class CholeskyFactor:
-    """The Cholesky factor of one small matrix per run, kept so that gain, NIS and likelihood share it.
+    """What the Cholesky factor L of one small matrix per run does to others: gain, NIS and likelihood share it.
 
     Args:
         S: Symmetric matrices (runs, m, m).
-
-    Attributes:
-        lower_last: The factor, runs last (m, m, runs).
     """
 
     def __init__(self, S: Array) -> None:
-        self.lower_last = factor(runs_last(S))
+        self._S = np.ascontiguousarray(S)
 
     def whiten(self, residual: Array) -> Array:
         """Return L^-1 r for r (runs, m)."""
-        return runs_first(forward(self.lower_last, runs_last(residual)))
+        return self.whiten_rows(residual[:, :, None])[:, :, 0]
 
     def whiten_rows(self, B: Array) -> Array:
         """Return L^-1 B for B (runs, m, n)."""
-        return runs_first(forward(self.lower_last, runs_last(B)))
+        return kernels.roots.whiten(self._S, np.ascontiguousarray(B))[0]
 
     def solve(self, B: Array) -> Array:
         """Return S^-1 B for B (runs, m, n)."""
-        return runs_first(back(self.lower_last, forward(self.lower_last, runs_last(B))))
+        return kernels.roots.solve(self._S, np.ascontiguousarray(B))[0]
 
     def log_determinant(self) -> Array:
         """Return log det S, (runs,)."""
-        return log_determinant_of(self.lower_last)
+        return log_determinant(cholesky(self._S))
 
 
 def whiten(L: Array, residual: Array) -> Array:
@@ -169,12 +153,6 @@ def transpose(A: Array) -> Array:
 def symmetric(A: Array) -> Array:
     """Return the symmetric part of each matrix."""
     return (A + transpose(A)) / 2
-
-
-def diagonal_last(A: Array) -> Array:
-    """Return the diagonals (n, runs) of matrices (n, n, runs), as a view."""
-    n = len(A)
-    return A.reshape(n * n, -1)[:: n + 1]
 
 
 def symmetric_last(A: Array) -> Array:

@@ -90,9 +90,9 @@ def gauss_newton(
 
 
 def jacobian_of_runs(measurement: Measurement, x: Array, epoch: int) -> Array:
-    """Return dh/dx at x (runs, n) as (runs, m, n), also where the measurement gives one matrix for all."""
+    """Return dh/dx at x (runs, n) as (runs, m, n) in C order, also where the measurement gives one matrix for all."""
     H = measurement.jacobian(x, epoch)
-    return np.broadcast_to(H, (len(x), *H.shape[-2:]))
+    return np.ascontiguousarray(H if H.ndim == 3 else np.broadcast_to(H, (len(x), *H.shape)))
 
 
 def times(A: Array, v: Array) -> Array:

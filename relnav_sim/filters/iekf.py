@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
@@ -14,7 +15,7 @@ from relnav_sim.filters.kalman import GaussianFilter, joseph_update, reading_siz
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve, squares
 from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.linalg import by_run, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
@@ -36,7 +37,8 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the mode of the posterior, the covariance of its linearisation there, and the innovation."""
-        measurement, epoch, m, P = self.measurement, step.epoch, belief.mean, belief.covariance
+        measurement, epoch = self.measurement, step.epoch
+        m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         R = measurement.noise(m, epoch)
         noise = Whitener(np.broadcast_to(R, (len(m), *R.shape[-2:])))
         prior = Whitener(P)
@@ -47,15 +49,14 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
 
         # All in deviations from m: a tight prior needs their digits.
         def evaluate(deviation: Array) -> tuple[Array, Array]:
-            residual = measurement.residual(z, measurement.predict(m + deviation, epoch))
+            residual = np.ascontiguousarray(measurement.residual(z, measurement.predict(m + deviation, epoch)))
             cost = squares(prior, deviation, noise, residual)
             return cost if exact is None else cost + exact.penalty(residual), residual
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
             H = jacobian_of_runs(measurement, m + deviation, epoch)
-            HP = H @ P
-            nu = residual + times(H, deviation)
-            w = semidefinite_solve(symmetric(HP @ transpose(H)) + R, nu[:, :, None])[:, :, 0]
+            HP, S, nu = kernels.iterated.linearised_reading(H, P, by_run(R), deviation, residual)
+            w = semidefinite_solve(S, nu[:, :, None])[:, :, 0]
             goal = times(transpose(HP), w)
             if exact is not None:
                 goal[exact.rows] = exact.goal(deviation, H, nu)

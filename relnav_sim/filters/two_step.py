@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve, not_definite, squares
+from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, not_definite
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
-from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
+from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import (
     all_channels,
@@ -208,13 +209,12 @@ def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
     """
     n = belief.mean.shape[1]
     offset_x, offset_g = belief.offset[:, :n], belief.offset[:, n:]
-    turn = np.eye(offset_g.shape[1]) + (belief.jacobian - G) @ belief.regression
+    K = transpose(belief.regression)
+    B, scatter = kernels.iterated.turned(
+        G - belief.jacobian, belief.regression, np.ascontiguousarray(K), belief.scatter
+    )
     return OffManifold(
-        offset_x,
-        offset_g - times(G, offset_x),
-        belief.covariance,
-        transpose(general_solve(transpose(turn), transpose(belief.regression))),
-        symmetric(turn @ belief.scatter @ transpose(turn)),
+        offset_x, offset_g - times(G, offset_x), belief.covariance, np.ascontiguousarray(transpose(B)), scatter
     )
 
 
@@ -244,7 +244,7 @@ def _first_step(
     moved = c.mean - before.mean_c
     x, told = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)
     innovation = replace(innovation, failed={**innovation.failed, **told.failed})
-    gain = transpose(CholeskyFactor(W).solve(GP))
+    gain = transpose(kernels.roots.solve(W, GP)[0])
     return OffManifold(x.mean, c.mean, x.covariance, K - gain @ B, c.covariance), innovation
 
 
@@ -263,42 +263,26 @@ class _Fit:
         self, measurement: Measurement, origin: Array, y_g: Array, G: Array, epoch: int
     ) -> tuple[Callable[[Array], tuple[Array, Array]], Callable[[Array, Array], tuple[Array, Array]]]:
         """Return cost and step for `gauss_newton`, in deviations from `origin`, where G is the Jacobian."""
-        y, n = self._y, origin.shape[1]
+        y, W, U = self._y, self._P.root, self._V.root
 
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
-            q = times(G, y.mean_x - deviation) - beyond
-            t = deviation - y.mean_x - times(y.regression, q)
-            return squares(self._P, t, self._V, q), np.concatenate([t, q], axis=1)
+            beyond = np.ascontiguousarray(beyond)
+            both, cost = kernels.iterated.misfit(G, y.regression, y.mean_x, deviation, beyond, W, U)
+            return cost, both
 
-        def find_step(deviation: Array, kept: Array) -> tuple[Array, Array]:
-            t, q = kept[:, :n], kept[:, n:]
-            E, EP, S = self._linearised(jacobian_of_runs(measurement, origin + deviation, epoch) - G)
-            w = CholeskyFactor(S).solve((times(E, t) - q)[:, :, None])[:, :, 0]
-            move = times(transpose(EP), w) - t
-            along = times(E, move)
-            return move + times(y.regression, along), squares(self._P, move, self._V, along)
+        def find_step(deviation: Array, both: Array) -> tuple[Array, Array]:
+            D = jacobian_of_runs(measurement, origin + deviation, epoch) - G
+            return kernels.iterated.step(D, y.regression, y.covariance, y.scatter, both, W, U)
 
         return evaluate, find_step
 
     def at(self, D: Array) -> tuple[Array, Array, Array]:
         """Return Px = (F^T Py^-1 F)^-1 where dq/dx = D, and the regression and scatter of y beyond f(x) from there."""
-        y = self._y
-        E, EP, S = self._linearised(D)
+        y, K = self._y, self._y.regression
+        E, EP, S = kernels.iterated.linearise(D, K, y.covariance, y.scatter)
         updated, _ = joseph_update(Gaussian(y.mean_x, y.covariance), y.mean_c, E, y.scatter)
-        spread = np.eye(D.shape[2]) + y.regression @ E
-        turn = np.eye(D.shape[1]) - D @ y.regression
-        cross = y.scatter @ transpose(y.regression) - EP
-        regression = transpose(general_solve(transpose(turn), CholeskyFactor(S).solve(cross)))
-        return (
-            symmetric(spread @ updated.covariance @ transpose(spread)),
-            regression,
-            symmetric(turn @ S @ transpose(turn)),
-        )
-
-    def _linearised(self, D: Array) -> tuple[Array, Array, Array]:
-        """Return E = dq/dt, E P, and the covariance S of q that P and V give."""
-        y = self._y
-        E = general_solve(np.eye(D.shape[1]) - D @ y.regression, D)
-        EP = E @ y.covariance
-        return E, EP, symmetric(EP @ transpose(E)) + y.scatter
+        n = D.shape[2]
+        P = kernels.kalman.predict(updated.covariance, np.eye(n) + K @ E, np.zeros((1, n, n)))
+        B, scatter = kernels.iterated.turned(D, K, kernels.roots.solve(S, y.scatter @ transpose(K) - EP)[0], S)
+        return P, np.ascontiguousarray(transpose(B)), scatter

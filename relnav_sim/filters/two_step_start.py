@@ -12,10 +12,11 @@ from typing import Literal
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.square_root import semidefinite_root
-from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
+from relnav_sim.linalg import symmetric, transpose
 
 StartKind = Literal["linearised", "unscented", "closed_form"]
 
@@ -71,7 +72,7 @@ def start_off_manifold(
     elif kind == "closed_form":
         mean, curvature = _closed_form(prior, jacobian)
     scatter = curvature + floor
-    regression = transpose(CholeskyFactor(scatter).solve(cross))
+    regression = np.ascontiguousarray(transpose(kernels.roots.solve(scatter, np.ascontiguousarray(cross))[0]))
     explained = regression @ scatter @ transpose(regression)
     return OffManifold(np.zeros((runs, n)), mean, symmetric(prior.covariance - explained), regression, scatter)
 

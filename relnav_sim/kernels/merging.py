@@ -41,8 +41,13 @@ def reduce(w: Array, x: Array, P: Array, components: int) -> tuple[Array, Array,
     total, share, apart = np.empty(LANES), np.empty(LANES), np.empty((n, LANES))
     merged, L, found = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty(LANES)
     for run in range(runs):
-        weight[:], mean[:], covariance[:] = w[run], x[run], P[run]
-        cost[:], alive[:] = math.inf, True
+        for component in range(c):
+            alive[component] = True
+            weight[component] = w[run, component]
+            for i in range(n):
+                mean[component, i] = x[run, component, i]
+                for j in range(n):
+                    covariance[component, i, j] = P[run, component, i, j]
         used = 0
         for i in range(c):
             one[used] = other[used] = i  # merged with itself a component stays what it is
@@ -74,7 +79,8 @@ def reduce(w: Array, x: Array, P: Array, components: int) -> tuple[Array, Array,
             _log_determinants(merged, 1, L, found)
             log_det[keep] = found[0]
             weight[drop], alive[drop] = 0.0, False
-            cost[drop, :], cost[:, drop] = math.inf, math.inf
+            for i in range(c):
+                cost[drop, i] = cost[i, drop] = math.inf
             for i in range(c):
                 if alive[i] and i != keep:
                     one[used], other[used] = keep, i
@@ -91,8 +97,10 @@ def reduce(w: Array, x: Array, P: Array, components: int) -> tuple[Array, Array,
                     heaviest = i
             alive[heaviest] = False
             weights[run, place] = weight[heaviest]
-            means[run, place] = mean[heaviest]
-            covariances[run, place] = covariance[heaviest]
+            for i in range(n):
+                means[run, place, i] = mean[heaviest, i]
+                for j in range(n):
+                    covariances[run, place, i, j] = covariance[heaviest, i, j]
     return weights, means, covariances
 
 

@@ -1,4 +1,4 @@
-"""Square roots of covariances: triangular forms by Householder reflections, and Cholesky factors where they will do."""
+"""Square roots of covariances: Cholesky factors, and triangular forms by Householder's reflections."""
 
 from __future__ import annotations
 
@@ -153,10 +153,13 @@ def update(
     size = np.empty((m + n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        M[m:, q:] = 0.0
         _place(Y, first, used, 0, 0, M)
         _place(N, first, used, 0, q, M)
         _place(X, first, used, m, 0, M)
+        for i in range(m, m + n):
+            for j in range(q, M.shape[1]):
+                for b in range(used):
+                    M[i, j, b] = 0.0
         load_vectors(nu, first, used, w)
         _norms(M, used, size)
         _triangularise(M, used)
@@ -243,24 +246,3 @@ def _triangularise(M: Array, used: int) -> None:
         for j in range(i + 1, q):
             for b in range(used):
                 M[i, j, b] = 0.0
-
-
-@kernel(given(3), given(2), given(3), given(2))
-def squares(W: Array, a: Array, V: Array, b: Array) -> Array:
-    """Return |W a|^2 + |V b|^2, (runs,), for W (runs, n, n), a (runs, n), V (runs, m, m), b (runs, m)."""
-    runs = len(a)
-    total = np.zeros(runs)
-    for run in range(runs):
-        total[run] = _square(W, a, run) + _square(V, b, run)
-    return total
-
-
-@inner
-def _square(W: Array, a: Array, run: int) -> float:
-    total = 0.0
-    for i in range(W.shape[1]):
-        entry = 0.0
-        for j in range(W.shape[2]):
-            entry += W[run, i, j] * a[run, j]
-        total += entry * entry
-    return total
