@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import linear as linear
     from relnav_sim.kernels import sight as sight
+    from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
 
 
