@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import linear as linear
+    from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
