@@ -109,8 +109,7 @@ def log_determinant_of(L: Array) -> Array:
 
 def cholesky(A: Array) -> Array:
     """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
-    n = A.shape[-1]
-    return runs_first(factor(runs_last(A.reshape(-1, n, n)))).reshape(A.shape)
+    return kernels.roots.cholesky(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
 
 
 class CholeskyFactor:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim import kernels
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.particle_set import (
@@ -15,13 +16,14 @@ from relnav_sim.filters.particle_set import (
     chosen,
     contracted,
     pick,
+    pick_roots,
     put,
     smoothing,
     spread,
     square_root,
     standard_normals,
 )
-from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, usable, weigh
+from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
@@ -74,6 +76,7 @@ class ParticleFilter(ParticleSetFilter):
         super().__init__(dynamics, measurement, options)
         self._moves = options.mcmc_steps
         self._move_size = options.mcmc_step_size
+        self._fewest = options.particles / 20
 
     def update(self, belief: ParticleSet, z: Array, step: Step) -> tuple[ParticleSet, Innovation]:
         """Return the reweighted and, in runs with few effective particles, resampled set; and its innovation."""
@@ -81,7 +84,7 @@ class ParticleFilter(ParticleSetFilter):
         score = self._log_likelihood(belief, belief.components, z, step)
         particle_set, evidence, ess = weigh(belief, score)
         stages = np.zeros(len(z))
-        if self._bandwidth > 0 and self._too_few(ess).any():
+        if self._bandwidth > 0 and (ess < self._fewest).any():
             approached, left_over, before, stages = self._approach(belief, score, z, step)
             particle_set, last, ess = weigh(approached, left_over)
             evidence = before + last
@@ -99,9 +102,6 @@ class ParticleFilter(ParticleSetFilter):
                 particle_set = self._move(particle_set, belief, score, rows[drawn], ancestors[drawn], z, step)
             particle_set = self._settle(particle_set, rows, ess[rows])
         return self._for_next_sensor(particle_set, belief), innovation
-
-    def _too_few(self, ess: Array) -> Mask:
-        return ess < self._particles / 20
 
     def _approach(
         self, particle_set: ParticleSet, score: Array, z: Array, step: Step
@@ -123,21 +123,20 @@ class ParticleFilter(ParticleSetFilter):
         predicted, left = particle_set, np.ones(len(z))
         evidence, stages = np.zeros(len(z)), np.zeros(len(z))
         while True:
-            rows = np.flatnonzero(self._too_few(tempered_ess(particle_set.log_weights + left[:, None] * score)))
-            rows = rows[stages[rows] < _MOST_STAGES]
+            power = kernels.particles.power_that_leaves_half(particle_set.log_weights, score, left, self._fewest)
+            power[stages == _MOST_STAGES] = 0
+            rows = np.flatnonzero(power)
             if not len(rows):
                 return particle_set, left[:, None] * score, evidence, stages
-            power = np.zeros(len(z))
-            power[rows] = power_that_leaves_half(particle_set.log_weights[rows], score[rows], left[rows])
             weighted, log_mean, ess = weigh(particle_set, power[:, None] * score)
             ancestors = self._ancestors(weighted, rows)
             observed = np.broadcast_to(channel_count(self.measurement), len(z))
             share, width = smoothing(ess[rows], self._bandwidth, observed[rows])
             noise = standard_normals(chosen(particle_set.streams.jitter, rows), *particle_set.components.shape[1:])
             covariance = weighted.covariance[rows] / (1 - 1 / ess[rows, None, None])
-            jitter = np.sqrt(width) * spread(square_root(covariance), noise)
             copies = contracted(pick(particle_set.components, rows, ancestors), weighted.mean[rows], share)
-            particle_set = replace(particle_set, components=put(particle_set.components, rows, copies + jitter))
+            parted = spread(copies, square_root(width * covariance), noise)
+            particle_set = replace(particle_set, components=put(particle_set.components, rows, parted))
             particle_set = self._settle(particle_set, rows, np.full(len(rows), np.inf))
             score = put(score, rows, self._log_likelihood(predicted, particle_set.components, z, step)[rows])
             left -= power
@@ -160,11 +159,7 @@ class ParticleFilter(ParticleSetFilter):
         so the likelihoods alone decide about xi*.
         """
         assert predicted.centres is not None and predicted.noise is not None and predicted.root is not None
-        root = predicted.root
-        if root.ndim == 4:
-            root = pick(root, rows, ancestors, axis=0)
-        elif root.ndim == 3:
-            root = root[rows]
+        root = pick_roots(predicted.root, rows, ancestors)
         centres = pick(predicted.centres, rows, ancestors)
         noise = pick(predicted.noise, rows, ancestors)
         current = pick(score, rows, ancestors)
@@ -173,37 +168,10 @@ class ParticleFilter(ParticleSetFilter):
         for _ in range(self._moves):
             fresh = standard_normals(chosen(particle_set.streams.moves, rows), noise.shape[1], self._particles)
             fresh = np.sqrt(1 - s**2) * noise + s * fresh
-            proposed = put(components, rows, centres + spread(root, fresh))
+            proposed = put(components, rows, spread(centres, root, fresh))
             new = self._log_likelihood(predicted, proposed, z, step)[rows]
             accepted = accept(new - current, chosen(particle_set.streams.acceptance, rows))
             components = put(components, rows, np.where(accepted[:, None], proposed[rows], components[rows]))
             noise = np.where(accepted[:, None], fresh, noise)
             current = np.where(accepted, new, current)
         return replace(particle_set, components=components)
-
-
-def tempered_ess(log_weights: Array) -> Array:
-    """Return the effective sample size of log-weights that need not be normalised, (runs, N): (runs,)."""
-    highest = log_weights.max(axis=-1, keepdims=True)
-    if not np.isfinite(highest).all():
-        log_weights = usable(log_weights)
-        highest = log_weights.max(axis=-1, keepdims=True)
-    weights = np.exp(log_weights - highest)
-    return np.asarray(np.square(weights.sum(axis=-1)) / np.square(weights).sum(axis=-1))
-
-
-def power_that_leaves_half(log_weights: Array, score: Array, most: Array) -> Array:
-    """Return the powers of the likelihoods exp(score) that halve the number of effective particles, (runs,).
-
-    Args:
-        log_weights: What the particles weigh before, (runs, N).
-        score: (runs, N).
-        most: Upper bounds, (runs,).
-    """
-    wanted = tempered_ess(log_weights) / 2
-    low, high = np.zeros(len(score)), most.copy()
-    for _ in range(40):
-        middle = (low + high) / 2
-        few = tempered_ess(log_weights + middle[:, None] * score) < wanted
-        low, high = np.where(few, low, middle), np.where(few, middle, high)
-    return high

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
@@ -27,8 +28,8 @@ from relnav_sim.filters.particle_set import (
     square_root,
     standard_normals,
 )
-from relnav_sim.filters.resampling import Resampling, draw_ancestors, effective_sample_size
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.filters.resampling import Resampling, draw_ancestors
+from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
@@ -90,7 +91,8 @@ class ParticleSetFilter:
         streams = ParticleStreams.of(source, "particle")
         runs, n = prior.mean.shape
         noise = standard_normals(source.streams("filter.particle.start"), n, self._particles)
-        components = prior.mean[:, :, None] + spread(square_root(prior.covariance), noise)
+        means = np.repeat(prior.mean[:, :, None], self._particles, axis=2)
+        components = spread(means, square_root(prior.covariance), noise)
         log_weights = np.full((runs, self._particles), -np.log(self._particles))
         parents = np.full(runs, float(self._particles))
         return ParticleSet(components, log_weights, prior.mean, prior.covariance, parents, streams)
@@ -102,30 +104,27 @@ class ParticleSetFilter:
             # The kernel joins the process noise instead of being drawn from at once, so that a proposal can use it too
             # (the pre-regularised filter of Musso, Oudjane and Le Gland 2001).
             share, width = smoothing(belief.parents, self._bandwidth, channel_count(self.measurement))
-        F = self.dynamics.transition(belief.mean, step)
-        carried = F @ belief.covariance @ transpose(F)
+        F = by_run(self.dynamics.transition(belief.mean, step))
+        carried = kernels.kalman.predict(belief.covariance, F, np.zeros((1, *F.shape[1:])))
         if self.dynamics.linear:
-            # F (m + a (x - m)) = (a F) x + (1 - a) F m spares a pass over the particles.
             Q = self.dynamics.process_noise(transpose(belief.components), step)
+            # F (m + a (x - m)) = (a F) x + (1 - a) F m spares a pass over the particles.
             mean = (F @ belief.mean[:, :, None])[:, :, 0]
-            centres = (share * F) @ belief.components
-            if self._bandwidth > 0:
-                centres += (1 - share) * mean[:, :, None]
+            centres = kernels.particles.affine(belief.components, share * F, (1 - share[..., 0]) * mean)
             covariance = share**2 * carried
         else:
             states = transpose(contracted(belief.components, belief.mean, share))
             Q = self.dynamics.process_noise(states, step)
             centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
-            mean, covariance = moments(centres, belief.weights)
-        covariance = symmetric(covariance + average(Q, belief))
+            mean, covariance = moments(centres, belief.log_weights)
+        covariance = covariance + average(Q, belief)
         if self._bandwidth > 0:
-            kernel = symmetric(width * carried)
+            kernel = width * carried
             covariance += kernel
             Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
         root = self._root(Q)
         noise = standard_normals(belief.streams.noise, root.shape[-1], self._particles)
-        drawn = spread(root, noise)
-        drawn += centres
+        drawn = spread(centres, root, noise)
         parents = np.full(len(mean), np.inf)
         particle_set = ParticleSet(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
         return replace(particle_set, centres=centres, noise=noise, root=root)
@@ -213,7 +212,7 @@ class ParticleSetFilter:
         own_root = root if belief.root.ndim == 3 else np.repeat(root[:, None], self._particles, axis=1)
         return replace(
             belief,
-            components=put(belief.components, rows, centres + spread(root, noise)),
+            components=put(belief.components, rows, spread(centres, root, noise)),
             covariance=put(belief.covariance, rows, share**2 * belief.covariance[rows] + kernel),
             parents=put(belief.parents, rows, np.full(len(rows), np.inf)),
             centres=put(belief.centres, rows, centres),
@@ -232,22 +231,16 @@ def weigh(particle_set: ParticleSet, log_increments: Array) -> tuple[ParticleSet
         particle_set: Particles with the weights they had.
         log_increments: Logarithm of every particle's new factor, (runs, N).
     """
-    log_weights, components = particle_set.log_weights + log_increments, particle_set.components
-    highest = log_weights.max(axis=-1, keepdims=True)
-    if not np.isfinite(highest).all():
-        log_weights = usable(log_weights)
-        highest = log_weights.max(axis=-1, keepdims=True)
-        # Zero times NaN would spoil the moments.
-        lost = (log_weights == -np.inf)[:, None] & ~np.isfinite(components)
-        components = np.where(lost, particle_set.mean[:, :, None], components)
-    weights = np.exp(log_weights - highest)
-    total = weights.sum(axis=-1, keepdims=True)
-    weights /= total
-    evidence = highest + np.log(total)
-    log_weights -= evidence
-    mean, covariance = moments(components, weights)
+    log_weights, mean, covariance, evidence, ess, lost = kernels.particles.weigh(
+        particle_set.components, particle_set.log_weights, log_increments
+    )
+    components = particle_set.components
+    if lost.any():
+        # A particle that weighs nothing has to have a state all the same.
+        absent = (log_weights == -np.inf)[:, None] & ~np.isfinite(components)
+        components = np.where(absent, particle_set.mean[:, :, None], components)
     weighted = ParticleSet(components, log_weights, mean, covariance, particle_set.parents, particle_set.streams)
-    return weighted, evidence[:, 0], effective_sample_size(weights)
+    return weighted, evidence, ess
 
 
 def usable(log_weights: Array) -> Array:

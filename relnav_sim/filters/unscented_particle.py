@@ -7,13 +7,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.particle_set import ParticleSet, chosen, pick, put, spread, standard_normals
+from relnav_sim.filters.particle_set import (
+    ParticleSet,
+    chosen,
+    pick,
+    pick_roots,
+    put,
+    roots_of,
+    spread,
+    standard_normals,
+    wrapped_components,
+)
 from relnav_sim.filters.particle_set_filter import ParticleSetFilter, ParticleSetOptions, accept, weigh
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import factor, transpose
+from relnav_sim.linalg import by_run, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
@@ -51,30 +62,14 @@ class Proposal:
 
     def draw(self, normals: Array) -> tuple[Array, Array]:
         """Return particles (runs, n, N) from standard normals (runs, r, N), and the logarithm of p / q there."""
-        xi = normals
-        for a in reversed(range(self.directions.shape[1])):
-            u = self.directions[:, a]
-            along = np.einsum("brp,brp->bp", u, xi)
-            along /= 1 + self.shrinkage[:, a]
-            xi = xi - u * along[:, None]
-        xi = xi + self.mean
-        log_ratio = np.einsum("brp,brp->bp", normals, normals) - np.einsum("brp,brp->bp", xi, xi)
-        log_ratio *= 0.5
-        log_ratio += np.log(self.shrinkage).sum(axis=1)
-        components = spread(self.root, xi)
-        components += self.centres
-        return components, log_ratio
+        xi, log_ratio = kernels.proposal.draw(self.mean, self.directions, self.shrinkage, normals)
+        return spread(self.centres, self.root, xi), log_ratio
 
     def of(self, rows: Indices, ancestors: Indices) -> Proposal:
         """Return the proposals of the chosen runs' ancestors."""
-        root = self.root
-        if root.ndim == 3:
-            root = root[rows]
-        elif root.ndim == 4:
-            root = pick(root, rows, ancestors, axis=0)
         return Proposal(
             pick(self.centres, rows, ancestors),
-            root,
+            pick_roots(self.root, rows, ancestors),
             pick(self.mean, rows, ancestors),
             pick(self.directions, rows, ancestors),
             pick(self.shrinkage, rows, ancestors),
@@ -132,41 +127,27 @@ class UnscentedParticleFilter(ParticleSetFilter):
     def _propose(self, predicted: ParticleSet, z: Array, step: Step) -> Proposal:
         """Return every particle's unscented update of its own transition density.
 
-        With sigma points +- sqrt(r) e_j in xi and images h(f + G xi), the covariance of xi and z has rows
-        C_j = (h+ - h-) / (2 sqrt r), and S = C^T C + M, M = R + the spread of the points' mid-images. Then
-        mean = C S^-1 nu and covariance I - C S^-1 C^T, whose square root is built up one component of the whitened
-        measurement at a time (Potter 1963; Bierman 1977). Its factors s_a are ratios of the diagonals of the Cholesky
-        factors of M and S, so a peaked likelihood costs no digits.
+        The sigma points are +- sqrt(r) e_j in xi; see `kernels.proposal.propose`.
         """
         assert predicted.centres is not None and predicted.root is not None
-        centres, root, epoch = predicted.centres, predicted.root, step.epoch
+        centres, epoch, measurement = predicted.centres, step.epoch, self.measurement
         runs, _, N = centres.shape
-        r, m = root.shape[-1], self.measurement.dimension
-        centre_image = self.measurement.predict(transpose(centres), epoch)
-        ahead, behind = np.empty((2, m, runs, r, N))
-        for j in range(r):
-            offset = _column(root, j)
-            ahead[:, :, j] = self._image(centres + offset, centre_image, epoch)
-            behind[:, :, j] = self._image(centres - offset, centre_image, epoch)
-        C = (ahead - behind) / (2 * np.sqrt(r))
-        mid = (ahead + behind) / 2
-        middle = mid.mean(axis=2)
-        noise = self.measurement.noise(predicted.mean, epoch)
-        M = np.zeros((m, m, runs, N))
-        S = np.empty_like(M)
-        for a in range(m):
-            for b in range(a + 1):
-                M[a, b] = np.einsum("brp,brp->bp", mid[a], mid[b]) / r - middle[a] * middle[b]
-                M[a, b] += np.expand_dims(noise[..., a, b], -1)
-                S[a, b] = M[a, b] + np.einsum("brp,brp->bp", C[a], C[b])
-        residual = self.measurement.residual(z[:, None], centre_image)
-        nu = np.moveaxis(residual, -1, 0) - middle
-        return _sequential_update(centres, root, C, nu, factor(S), factor(M))
-
-    def _image(self, components: Array, centre_image: Array, epoch: int) -> Array:
-        """Return h(x) - h(centre), (m, runs, N)."""
-        image = self.measurement.predict(transpose(components), epoch)
-        return np.moveaxis(self.measurement.residual(image, centre_image), -1, 0)
+        roots = roots_of(predicted.root)
+        centre = measurement.predict(transpose(centres), epoch)
+        images = np.empty((roots.shape[-1], runs, 2, N, measurement.dimension))
+        for j, image in enumerate(images):
+            image[...] = measurement.predict(transpose(kernels.proposal.sigma_points(centres, roots, j)), epoch)
+        reading, angle = z[:, None], wrapped_components(measurement)
+        if angle is None:
+            # Its own differences instead of images, from zero.
+            reading = measurement.residual(reading, centre)
+            for image in images:
+                image[...] = measurement.residual(image, centre[:, None])
+            centre, angle = np.zeros(centre.shape), np.zeros(measurement.dimension, dtype=bool)
+        reading, centre = np.ascontiguousarray(reading), np.ascontiguousarray(centre)
+        R = by_run(measurement.noise(predicted.mean, epoch))
+        mean, directions, shrinkage = kernels.proposal.propose(images, centre, reading, angle, R)
+        return Proposal(centres, predicted.root, mean, directions, shrinkage)
 
     def _move(
         self,
@@ -203,34 +184,3 @@ class UnscentedParticleFilter(ParticleSetFilter):
             current = np.where(accepted, new, current)
             share += accepted.mean(axis=1) / self._moves
         return replace(particle_set, components=components), share
-
-
-def _column(root: Array, j: int) -> Array:
-    """Return sqrt(r) times column j of G as offsets of particles (runs, n, N)."""
-    column = np.sqrt(root.shape[-1]) * root[..., j]
-    return transpose(column) if root.ndim == 4 else column[..., None]
-
-
-def _sequential_update(centres: Array, root: Array, C: Array, nu: Array, L_S: Array, L_M: Array) -> Proposal:
-    """Return the proposals from C (m, runs, r, N), nu (m, runs, N) and the Cholesky factors (m, m, runs, N)."""
-    m, runs, r, N = C.shape
-    mean = np.zeros((runs, r, N))
-    directions = np.empty((runs, m, r, N))
-    shrinkage = np.empty((runs, m, N))
-    white, white_nu = C.copy(), nu.copy()
-    for a in range(m):
-        for b in range(a):
-            white[a] -= L_S[a, b][:, None] * white[b]
-            white_nu[a] -= L_S[a, b] * white_nu[b]
-        white[a] /= L_S[a, a][:, None]
-        white_nu[a] /= L_S[a, a]
-        mean += white[a] * white_nu[a][:, None]
-        u = white[a]
-        for b in range(a):
-            # A_b^-1 = I + u_b u_b^T / (s_b (1 + s_b))
-            s = shrinkage[:, b]
-            along = np.einsum("brp,brp->bp", directions[:, b], u) / (s * (1 + s))
-            u = u + directions[:, b] * along[:, None]
-        directions[:, a] = u
-        shrinkage[:, a] = L_M[a, a] / L_S[a, a]
-    return Proposal(centres, root, mean, directions, shrinkage)

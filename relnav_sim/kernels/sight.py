@@ -14,9 +14,10 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel
-from relnav_sim.kernels.elementary import atan2
+from relnav_sim.kernels.compiling import given, inlined, inner, kernel
+from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead
 from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
+from relnav_sim.kernels.sampling import SAMPLES
 
 _TWO_PI = 2 * math.pi
 
@@ -102,6 +103,72 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
         for i in range(3):
             R[0, i, i] = variances[i]
     return nu, H, R
+
+
+@kernel(given(2), given(3), given(2), given(3), given(3), given(2))
+def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: Array) -> Array:
+    """Return |W (z - h(x))|^2 (runs, N) of readings and `spherical` of the states x = centre + root e.
+
+    Differences of angles, in [-pi, pi], are taken as one angle: in axes turned by the azimuth that was read, the line
+    of sight lies at minus that difference; likewise, in the vertical plane through it, for the elevation.
+
+    Args:
+        z: Readings (runs, 3).
+        W: Whitening (runs or 1, 3, 3), lower triangular.
+        centre: (runs, n >= 3).
+        root: (runs, n, 3), of which the first three rows count.
+        e: Samples (runs or 1, 3, N).
+        M: Rotation (3, 3) from the states' axes to the radar's.
+    """
+    runs, N = len(z), e.shape[2]
+    errors = np.empty((runs, N))
+    axes, c, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for run in range(runs):
+        ca, sa, ce, se = math.cos(z[run, 1]), math.sin(z[run, 1]), math.cos(z[run, 2]), math.sin(z[run, 2])
+        for j in range(3):
+            axes[0, j], axes[1, j], axes[2, j] = ca * M[0, j] + sa * M[1, j], ca * M[1, j] - sa * M[0, j], M[2, j]
+        for i in range(3):
+            c[i] = axes[i, 0] * centre[run, 0] + axes[i, 1] * centre[run, 1] + axes[i, 2] * centre[run, 2]
+            for k in range(3):
+                A[i, k] = axes[i, 0] * root[run, 0, k] + axes[i, 1] * root[run, 1, k] + axes[i, 2] * root[run, 2, k]
+        samples, w = e[0 if len(e) == 1 else run], W[0 if len(W) == 1 else run]
+        for first in range(0, N, SAMPLES):
+            last = min(first + SAMPLES, N)
+            e0, e1, e2 = samples[0, first:last], samples[1, first:last], samples[2, first:last]
+            out = errors[run, first:last]
+            # Nearly always all of them lie within pi/8 of where they were read, and less will do than `atan2`.
+            aside = False
+            for b in range(last - first):
+                x, y, h = _image(c, A, e0[b], e1[b], e2[b])
+                p = math.sqrt(x * x + y * y)
+                u, v = p * ce - h * se, p * se + h * ce
+                aside |= not (abs(y) <= TAN_EIGHTH_PI * x and abs(v) <= TAN_EIGHTH_PI * u)
+                range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
+                out[b] = _square(w, range_error, -atan2_ahead(y, x), atan2_ahead(v, u))
+            if aside:
+                for b in range(last - first):
+                    x, y, h = _image(c, A, e0[b], e1[b], e2[b])
+                    p = math.sqrt(x * x + y * y)
+                    range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
+                    out[b] = _square(w, range_error, -atan2(y, x), atan2(p * se + h * ce, p * ce - h * se))
+    return errors
+
+
+@inlined
+def _image(c: Array, A: Array, e0: float, e1: float, e2: float) -> tuple[float, float, float]:
+    """Return c + A e."""
+    return (
+        c[0] + A[0, 0] * e0 + A[0, 1] * e1 + A[0, 2] * e2,
+        c[1] + A[1, 0] * e0 + A[1, 1] * e1 + A[1, 2] * e2,
+        c[2] + A[2, 0] * e0 + A[2, 1] * e1 + A[2, 2] * e2,
+    )
+
+
+@inlined
+def _square(W: Array, r0: float, r1: float, r2: float) -> float:
+    """Return |W r|^2, W lower triangular."""
+    w0, w1, w2 = W[0, 0] * r0, W[1, 0] * r0 + W[1, 1] * r1, W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2
+    return w0 * w0 + w1 * w1 + w2 * w2
 
 
 @inner

@@ -73,6 +73,7 @@ class SphericalRadar(MeasurementDefaults):
         ValueError: The host is the deputy and there is no chief orbit.
     """
 
+    leaves_arguments_alone = True
     dimension = 3
     angles = (1, 2)
 
@@ -108,6 +109,13 @@ class SphericalRadar(MeasurementDefaults):
             np.ascontiguousarray(z), positions, self._rotation, self._attitude, self._variances
         )
         return nu, in_states(H, by_state, mean), R if self._turns else R[0]
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N)."""
+        if self.depends_on is None or root.shape[2] != 3:
+            return super().squared_errors(z, W, centre, root, e, epoch)
+        z, W, centre, root, e = map(np.ascontiguousarray, (z, W, centre, root, e))
+        return kernels.sight.squared_errors(z, W, centre, root, e, self._rotation)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""

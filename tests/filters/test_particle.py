@@ -6,9 +6,8 @@ from scipy import stats
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, MixtureNoise, create_filter, run_filter
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.filters.particle import power_that_leaves_half, tempered_ess
 from relnav_sim.filters.particle_set import log_likelihood, moments, square_root, standard_normals
-from relnav_sim.filters.resampling import draw_ancestors, effective_sample_size
+from relnav_sim.filters.resampling import draw_ancestors
 from relnav_sim.streams import RandomSource
 
 SCHEMES = ("systematic", "stratified", "residual")
@@ -73,10 +72,6 @@ def test_a_particle_with_all_the_weight_or_none(scheme):
     np.testing.assert_array_equal(draw_ancestors(scheme, weights, streams(2)), [[8] * 9, [0] * 9])
 
 
-def test_effective_sample_size():
-    np.testing.assert_allclose(effective_sample_size(np.array([[0.25] * 4, [1, 0, 0, 0], [0.5, 0.5, 0, 0]])), [4, 1, 2])
-
-
 # Building blocks
 
 
@@ -138,17 +133,11 @@ def test_likelihood_is_the_measurements_own():
 def test_moments():
     rng = np.random.default_rng(0)
     components, weights = 1e4 + rng.standard_normal((2, 3, 40)), random_weights(2, 40)
-    mean, covariance = moments(components, weights)
+    mean, covariance = moments(components, np.log(weights))
     for run in range(2):
         np.testing.assert_allclose(mean[run], np.average(components[run], axis=1, weights=weights[run]))
         expected = np.cov(components[run], aweights=weights[run], ddof=0)
         np.testing.assert_allclose(covariance[run], expected, atol=1e-12)
-
-
-def test_power_that_leaves_half_of_the_particles():
-    score = -np.square(np.random.default_rng(0).standard_normal((3, 2000))) * 1e4
-    power = power_that_leaves_half(np.zeros((3, 2000)), score, np.array([1.0, 1.0, 0.5]))
-    np.testing.assert_allclose(tempered_ess(power[:, None] * score), 1000, rtol=1e-3)
 
 
 # The filter
