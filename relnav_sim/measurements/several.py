@@ -79,10 +79,11 @@ class JoinedMeasurement(MeasurementDefaults):
 
         A filter may carry a belief for each of them, so there are as many whoever is passed over.
         """
+        active = self._active()
         mixtures = [part.measurement.mixture(mean, epoch) for part in self._parts]
         if all(mixture is None for mixture in mixtures):
             return None
-        weights, covariances, active = np.ones(1), self._unit[None], self._active()
+        weights, covariances = np.ones(1), self._unit[None]
         for part, mixture in zip(self._parts, mixtures, strict=True):
             if mixture is None:
                 own, blocks = np.ones(1), None
