@@ -128,6 +128,8 @@ def in_c_order(belief: B) -> B:
     ordered: dict[str, Any] = {}
     for item in fields(belief):  # type: ignore[arg-type]  # as in `where_runs`
         value = getattr(belief, item.name)
-        if isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
             ordered[item.name] = np.ascontiguousarray(value)
+    if not ordered:
+        return belief
     return replace(belief, **ordered)  # type: ignore[type-var]  # as in `where_runs`

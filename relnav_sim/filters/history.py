@@ -125,6 +125,7 @@ class Innovations:
     def history(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history of the chunk, without failures."""
         sensors = self._readings.sensors
+        log_likelihood, lacking = _runs_first(self._log_likelihood), self._readings.lacking()
         all_nis = [_runs_first(nis) for nis in self._nis]
         all_extras = [{name: _runs_first(extra) for name, extra in extras.items()} for extras in self._extras]
         dof = [one.dof for one in sensors]
@@ -133,7 +134,7 @@ class Innovations:
             mean,
             covariance,
             all_nis[0] if len(sensors) == 1 else _sum_where_read(all_nis, sensors),
-            _runs_first(self._log_likelihood),
+            log_likelihood if lacking is None else log_likelihood + lacking,
             all_extras[0] if len(sensors) == 1 else _merged(all_extras, sensors),
             dof=sum(dof[1:], dof[0]),
             nis_by={name: all_nis[place] for name, place in by_name.items()},

@@ -17,7 +17,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import by_run
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
@@ -176,12 +176,6 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
     return Innovation(nis, log_likelihood)
 
 
-def scaled_noise(measurement: Measurement, mean: Array, epoch: int, factor: float) -> Array:
-    """Return R times a factor, (m, m) or (runs, m, m), that leaves the variances of absent channels at 1."""
-    R, present = measurement.noise(mean, epoch) * factor, present_channels(measurement)
-    return R if present is None else unit_where_absent(R, present)
-
-
 class KalmanOptions(GaussianFilterOptions):
     """Options of the linear Kalman filter."""
 
@@ -207,7 +201,9 @@ class KalmanFilter(GaussianFilter):
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""
-        H = self.measurement.jacobian(belief.mean, step.epoch)
-        R = scaled_noise(self.measurement, belief.mean, step.epoch, self._r_scale)
-        residual = self.measurement.residual(z, self.measurement.predict(belief.mean, step.epoch))
+        residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
+        if self._r_scale != 1:
+            R, present = R * self._r_scale, present_channels(self.measurement)
+            if present is not None:
+                R = unit_where_absent(R, present)
         return joseph_update(belief, residual, H, R)

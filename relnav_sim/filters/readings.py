@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,12 +44,11 @@ class SensorReadings:
         return np.where(self.read, self.present.sum(axis=2), 0)
 
     def mask(self, k: int) -> Mask:
-        """Return the channels (runs, m) to attend to at column k; all of them in a run without a reading.
+        """Return the channels (runs, m) to attend to at a partial column k; all of them in a run without a reading.
 
         Such a run is updated with its own prediction and the result is not used, whatever the other runs read.
         """
-        if self.present is None or not self.partial[k]:
-            return np.ones(self.z[k].shape, dtype=bool)
+        assert self.present is not None
         return self.present[:, k] | ~self.read[:, k, None]
 
 
@@ -77,6 +76,9 @@ class Readings:
         self.several = len(self.sensors) > 1
         self._plain = not self.several and not any(self.sensors[0].partial)
         self._attends = False
+        if self.several:
+            self._expected = _joint(self.sensors)
+            self._own = [self._in_all(one, True, len(one.read), bool) for one in self.sensors]
 
     def begin(self, k: int) -> None:
         """Let the measurement attend to all that is read at column k, for the prediction to that epoch."""
@@ -86,30 +88,37 @@ class Readings:
             one = self.sensors[0]
             self._attend(one.mask(k) if one.partial[k] else None)
             return
-        masks = [one.mask(k) & one.read[:, k, None] for one in self.sensors]
-        mask = np.concatenate(masks, axis=1)
-        # A run that reads nothing is predicted as if all were to come.
-        self._attend(mask | ~mask.any(axis=1, keepdims=True))
+        self._attend(self._expected[k])
 
-    def attend(self, one: SensorReadings, k: int) -> tuple[Array, Array | None]:
-        """Let the measurement attend to one sensor at column k.
+    def attend(self, place: int, k: int) -> Array:
+        """Let the measurement attend to the sensor in that place at column k.
 
         Returns:
-            The reading (runs, m) in the channels of the filter's measurement, NaN in runs without one; and what its
-            log-likelihood lacks because absent channels count in its constant, (runs,), or None where none is absent.
+            The reading (runs, m) in the channels of the filter's measurement, NaN in runs without one.
         """
+        one = self.sensors[place]
         z = one.z[k]
-        if self._plain or not (self.several or one.partial[k]):
-            return z, None
-        mask = one.mask(k)
-        filled = np.where(mask, z, 0.0)
+        mask = one.mask(k) if one.partial[k] else None
+        if mask is not None:
+            z = np.where(mask, z, 0.0)
         if self.several:
-            channels, (runs, m) = one.sensor.channels, (len(z), self._measurement.dimension)
-            own, mask = mask, np.zeros((runs, m), dtype=bool)
-            own_filled, filled = filled, np.zeros((runs, m))
-            mask[:, channels], filled[:, channels] = own, own_filled
-            self._attend(mask)
-        return filled, 0.5 * LOG_TWO_PI * (~mask).sum(axis=1)
+            self._attend(self._own[place] if mask is None else self._in_all(one, mask, len(z), bool))
+            z = self._in_all(one, z, len(z), float)
+        return z
+
+    def lacking(self) -> Array | None:
+        """Return what the log-likelihoods lack, (runs, K): absent channels count in their constant. None: nothing."""
+        if self._plain:
+            return None
+        m = self._measurement.dimension
+        absent = [np.where(one.read, m - one.dof, 0) for one in self.sensors]
+        return np.asarray(0.5 * LOG_TWO_PI * sum(absent[1:], absent[0]))
+
+    def _in_all(self, one: SensorReadings, values: Any, runs: int, kind: type) -> Any:
+        """Return values in the channels of one sensor, (runs, m), with zeros in those of the others."""
+        every: Any = np.zeros((runs, self._measurement.dimension), dtype=kind)
+        every[:, one.sensor.channels] = values
+        return every
 
     def __enter__(self) -> Readings:
         return self
@@ -123,6 +132,18 @@ class Readings:
             return
         self._measurement.attend(present)  # type: ignore[attr-defined]  # only what has `sensors` has partial readings
         self._attends = present is not None
+
+
+def _joint(sensors: Sequence[SensorReadings]) -> Mask:
+    """Return the channels (K, runs, m) that are read at an epoch; of a run that reads nothing, all are to come."""
+    masks = [
+        np.broadcast_to(one.read[..., None], (*one.read.shape, one.z.shape[-1]))
+        if one.present is None
+        else one.present & one.read[..., None]
+        for one in sensors
+    ]
+    mask = np.concatenate(masks, axis=2)
+    return np.ascontiguousarray((mask | ~mask.any(axis=2, keepdims=True)).swapaxes(0, 1))
 
 
 def _arrived(sensor: Sensor, z: Array, first_epoch: int) -> SensorReadings:

@@ -130,14 +130,12 @@ def advance(
                 if filter.stochastic or one.any_read[k]:
                     if readings.several:
                         belief = in_c_order(belief)
-                    z_k, lacking = readings.attend(one, k)
+                    z_k = readings.attend(place, k)
                     read = one.read[:, k]
                     if one.all_read[k]:
                         belief, innovation = returned.update(filter.update(belief, z_k, step))
                     else:
                         belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
-                    if lacking is not None:
-                        innovation = _without_absent(innovation, lacking, read)
                     innovations.add(place, k, innovation)
                     if innovation.failed:
                         stated.add(k, innovation.failed, read)
@@ -168,11 +166,6 @@ def _update_read(
         {name: np.where(read, value, np.nan) for name, value in innovation.extras.items()},
         innovation.failed,
     )
-
-
-def _without_absent(innovation: Innovation, lacking: Array, read: Mask) -> Innovation:
-    """Return the innovation with what its log-likelihood lacks (runs,) where a run is read."""
-    return replace(innovation, log_likelihood=innovation.log_likelihood + np.where(read, lacking, 0.0))
 
 
 def _keep_freed_memory() -> None:

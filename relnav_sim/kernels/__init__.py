@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import iterated as iterated
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
+    from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import resampling as resampling
     from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sampling as sampling

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from relnav_sim.arrays import Array
 from relnav_sim.measurements.around import Around
-from relnav_sim.measurements.interface import Measurement, Mixture
+from relnav_sim.measurements.interface import Measurement, Mixture, linearised
 
 
 class Delayed(Around):
@@ -37,9 +37,12 @@ class Delayed(Around):
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to the states now."""
-        H = self.base.jacobian(self._earlier(states), epoch).copy()
-        H[..., 3:6] -= self.latency_s * H[..., :3]
-        return H
+        return self._by_states_now(self.base.jacobian(self._earlier(states), epoch))
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian and R at the means (runs, n)."""
+        residual, H, R = linearised(self.base, z, self._earlier(mean), epoch)
+        return residual, self._by_states_now(H), R
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R at the mean some time ago."""
@@ -56,6 +59,11 @@ class Delayed(Around):
             TypeError: The base can't say.
         """
         return super().turning(self._earlier(states), epoch)
+
+    def _by_states_now(self, by_earlier: Array) -> Array:
+        H = by_earlier.copy()
+        H[..., 3:6] -= self.latency_s * H[..., :3]
+        return H
 
     def _earlier(self, states: Array) -> Array:
         earlier = states.copy()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.linalg import in_rows, matrices
 from relnav_sim.measurements.around import Around
-from relnav_sim.measurements.interface import Measurement, Mixture, joint_components
+from relnav_sim.measurements.interface import Measurement, Mixture, joint_components, linearised
 
 _UPPER = np.triu_indices(6)
 COLUMNS = len(_UPPER[0])
@@ -45,15 +46,20 @@ class FrameError(Around):
         """Return the readings (runs, K, m) without the covariances behind them, which are kept."""
         if self._constant is None:
             m = self.dimension
-            told = np.empty((*z.shape[:2], 6, 6))
-            told[..., *_UPPER] = told[..., *_UPPER[::-1]] = z[..., m:]
+            told = np.empty((z.shape[1], z.shape[0], 6, 6))  # an epoch after the other in memory
+            told[..., *_UPPER] = told[..., *_UPPER[::-1]] = z[..., m:].swapaxes(0, 1)
             self._told, self._first_epoch = told, first_epoch
             z = z[..., :m]
         return super().take(z, first_epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R and what the frame adds at `mean` (runs, n): (runs, m, m)."""
-        return self.base.noise(mean, epoch) + self._added(mean, epoch)
+        return self.base.noise(mean, epoch) + self._added(self.base.jacobian(mean, epoch), mean, epoch)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian and R at the means (runs, n)."""
+        residual, H, R = linearised(self.base, z, mean, epoch)
+        return residual, H, R + self._added(H, mean, epoch)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the base's components, the frame's part added to each: (runs, k, m, m)."""
@@ -61,17 +67,18 @@ class FrameError(Around):
         if mixture is None:
             return None
         weights, covariances = joint_components(mixture)
-        return Mixture(weights, covariances + self._added(mean, epoch)[:, None], shared=True)
+        added = self._added(self.base.jacobian(mean, epoch), mean, epoch)
+        return Mixture(weights, covariances + added[:, None], shared=True)
 
-    def _added(self, mean: Array, epoch: int) -> Array:
+    def _added(self, H: Array, mean: Array, epoch: int) -> Array:
         """Return G P G^T (runs, m, m); 0 before the first readings, when filters may ask for the components."""
         if self._constant is not None:
             P = self._constant
         elif self._told is not None:
-            P = self._told[:, epoch - self._first_epoch]
+            P = self._told[epoch - self._first_epoch]
         else:
             P = np.zeros((6, 6))
-        return frame_noise(self.base.jacobian(mean, epoch), mean, P)
+        return frame_noise(H, mean, P)
 
 
 def frame_noise(H: Array, states: Array, covariance: Array) -> Array:
@@ -82,17 +89,4 @@ def frame_noise(H: Array, states: Array, covariance: Array) -> Array:
         states: Where it is taken, (runs, n).
         covariance: P, (6, 6) or (runs, 6, 6).
     """
-    D = np.zeros((len(states), 6, 6))
-    D[:, :3, :3] = D[:, 3:, 3:] = _cross_matrices(states[:, :3])
-    D[:, 3:, :3] = _cross_matrices(states[:, 3:6])
-    G = H[..., :6] @ D
-    return symmetric(G @ covariance @ transpose(G))
-
-
-def _cross_matrices(vectors: Array) -> Array:
-    """Return [v x] (runs, 3, 3) of vectors (runs, 3)."""
-    x, y, z = vectors.T
-    matrices = np.zeros((len(vectors), 3, 3))
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
-    return matrices
+    return kernels.frame_error.added(matrices(H), in_rows(states), matrices(covariance))

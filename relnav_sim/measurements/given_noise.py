@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,10 +47,11 @@ class MixtureNoise:
         object.__setattr__(self, "weights", weights.copy())
         object.__setattr__(self, "covariances", matrices)
 
-    @property
+    @cached_property
     def covariance(self) -> Array:
-        """The total (moment-matched) covariance (m, m)."""
+        """The total (moment-matched) covariance (m, m), read-only."""
         total: Array = np.einsum("k,kij->ij", self.weights, self.covariances)
+        total.setflags(write=False)
         return total
 
 

@@ -90,7 +90,8 @@ class PartialMeasurement(MeasurementDefaults):
         self.depends_on = getattr(base, "depends_on", None)
         self.states = getattr(base, "states", None)
         self.whole = getattr(base, "whole", False)
-        self.attend(None)
+        self.present: Mask | None = None
+        self._stand_aside()
         self.sensors = (_sensor(name, base, self.whole),)
         if has_own_density(base):
             self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
@@ -102,13 +103,16 @@ class PartialMeasurement(MeasurementDefaults):
 
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
-        self.present = present
-        if present is None:
-            # The functions of the base themselves: a filter calls them so often that looking would show.
-            vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
-            return
-        for name in _MASKED:
-            vars(self).pop(name, None)
+        before, self.present = self.present, present
+        if present is not None:
+            for name in _MASKED:
+                vars(self).pop(name, None)
+        elif before is not None:
+            self._stand_aside()
+
+    def _stand_aside(self) -> None:
+        """Let the functions be those of the base themselves: a filter calls them so often that looking would show."""
+        vars(self).update({name: getattr(self.complete, name) for name in _MASKED if hasattr(self.complete, name)})
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states), zero in absent channels."""

@@ -12,12 +12,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import components, dot, mounting_matrix
+from relnav_sim.linalg import in_rows, matrices
 from relnav_sim.measurements.around import Around
 from relnav_sim.measurements.given_noise import MixtureNoise, checked_noise, mixture_of, noise_at
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture, linearised
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 
@@ -34,6 +36,8 @@ class Ranging(MeasurementDefaults):
         ValueError: The noise is no covariance, or of another size.
     """
 
+    leaves_arguments_alone = True
+
     def __init__(self, noise: ArrayLike | MixtureNoise) -> None:
         self._noise = checked_noise(noise, None)
         matrix = self._noise.covariance if isinstance(self._noise, MixtureNoise) else self._noise
@@ -44,28 +48,13 @@ class Ranging(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return range and range rate of states (runs, ..., n): (runs, ..., 1 or 2)."""
-        r = components(states)
-        rho = np.sqrt(dot(r, r))
-        z = np.empty((*states.shape[:-1], self.dimension))
-        z[..., 0] = rho
-        if self.dimension == 2:
-            z[..., 1] = dot(r, components(states[..., 3:])) / rho
-        return z
+        return kernels.ranging.readings(in_rows(states), self.dimension).reshape(*states.shape[:-1], self.dimension)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives, (runs, ..., 1 or 2, n): u by position; (v - rho' u) / rho and u for the rate."""
-        r, v = components(states), components(states[..., 3:])
-        rho = np.sqrt(dot(r, r))
-        u = (r[0] / rho, r[1] / rho, r[2] / rho)
-        H = np.zeros((*states.shape[:-1], self.dimension, states.shape[-1]))
-        for i in range(3):
-            H[..., 0, i] = u[i]
-        if self.dimension == 2:
-            rate = dot(u, v)
-            for i in range(3):
-                H[..., 1, i] = (v[i] - rate * u[i]) / rho
-                H[..., 1, 3 + i] = u[i]
-        return H
+        return kernels.ranging.jacobian(in_rows(states), self.dimension).reshape(
+            *states.shape[:-1], self.dimension, states.shape[-1]
+        )
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R."""
@@ -95,10 +84,12 @@ class GrowingRangeNoise(Around):
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n), (runs, m, m)."""
-        R = self.base.noise(mean, epoch)
-        scaled = np.array(np.broadcast_to(R, (len(mean), *R.shape[-2:])))
-        scaled[:, 0, 0] *= self._squared_growth(mean)
-        return scaled
+        return kernels.ranging.grown(matrices(self.base.noise(mean, epoch)), in_rows(mean), self._growth)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian and R at the means (runs, n)."""
+        residual, H, R = linearised(self.base, z, mean, epoch)
+        return residual, H, kernels.ranging.grown(matrices(R), in_rows(mean), self._growth)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the base's components, each with its range as noisy as at the mean, (runs, k, m, m)."""

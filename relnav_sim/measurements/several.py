@@ -15,6 +15,7 @@ from relnav_sim.measurements.interface import (
     Mixture,
     has_own_density,
     joint_components,
+    linearised,
 )
 from relnav_sim.measurements.partial import PartialMeasurement, Sensor
 
@@ -38,8 +39,8 @@ class JoinedMeasurement(MeasurementDefaults):
             _Part(slice(end - measurement.dimension, end), measurement)
             for end, measurement in zip(ends, measurements, strict=True)
         )
-        self._active = self._parts
         self.dimension = ends[-1]
+        self._unit = np.eye(self.dimension)
         self.angles = tuple(
             part.channels.start + place for part in self._parts for place in getattr(part.measurement, "angles", ())
         )
@@ -61,45 +62,36 @@ class JoinedMeasurement(MeasurementDefaults):
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states), (runs, ..., m); zero in the channels of a sensor that is passed over."""
         predicted = np.zeros((*states.shape[:-1], self.dimension))
-        for part in self._active:
+        for part in self._active():
             predicted[..., part.channels] = part.measurement.predict(states, epoch)
         return predicted
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return dh/dx at `states` (runs, ..., n): (runs, ..., m, n), or (m, n) where it is constant."""
-        rows = [part.measurement.jacobian(states, epoch) for part in self._active]
-        leading = np.broadcast_shapes(*(row.shape[:-2] for row in rows))
-        H = np.zeros((*leading, self.dimension, states.shape[-1]))
-        for part, row in zip(self._active, rows, strict=True):
-            H[..., part.channels, :] = row
-        return H
+        return self._rows([part.measurement.jacobian(states, epoch) for part in self._active()])
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the block-diagonal R, (m, m) or (runs, m, m); 1 for the channels of a sensor that is passed over."""
-        blocks = [part.measurement.noise(mean, epoch) for part in self._active]
-        R = np.zeros((*np.broadcast_shapes(*(block.shape[:-2] for block in blocks)), self.dimension, self.dimension))
-        R[...] = np.eye(self.dimension)
-        for part, block in zip(self._active, blocks, strict=True):
-            R[..., part.channels, part.channels] = block
-        return R
+        return self._blocks([part.measurement.noise(mean, epoch) for part in self._active()])
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return every combination of the components of the measurements, or None where all have Gaussian noise.
 
         A filter may carry a belief for each of them, so there are as many whoever is passed over.
         """
+        active = self._active()
         mixtures = [part.measurement.mixture(mean, epoch) for part in self._parts]
         if all(mixture is None for mixture in mixtures):
             return None
-        weights, covariances = np.ones(1), np.eye(self.dimension)[None]
+        weights, covariances = np.ones(1), self._unit[None]
         for part, mixture in zip(self._parts, mixtures, strict=True):
             if mixture is None:
                 own, blocks = np.ones(1), None
-                if part in self._active:
+                if part in active:
                     blocks = part.measurement.noise(mean, epoch)[..., None, :, :]
             else:
                 own, blocks = joint_components(mixture)
-                blocks = blocks if part in self._active else None
+                blocks = blocks if part in active else None
             weights = (weights[:, None] * own).ravel()
             covariances = np.repeat(covariances, len(own), axis=-3)
             if blocks is None:
@@ -113,19 +105,54 @@ class JoinedMeasurement(MeasurementDefaults):
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return the residuals of the measurements, (runs, ..., m); zero for a sensor that is passed over."""
         residual = np.zeros(np.broadcast_shapes(z.shape, predicted.shape))
-        for part in self._active:
+        for part in self._active():
             channels = part.channels
             residual[..., channels] = part.measurement.residual(z[..., channels], predicted[..., channels])
         return residual
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian and R at the means (runs, n)."""
+        residual = np.zeros(z.shape)
+        rows, blocks = [], []
+        for part in self._active():
+            residual[:, part.channels], H, R = linearised(part.measurement, z[:, part.channels], mean, epoch)
+            rows.append(H)
+            blocks.append(R)
+        return residual, self._rows(rows), self._blocks(blocks)
+
+    def _active(self) -> tuple[_Part, ...]:
+        """Return the measurements that are not passed over."""
+        return self._parts
+
+    def _rows(self, rows: Sequence[Array]) -> Array:
+        """Return the rows of the active measurements as one Jacobian, zero in the channels of the others."""
+        H = np.zeros((*_leading(rows), self.dimension, rows[0].shape[-1]))
+        for part, row in zip(self._active(), rows, strict=True):
+            H[..., part.channels, :] = row
+        return H
+
+    def _blocks(self, blocks: Sequence[Array]) -> Array:
+        """Return the covariances of the active measurements as one, with those of I in the channels of the others."""
+        R = np.empty((*_leading(blocks), *self._unit.shape))
+        R[...] = self._unit
+        for part, block in zip(self._active(), blocks, strict=True):
+            R[..., part.channels, part.channels] = block
+        return R
 
     def _own_densities(self, z: Array, states: Array, epoch: int) -> Array:
         """Return the sum of log p(z_a | states); a channel that is passed over counts as N(0; 0, 1), as anywhere."""
         total = np.zeros(states.shape[:-1])
         read = 0
-        for part in self._active:
+        for part in self._active():
             total += part.measurement.log_likelihood(z[..., part.channels], states, epoch)
             read += part.measurement.dimension
         return total - 0.5 * LOG_TWO_PI * (self.dimension - read)
+
+
+def _leading(matrices: Sequence[Array]) -> tuple[int, ...]:
+    """Return the axes before the last two that all of some matrices have room in."""
+    shapes = {matrix.shape[:-2] for matrix in matrices}
+    return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
 
 def _union(seen: Sequence[tuple[int, ...] | None]) -> tuple[int, ...] | None:
@@ -158,7 +185,7 @@ class SeveralMeasurements(JoinedMeasurement):
         super().__init__(partial)
         self._partial = tuple(partial)
         self.complete = JoinedMeasurement(tuple(sensors.values()))
-        self.present: Mask | None = None
+        self.attend(None)
         self.sensors: tuple[Sensor, ...] = tuple(
             replace(one.sensors[0], channels=part.channels) for one, part in zip(partial, self._parts, strict=True)
         )
@@ -166,16 +193,27 @@ class SeveralMeasurements(JoinedMeasurement):
     def attend(self, present: Mask | None) -> None:
         """Count the channels (runs, m) as present and the others as absent; None: all are present."""
         self.present = present
+        self._looked = False  # which parts that leaves is found out when one of their functions is called
+
+    def _active(self) -> tuple[_Part, ...]:
+        if not self._looked:
+            self._looked = True
+            self._left = self._look(self.present)
+        return self._left
+
+    def _look(self, present: Mask | None) -> tuple[_Part, ...]:
+        """Let the parts attend to their own channels; return those of which something is present."""
         if present is None:
-            self._active = self._parts
             for one in self._partial:
                 one.attend(None)
-            return
+            return self._parts
+        some: list[bool] = np.asarray(present.any(axis=0)).tolist()
+        every: list[bool] = np.asarray(present.all(axis=0)).tolist()
         active = []
         for part, one in zip(self._parts, self._partial, strict=True):
-            own = present[:, part.channels]
-            some = bool(own.any())
-            one.attend(own if some and not own.all() else None)
-            if some:
+            own = part.channels
+            partly = any(some[own]) and not all(every[own])
+            one.attend(present[:, own] if partly else None)
+            if any(some[own]):
                 active.append(part)
-        self._active = tuple(active)
+        return tuple(active)
