@@ -60,7 +60,7 @@ def test_moments(runs, d, N, kind):
     rng = np.random.default_rng([runs, N])
     e = rng.standard_normal((1 if kind == EXACT else runs, d, N))
     log_weights = -rng.exponential(3, (runs, N)) + 1000
-    mean, covariance, ess = kernels.sampling.moments(log_weights, e, kind)
+    mean, covariance, ess = kernels.sampling.moments(-log_weights, e, kind)
     for run in range(runs):
         w = np.exp(log_weights[run] - log_weights[run].max())
         w /= w.sum()
@@ -100,12 +100,12 @@ def test_squared_errors_of_a_radar(mounting, spread):
 def test_bits_of_a_run_do_not_depend_on_the_block():
     z, W, centre, root, e, M = radar_samples((40, -20, 10), 3000.0)
     whole = kernels.sight.squared_errors(z, W, centre, root, e, M)
-    moments = kernels.sampling.moments(-whole, e, INDEPENDENT)
+    moments = kernels.sampling.moments(whole, e, INDEPENDENT)
     for run in range(len(z)):
         own = slice(run, run + 1)
         alone = kernels.sight.squared_errors(z[own], W[own], centre[own], root[own], e[own], M)
         np.testing.assert_array_equal(alone[0], whole[run])
-        for part, single in zip(moments, kernels.sampling.moments(-alone, e[own], INDEPENDENT), strict=True):
+        for part, single in zip(moments, kernels.sampling.moments(alone, e[own], INDEPENDENT), strict=True):
             np.testing.assert_array_equal(single[0], part[run])
 
 
@@ -116,7 +116,7 @@ def test_a_lost_run_stays_alone():
     errors = kernels.sight.squared_errors(z, W, centre, root, e, M)
     assert np.isnan(errors[2]).all()
     np.testing.assert_array_equal(np.delete(errors, 2, axis=0), np.delete(sound, 2, axis=0))
-    mean, covariance, ess = kernels.sampling.moments(-errors, e, EXACT)
+    mean, covariance, ess = kernels.sampling.moments(errors, e, EXACT)
     assert np.isnan(mean[2]).all() and np.isnan(covariance[2]).all() and np.isnan(ess[2])
     assert np.isfinite(np.delete(ess, 2)).all()
 
