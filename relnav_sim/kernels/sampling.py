@@ -163,6 +163,44 @@ def squared(r: Array, W: Array) -> Array:
     return errors
 
 
+@kernel(given(2), given(3), given(3), given(3))
+def squared_linear(r: Array, A: Array, W: Array, e: Array) -> Array:
+    """Return |W (r - A e)|^2 (runs, N) of residuals r (runs, m) at the centre of samples e (runs or 1, d, N).
+
+    Args:
+        r: (runs, m).
+        A: How far samples move the reading, (runs, m, d).
+        W: Whitening (runs or 1, m, m), lower triangular.
+        e: Samples (runs or 1, d, N).
+    """
+    runs, m, d = A.shape
+    N = e.shape[2]
+    errors, white = np.empty((runs, N)), np.empty(SAMPLES)
+    for run in range(runs):
+        w, samples = W[0 if len(W) == 1 else run], e[0 if len(e) == 1 else run]
+        for first in range(0, N, SAMPLES):
+            used = min(SAMPLES, N - first)
+            out = errors[run, first : first + used]
+            for b in range(used):
+                out[b] = 0.0
+            for i in range(m):
+                centre = 0.0
+                for j in range(i + 1):
+                    centre += w[i, j] * r[run, j]
+                for b in range(used):
+                    white[b] = centre
+                for k in range(d):
+                    slope = 0.0
+                    for j in range(i + 1):
+                        slope += w[i, j] * A[run, j, k]
+                    part = samples[k, first : first + used]
+                    for b in range(used):
+                        white[b] -= slope * part[b]
+                for b in range(used):
+                    out[b] += white[b] * white[b]
+    return errors
+
+
 @inner
 def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
     """Set errors to |W r|^2 of residuals r (m, SAMPLES), which are lost; W lower triangular."""

@@ -52,6 +52,9 @@ def test_projection_and_whitening(runs, n, k, shared):
     r = rng.standard_normal((runs, k, 300))
     expected = np.square(W @ r).sum(axis=1)
     np.testing.assert_allclose(kernels.sampling.squared(r, W), expected, rtol=1e-12)
+    centre, A, e = r[:, :, 0].copy(), rng.standard_normal((runs, k, n)), rng.standard_normal((1, n, 300))
+    expected = np.square(W @ (centre[:, :, None] - A @ e)).sum(axis=1)
+    np.testing.assert_allclose(kernels.sampling.squared_linear(centre, A, W, e), expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", [INDEPENDENT, PAIRED, EXACT])
