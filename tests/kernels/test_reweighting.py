@@ -27,7 +27,7 @@ def test_whitened_residuals_and_scaled_noise(runs, n, m, shared):
     root, white, rows, singular = kernels.reweighting.whitened(nu, H, R)
     e, spread = kernels.reweighting.residuals(white, rows, dx, P)
     noise = kernels.reweighting.scaled(root, weights)
-    assert not singular.any() and not kernels.reweighting.poorly_determined(R).any()
+    assert not singular.any()
     for run in range(runs):
         own = 0 if shared else run
         L = np.linalg.cholesky(R[own])
@@ -46,7 +46,6 @@ def test_a_singular_noise_is_told_and_stays_alone():
     R[35, 0, 0] = np.nan
     found = kernels.reweighting.whitened(nu, H, R)
     assert np.flatnonzero(found[3]).tolist() == [5, 35]
-    assert np.flatnonzero(kernels.reweighting.poorly_determined(R)).tolist() == [5, 35]
     for part, before in zip(found, sound, strict=True):
         np.testing.assert_array_equal(np.delete(part, [5, 35], axis=0), np.delete(before, [5, 35], axis=0))
 
