@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
@@ -21,10 +22,10 @@ from relnav_sim.filters.kalman import (
 )
 from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.filters.reweighting import reweighted
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
-from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.linalg import CholeskyFactor, by_run
+from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
@@ -111,13 +112,21 @@ class AdaptiveAlphaFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with R / alpha_k."""
-        mean, epoch = belief.mean, step.epoch
-        nu = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        H = self.measurement.jacobian(mean, epoch)
-        M = H @ belief.covariance @ transpose(H)
-        R = np.broadcast_to(self.measurement.noise(mean, epoch), M.shape)
-        reading = np.abs(z) + np.abs(z - nu)
-        before = innovation_of(M + R, nu, reading)
+        nu, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
+        P, nu, R = np.ascontiguousarray(belief.covariance), np.ascontiguousarray(nu), by_run(R)
+        singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
+        if self._options.scheme == "student_t":
+            posterior, innovation = self._student_update(belief, nu, H, R)
+        else:
+            M = kernels.sampling.projected(P, by_run(H))
+            posterior, innovation = self._scaled_update(belief, z, nu, H, M, np.broadcast_to(R, M.shape), step.epoch)
+        return posterior, replace(innovation, failed={**innovation.failed, **singular})
+
+    def _scaled_update(
+        self, belief: Any, z: Array, nu: Array, H: Array, M: Array, R: Array, epoch: int
+    ) -> tuple[Any, Innovation]:
+        """Return the Kalman update with R / alpha_k, alpha_k a number for all channels or of a mixture."""
+        before = innovation_of(M + R, nu, np.abs(z) + np.abs(z - nu))
         log_likelihood, extras = before.log_likelihood, {}
         match self._options.scheme:
             case "gate":
@@ -127,16 +136,13 @@ class AdaptiveAlphaFilter(GaussianFilter):
                 alpha = 1 / belief.scale
                 used = R / alpha[:, None, None]
                 belief, extras["white"] = push(belief, nu, M, R, present_channels(self.measurement), *self._limits)
-            case "student_t":
-                used, alpha = self._student_noise(belief, z, R, epoch)
-            case "responsibilities":
-                used, alpha, log_likelihood = self._mixture_noise(nu, M, mean, epoch)
+            case _:
+                used, alpha, log_likelihood = self._mixture_noise(nu, M, belief.mean, epoch)
         posterior, after = joseph_update(belief, nu, H, used)
-        singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
         extras = {"alpha": alpha, "nis_after": after.nis, **extras}
         return (
             replace(belief, mean=posterior.mean, covariance=posterior.covariance),
-            replace(before, log_likelihood=log_likelihood, extras=extras, failed={**after.failed, **singular}),
+            replace(before, log_likelihood=log_likelihood, extras=extras, failed=after.failed),
         )
 
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:
@@ -144,13 +150,11 @@ class AdaptiveAlphaFilter(GaussianFilter):
         s, d = modes(nu, M, R)
         return 1 / scale_for(s, d, self._threshold.of_present(), 1.0, self._limits[1])
 
-    def _student_noise(self, belief: Gaussian, z: Array, R: Array, epoch: int) -> tuple[Array, Array]:
-        """Return the noise covariance (runs, m, m) of the variational update, and the smallest alpha (runs,)."""
+    def _student_update(self, belief: Gaussian, nu: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
+        """Return the variational update, with the smallest alpha (runs,)."""
         options = self._options
-        weights = np.ones(z.shape)
 
         def weigh(e: Array, spread: Array) -> Array:
-            nonlocal weights
             freedom, squared = options.degrees_of_freedom, np.square(e) + spread
             if options.per_channel:
                 weights = (freedom + 1) / (freedom + squared)
@@ -158,12 +162,11 @@ class AdaptiveAlphaFilter(GaussianFilter):
                 channels = np.reshape(channel_count(self.measurement), (-1, 1))
                 one = (freedom + channels) / (freedom + squared.sum(axis=-1, keepdims=True))
                 weights = np.broadcast_to(one, e.shape)
-            weights = np.clip(weights, options.alpha_min, options.alpha_max)
-            return weights
+            return np.minimum(np.maximum(weights, options.alpha_min), options.alpha_max)
 
-        reweighted_update(belief, z, self.measurement, epoch, weigh, options.iterations)
-        L = cholesky(R)
-        return (L / weights[:, None, :]) @ transpose(L), weights.min(axis=-1)
+        update = reweighted(belief, nu, H, R, weigh, options.iterations)
+        extras = {"alpha": update.weights.min(axis=-1), "nis_after": update.weighted.nis}
+        return update.posterior, replace(update.unweighted, extras=extras, failed=update.weighted.failed)
 
     def _mixture_noise(self, nu: Array, M: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return the covariance of the expected precision (runs, m, m), alpha (runs,), and the log evidence (runs,).

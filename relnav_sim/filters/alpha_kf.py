@@ -157,10 +157,10 @@ class AlphaKalmanFilter(SamplingFilter):
         for _ in range(options.fixed_point):
             e = self._draw(prior)
             samples = *prior.samples(proposal.mean, proposal.root), e
-            log_weights = self._tempered_likelihood(samples, belief.mean, scale, z, step.epoch)
+            costs = self._cost(samples, belief.mean, scale, z, step.epoch)
             if proposal.exponent.any():
-                log_weights += proposal.log_ratio(e)
-            mean, covariance, ess = kernels.sampling.moments(log_weights, e, self._kind)
+                costs -= proposal.log_ratio(e)
+            mean, covariance, ess = kernels.sampling.moments(costs, e, self._kind)
             if proposal.root is not None:
                 mean = proposal.mean + np.einsum("bij,bj->bi", proposal.root, mean)
                 covariance = symmetric(proposal.root @ covariance @ transpose(proposal.root))
@@ -206,10 +206,8 @@ class AlphaKalmanFilter(SamplingFilter):
         half = standard_normals(self._streams, d, N // 2)
         return np.concatenate([half, -half], axis=2)
 
-    def _tempered_likelihood(
-        self, samples: tuple[Array, Array, Array], mean: Array, scale: Array, z: Array, epoch: int
-    ) -> Array:
-        """Return alpha log p(z | states) up to a constant, (runs, N).
+    def _cost(self, samples: tuple[Array, Array, Array], mean: Array, scale: Array, z: Array, epoch: int) -> Array:
+        """Return -alpha log p(z | states) up to a constant, (runs, N).
 
         Args:
             samples: Centre (runs, n), root (runs, n, d) and e of the states centre + root e.
@@ -219,9 +217,8 @@ class AlphaKalmanFilter(SamplingFilter):
             epoch: Their epoch.
         """
         if self._options.likelihood == "mixture":
-            return self._options.alpha * log_likelihood(self.measurement, z, affine(*samples), mean, epoch)
-        errors = squared_errors(self.measurement, z, scale, *samples, epoch)
-        return np.negative(errors, out=errors)
+            return -self._options.alpha * log_likelihood(self.measurement, z, affine(*samples), mean, epoch)
+        return squared_errors(self.measurement, z, scale, *samples, epoch)
 
 
 @dataclass(frozen=True)

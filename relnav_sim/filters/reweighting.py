@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import joseph_update
+from relnav_sim.filters.kalman import joseph_update, of_runs
 from relnav_sim.filters.square_root import NoiseRoot
-from relnav_sim.linalg import symmetric
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.linalg import by_run, symmetric
+from relnav_sim.measurements.interface import Measurement, linearised
 
 Weigh = Callable[[Array, Array], Array]
 """``weigh(e, spread)`` -> positive weights (runs, k), at one for residuals as the noise should give them: whitened
 residuals e (runs, k), and the variances (runs, k) that the estimate's own error adds to them."""
+
+
+@dataclass(frozen=True)
+class Reweighted:
+    """A reweighted update.
+
+    Args:
+        posterior: The belief of the last one.
+        unweighted: The innovation by the noise as the measurement gives it.
+        weighted: The same by the noise of the last update.
+        weights: Of the measurement in the last update, (runs, m).
+    """
+
+    posterior: Gaussian
+    unweighted: Innovation
+    weighted: Innovation
+    weights: Array
 
 
 def reweighted_update(
@@ -28,18 +46,36 @@ def reweighted_update(
     iterations: int,
     weigh_prior: bool = False,
 ) -> tuple[Gaussian, Innovation]:
+    """Return the update of `reweighted` about the prediction, and the innovation.
+
+    NIS and log-likelihood are those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of
+    the measurement.
+    """
+    update = reweighted(belief, *linearised(measurement, z, belief.mean, epoch), weigh, iterations, weigh_prior)
+    extras = {"lowest_weight": update.weights.min(axis=-1)}
+    return update.posterior, replace(update.unweighted, extras=extras)
+
+
+def reweighted(
+    belief: Gaussian,
+    nu: Array,
+    H: Array,
+    R: Array,
+    weigh: Weigh,
+    iterations: int,
+    weigh_prior: bool = False,
+) -> Reweighted:
     """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
 
     The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction; weights
     of one give the Kalman update. Directions without noise always have the weight of a perfect fit. The covariance is
-    that of the last reweighted update. NIS and log-likelihood are those of the unweighted innovation; the extra
-    `lowest_weight` is the smallest weight of the measurement.
+    that of the last reweighted update.
 
     Args:
         belief: The prediction.
-        z: Measurement (runs, m).
-        measurement: Its model.
-        epoch: Its epoch.
+        nu: Residuals z - h(m), (runs, m).
+        H: Jacobian (runs, m, n) or (m, n).
+        R: Measurement noise (runs, m, m) or (m, m).
         weigh: Weights from whitened residuals.
         iterations: Reweighted updates.
         weigh_prior: Reweight the prediction's covariance as well, by L_P^-1 dx. The first residuals are then taken at
@@ -47,24 +83,30 @@ def reweighted_update(
             equally bad and the weights cannot tell which is wrong.
     """
     mean, P = belief.mean, belief.covariance
-    runs = len(mean)
-    nu = measurement.residual(z, measurement.predict(mean, epoch))
-    H = measurement.jacobian(mean, epoch)
-    R = measurement.noise(mean, epoch)
-    noise = NoiseRoot(np.broadcast_to(R, (runs, *R.shape[-2:])))
-    white_nu, white_H = noise.whiten(nu), noise.whiten_rows(np.broadcast_to(H, (runs, *H.shape[-2:])))
+    nu, H, R = np.ascontiguousarray(nu), by_run(H), by_run(R)
+    root, white, rows = _whitened(nu, H, R)
     spread_of_prior = NoiseRoot(P) if weigh_prior else None
-    posterior, innovation = joseph_update(belief, nu, H, R)
+    posterior, unweighted = joseph_update(belief, nu, H, R)
     prior = belief
     shift = np.zeros_like(mean) if weigh_prior else posterior.mean - mean
     for _ in range(iterations):
-        e = white_nu - np.einsum("bmn,bn->bm", white_H, shift)
-        spread = np.einsum("bmn,bmn->bm", white_H @ posterior.covariance, white_H)
+        e, spread = kernels.reweighting.residuals(white, rows, shift, np.ascontiguousarray(posterior.covariance))
         weights = weigh(e, spread)
         if spread_of_prior is not None:
             weights_of_prior = weigh(spread_of_prior.whiten(shift), np.zeros_like(shift))
             prior = Gaussian(mean, symmetric(spread_of_prior.scaled(weights_of_prior)))
-        posterior, _ = joseph_update(prior, nu, H, symmetric(noise.scaled(weights)))
+        noise = kernels.reweighting.scaled(root, np.ascontiguousarray(weights))
+        posterior, weighted = joseph_update(prior, nu, H, noise)
         shift = posterior.mean - mean
-    extras = {"lowest_weight": weights.min(axis=-1)}
-    return posterior, replace(innovation, extras=extras)
+    return Reweighted(posterior, unweighted, weighted, weights)
+
+
+def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array]:
+    """Return a root L of R, (runs, m, m), and L^-1 nu and L^-1 H; directions without noise whiten to zero."""
+    root, white, rows, singular = kernels.reweighting.whitened(nu, H, R)
+    if singular.any():
+        places = np.flatnonzero(singular)
+        noise = NoiseRoot(of_runs(R, places))
+        root[places], white[places] = noise.root, noise.whiten(nu[places])
+        rows[places] = noise.whiten_rows(of_runs(H, places))
+    return root, white, rows

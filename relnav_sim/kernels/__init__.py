@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import proposal as proposal
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import resampling as resampling
+    from relnav_sim.kernels import reweighting as reweighting
     from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight

@@ -39,7 +39,7 @@ def cholesky(P: Array) -> tuple[Array, Mask, int]:
         factor(p, used, L)
         store(L, first, used, root)
         for b in range(used):
-            poor[first + b] = _poorly_determined(p, L, b)
+            poor[first + b] = poorly_determined(p, L, b)
             count += poor[first + b]
     return root, poor, count
 
@@ -64,7 +64,7 @@ def solve(P: Array, B: Array) -> tuple[Array, Mask, int]:
         back(L, used, x)
         store(x, first, used, solution)
         for b in range(used):
-            poor[first + b] = _poorly_determined(p, L, b)
+            poor[first + b] = poorly_determined(p, L, b)
             count += poor[first + b]
     return solution, poor, count
 
@@ -83,13 +83,13 @@ def whiten(P: Array, B: Array) -> tuple[Array, Mask, int]:
         forward(L, used, x)
         store(x, first, used, white)
         for b in range(used):
-            poor[first + b] = _poorly_determined(p, L, b)
+            poor[first + b] = poorly_determined(p, L, b)
             count += poor[first + b]
     return white, poor, count
 
 
 @inner
-def _poorly_determined(P: Array, L: Array, b: int) -> bool:
+def poorly_determined(P: Array, L: Array, b: int) -> bool:
     """Return whether a pivot of lane b is within rounding of zero, or no number."""
     clear = True
     for i in range(len(P)):

@@ -11,7 +11,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, number
-from relnav_sim.kernels.elementary import exp
+from relnav_sim.kernels.elementary import exp, fused
 from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
 
 CHUNK = 4 * LANES
@@ -163,6 +163,44 @@ def squared(r: Array, W: Array) -> Array:
     return errors
 
 
+@kernel(given(2), given(3), given(3), given(3))
+def squared_linear(r: Array, A: Array, W: Array, e: Array) -> Array:
+    """Return |W (r - A e)|^2 (runs, N) of residuals r (runs, m) at the centre of samples e (runs or 1, d, N).
+
+    Args:
+        r: (runs, m).
+        A: How far samples move the reading, (runs, m, d).
+        W: Whitening (runs or 1, m, m), lower triangular.
+        e: Samples (runs or 1, d, N).
+    """
+    runs, m, d = A.shape
+    N = e.shape[2]
+    errors, white = np.empty((runs, N)), np.empty(SAMPLES)
+    for run in range(runs):
+        w, samples = W[0 if len(W) == 1 else run], e[0 if len(e) == 1 else run]
+        for first in range(0, N, SAMPLES):
+            used = min(SAMPLES, N - first)
+            out = errors[run, first : first + used]
+            for b in range(used):
+                out[b] = 0.0
+            for i in range(m):
+                centre = 0.0
+                for j in range(i + 1):
+                    centre += w[i, j] * r[run, j]
+                for b in range(used):
+                    white[b] = centre
+                for k in range(d):
+                    slope = 0.0
+                    for j in range(i + 1):
+                        slope += w[i, j] * A[run, j, k]
+                    part = samples[k, first : first + used]
+                    for b in range(used):
+                        white[b] -= slope * part[b]
+                for b in range(used):
+                    out[b] += white[b] * white[b]
+    return errors
+
+
 @inner
 def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
     """Set errors to |W r|^2 of residuals r (m, SAMPLES), which are lost; W lower triangular."""
@@ -180,7 +218,7 @@ def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
 
 
 @kernel(given(2), given(3), integer)
-def moments(log_weights: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
+def moments(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
     """Return weighted mean (runs, d) and covariance (runs, d, d) of samples, and the effective sample size (runs,).
 
     The covariance of independent samples is shrunk by the mean's own sampling error; 1 / (1 - sum w^2) undoes it,
@@ -188,11 +226,11 @@ def moments(log_weights: Array, e: Array, kind: int) -> tuple[Array, Array, Arra
     its weights. A set with exact moments gets no factor: above 1 it would act as fading memory.
 
     Args:
-        log_weights: (runs, N), to a constant.
+        costs: Minus the logarithm of the weights, to a constant, (runs, N).
         e: Samples (runs or 1, d, N).
         kind: INDEPENDENT, PAIRED or EXACT.
     """
-    runs, N = log_weights.shape
+    runs, N = costs.shape
     d = e.shape[1]
     mean, covariance, ess = np.empty((runs, d)), np.empty((runs, d, d)), np.empty(runs)
     w = np.zeros((N + CHUNK - 1) // CHUNK * CHUNK)
@@ -200,7 +238,7 @@ def moments(log_weights: Array, e: Array, kind: int) -> tuple[Array, Array, Arra
     sums, squares = np.empty((1 + d + d * (d + 1) // 2, LANES)), np.empty(LANES)
     for run in range(runs):
         samples = e[0 if len(e) == 1 else run]
-        _weights(log_weights[run], w)
+        _weights(costs[run], w)
         sums[:] = 0.0
         squares[:] = 0.0
         for first in range(0, N, CHUNK):
@@ -238,19 +276,19 @@ def moments(log_weights: Array, e: Array, kind: int) -> tuple[Array, Array, Arra
 
 
 @inner
-def _weights(log_weights: Array, w: Array) -> None:
+def _weights(costs: Array, w: Array) -> None:
     """Set the first of w to the weights (N,), the largest 1."""
-    N = len(log_weights)
-    highest = np.full(LANES, -math.inf)
+    N = len(costs)
+    least = np.full(LANES, math.inf)
     for first in range(0, N, LANES):
-        part = log_weights[first : first + LANES]
+        part = costs[first : first + LANES]
         for b in range(len(part)):
-            highest[b] = highest[b] if highest[b] > part[b] else part[b]
-    top = -math.inf
+            least[b] = least[b] if least[b] < part[b] else part[b]
+    lowest = math.inf
     for b in range(LANES):
-        top = top if top > highest[b] else highest[b]
+        lowest = lowest if lowest < least[b] else least[b]
     for n in range(N):
-        w[n] = exp(log_weights[n] - top)
+        w[n] = exp(lowest - costs[n])
 
 
 @inner
@@ -275,9 +313,10 @@ def _add(a: Array, sums: Array) -> None:
 def _add_product(a: Array, c: Array, sums: Array) -> None:
     """Add products of numbers (CHUNK,) to sums (LANES,)."""
     for b in range(LANES):
-        near = a[b] * c[b] + a[b + LANES] * c[b + LANES]
-        far = a[b + 2 * LANES] * c[b + 2 * LANES] + a[b + 3 * LANES] * c[b + 3 * LANES]
-        sums[b] += near + far
+        total = fused(a[b], c[b], sums[b])
+        total = fused(a[b + LANES], c[b + LANES], total)
+        total = fused(a[b + 2 * LANES], c[b + 2 * LANES], total)
+        sums[b] = fused(a[b + 3 * LANES], c[b + 3 * LANES], total)
 
 
 @inner

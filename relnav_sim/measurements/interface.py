@@ -218,6 +218,15 @@ def squares_of_states(measurement: Any, z: Array, W: Array, centre: Array, root:
     return kernels.sampling.squared(residuals, W)
 
 
+def squares_of_linear(
+    measurement: Measurement, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int
+) -> Array:
+    """Return the same where dh/dx is constant, (m, n)."""
+    residual = measurement.residual(z, measurement.predict(centre, epoch))
+    moved = measurement.jacobian(centre, epoch) @ root
+    return kernels.sampling.squared_linear(*map(np.ascontiguousarray, (residual, moved, W, e)))
+
+
 def sample_residuals(measurement: Any, z: Array, states: Array, epoch: int) -> Array:
     """Return z - h(states) with the samples last, (runs, m, N), of readings (runs, m) and states (runs, N, n)."""
     residual = measurement.residual(z[:, None], measurement.predict(states, epoch))

@@ -9,7 +9,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import finite, numbers
 from relnav_sim.linalg import images
 from relnav_sim.measurements.given_noise import MixtureNoise, check_noise_extent, checked_noise, mixture_of, noise_at
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import MeasurementDefaults, Mixture, squares_of_linear
 
 
 class LinearMeasurement(MeasurementDefaults):
@@ -50,6 +50,10 @@ class LinearMeasurement(MeasurementDefaults):
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return H, (m, n)."""
         return self._H
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return |W (z - H x)|^2 of the samples x = centre + root e, (runs, N)."""
+        return squares_of_linear(self, z, W, centre, root, e, epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R of this epoch, (m, m) or (runs, m, m)."""

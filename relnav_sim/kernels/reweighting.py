@@ -1,0 +1,107 @@
+"""Steps of a Kalman update whose noise is reweighted until it fits the residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.kernels.compiling import given, kernel
+from relnav_sim.kernels.lanes import (
+    LANES,
+    factor,
+    forward,
+    forward_vectors,
+    load,
+    load_vectors,
+    product,
+    store,
+    store_symmetric,
+    store_vectors,
+)
+from relnav_sim.kernels.roots import poorly_determined
+
+
+@kernel(given(2), given(3), given(3))
+def whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Mask]:
+    """Return L (runs, m, m) of R = L L^T, L^-1 nu (runs, m), L^-1 H (runs, m, n), and where R is singular (runs,).
+
+    Singular within rounding: a pivot of L says so, or is not a number; the rest of such a run does not count.
+
+    Args:
+        nu: Residuals (runs, m).
+        H: Jacobians (runs or 1, m, n).
+        R: Measurement noise (runs or 1, m, m).
+    """
+    runs, m = nu.shape
+    n = H.shape[2]
+    root, white = np.empty((runs, m, m)), np.empty((runs, m))
+    rows, singular = np.empty((runs, m, n)), np.empty(runs, dtype=np.bool_)
+    r, L, w, h = np.empty((m, m, LANES)), np.zeros((m, m, LANES)), np.empty((m, LANES)), np.empty((m, n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(R, first, used, r)
+        load(H, first, used, h)
+        load_vectors(nu, first, used, w)
+        factor(r, used, L)
+        forward(L, used, h)
+        forward_vectors(L, used, w)
+        store(L, first, used, root)
+        store(h, first, used, rows)
+        store_vectors(w, first, used, white)
+        for b in range(used):
+            singular[first + b] = poorly_determined(r, L, b)
+    return root, white, rows, singular
+
+
+@kernel(given(2), given(3), given(2), given(3))
+def residuals(white: Array, rows: Array, dx: Array, P: Array) -> tuple[Array, Array]:
+    """Return e = w - W dx and the variances of W dx, the diagonal of W P W^T, (runs, m) both.
+
+    Args:
+        white: Whitened residuals w at the prediction, (runs, m).
+        rows: Whitened Jacobians W (runs, m, n).
+        dx: Estimates less the prediction (runs, n).
+        P: Covariances of the estimates (runs, n, n).
+    """
+    runs, m, n = rows.shape
+    e, spread = np.empty((runs, m)), np.empty((runs, m))
+    w, h, x = np.empty((m, LANES)), np.empty((m, n, LANES)), np.empty((n, LANES))
+    p, hp, s = np.empty((n, n, LANES)), np.empty((m, n, LANES)), np.empty((m, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load_vectors(white, first, used, w)
+        load(rows, first, used, h)
+        load_vectors(dx, first, used, x)
+        load(P, first, used, p)
+        product(h, p, used, hp)
+        for i in range(m):
+            for b in range(used):
+                s[i, b] = 0.0
+            for j in range(n):
+                for b in range(used):
+                    w[i, b] -= h[i, j, b] * x[j, b]
+                    s[i, b] += hp[i, j, b] * h[i, j, b]
+        store_vectors(w, first, used, e)
+        store_vectors(s, first, used, spread)
+    return e, spread
+
+
+@kernel(given(3), given(2))
+def scaled(root: Array, weights: Array) -> Array:
+    """Return L diag(1 / w) L^T (runs, m, m), symmetric to the bit, of roots L (runs, m, m) and weights w (runs, m)."""
+    runs, m = weights.shape
+    R = np.empty((runs, m, m))
+    L, w, r = np.empty((m, m, LANES)), np.empty((m, LANES)), np.zeros((m, m, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(root, first, used, L)
+        load_vectors(weights, first, used, w)
+        for i in range(m):
+            for j in range(i + 1):
+                for b in range(used):
+                    r[i, j, b] = 0.0
+                for k in range(m):
+                    for b in range(used):
+                        r[i, j, b] += L[i, k, b] / w[k, b] * L[j, k, b]
+        store_symmetric(r, first, used, R)
+    return R
