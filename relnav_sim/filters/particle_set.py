@@ -54,8 +54,8 @@ class ParticleSet:
         parents: Effective number of particles that these were drawn from since the last prediction, (runs,); infinite
             where they were not drawn anew.
         streams: Random streams of the runs.
-        centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update.
-        noise: The standard normal numbers that led from there to the particle, (runs, r, N), likewise.
+        centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update, where that needs it.
+        noise: The standard normal numbers that led from there to the particle, (runs, r, N), between the two.
         root: What they were multiplied by, (n, r), (runs, n, r) or (runs, N, n, r), likewise.
     """
 
@@ -137,7 +137,9 @@ def spread(centres: Array, root: Array, noise: Array) -> Array:
         root: G, (n, r), (runs, n, r) or (runs, N, n, r).
         noise: xi, (runs, r, N).
     """
-    return kernels.particles.spread(centres, roots_of(root), noise)
+    particles = centres.copy()
+    kernels.particles.add_noise(particles, roots_of(root), noise)
+    return particles
 
 
 def roots_of(root: Array) -> Array:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import given, inner, kernel, number
+from relnav_sim.kernels.compiling import given, inner, kernel, number, written
 
 BLOCK = 64
 _SHIFT = 1.5 * 2.0**52
@@ -41,28 +41,26 @@ def affine(x: Array, F: Array, c: Array) -> Array:
     return moved
 
 
-@kernel(given(3), given(4), given(3))
-def spread(centres: Array, G: Array, xi: Array) -> Array:
-    """Return the particles centres + G xi, (runs, n, N).
+@kernel(written(3), given(4), given(3))
+def add_noise(x: Array, G: Array, xi: Array) -> None:
+    """Add G xi to every particle x, (runs, n, N).
 
     Args:
-        centres: (runs, n, N).
+        x: (runs, n, N), written to.
         G: (1, 1, n, r), (runs, 1, n, r), or (runs, N, n, r) with one for each particle.
         xi: (runs, r, N).
     """
-    runs, n, N = centres.shape
-    moved = centres.copy()
+    runs, n, N = x.shape
     for run in range(runs):
         g = G[run if len(G) > 1 else 0]
         if len(g) == 1:
             for i in range(n):
-                _add_product(g[0, i], xi[run], moved[run, i])
+                _add_product(g[0, i], xi[run], x[run, i])
         else:
             for p in range(N):
                 for i in range(n):
                     for j in range(xi.shape[1]):
-                        moved[run, i, p] += g[p, i, j] * xi[run, j, p]
-    return moved
+                        x[run, i, p] += g[p, i, j] * xi[run, j, p]
 
 
 @inner

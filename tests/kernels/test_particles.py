@@ -61,14 +61,15 @@ def test_affine(runs, n, N, shared):
 
 @pytest.mark.parametrize(("runs", "n", "N"), SIZES)
 @pytest.mark.parametrize("roots", ["shared", "by run", "by particle"])
-def test_spread(runs, n, N, roots):
+def test_noise(runs, n, N, roots):
     x, _, rng = some(runs, n, N)
     r = max(1, n - 1)
     G = rng.standard_normal({"shared": (1, 1), "by run": (runs, 1), "by particle": (runs, N)}[roots] + (n, r))
     xi = rng.standard_normal((runs, r, N))
     every = np.broadcast_to(G, (runs, N, n, r))
     expected = x + np.einsum("bpij,bjp->bip", every, xi)
-    np.testing.assert_allclose(kernels.particles.spread(x, G, xi), expected, rtol=1e-12)
+    kernels.particles.add_noise(x, G, xi)
+    np.testing.assert_allclose(x, expected, rtol=1e-12)
 
 
 # Weights and moments
@@ -214,7 +215,8 @@ def test_bits_of_a_run_do_not_depend_on_the_block():
     angle = np.array([False, True, True])
 
     def outcome(rows):
-        moved = kernels.particles.spread(kernels.particles.affine(x[rows], F[rows], c[rows]), G[rows], xi[rows])
+        moved = kernels.particles.affine(x[rows], F[rows], c[rows])
+        kernels.particles.add_noise(moved, G[rows], xi[rows])
         score = kernels.likelihood.gaussian(z[rows], predicted[rows], angle, R[rows])
         weighed = kernels.particles.weigh(moved, log_weights[rows], score)
         power = kernels.particles.power_that_leaves_half(log_weights[rows], 50 * score, np.ones(len(moved)), N / 2)
