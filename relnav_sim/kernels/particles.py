@@ -13,6 +13,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel, number, written
+from relnav_sim.kernels.lanes import LANES, factor, load
 
 BLOCK = 64
 _SHIFT = 1.5 * 2.0**52
@@ -71,6 +72,40 @@ def _add_product(row: Array, x: Array, out: Array) -> None:
         if factor != 0:
             for p in range(len(out)):
                 out[p] += factor * x[j, p]
+
+
+@kernel(given(3))
+def roots(Q: Array) -> tuple[Array, Mask]:
+    """Return lower triangular G with G G^T = Q, and where Q is positive definite to six digits, else G does not count.
+
+    G is the Cholesky factor of the correlations times the standard deviations: scaling first keeps all digits where
+    metres and metres per second, or tiny and large noises, share a matrix.
+
+    Args:
+        Q: Covariances (count, n, n).
+    """
+    count, n, _ = Q.shape
+    G, regular = np.zeros((count, n, n)), np.empty(count, dtype=np.bool_)
+    q, L, deviation = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, LANES))
+    for first in range(0, count, LANES):
+        used = min(LANES, count - first)
+        load(Q, first, used, q)
+        for i in range(n):
+            for b in range(used):
+                deviation[i, b] = math.sqrt(q[i, i, b]) if q[i, i, b] != 0 else 1.0
+        for i in range(n):
+            for j in range(i + 1):
+                for b in range(used):
+                    q[i, j, b] /= deviation[i, b] * deviation[j, b]
+        factor(q, used, L)
+        for b in range(used):
+            regular[first + b] = True
+            for i in range(n):
+                # A pivot below is rounding, not variance.
+                regular[first + b] &= L[i, i, b] > 1e-6
+                for j in range(i + 1):
+                    G[first + b, i, j] = deviation[i, b] * L[i, j, b]
+    return G, regular
 
 
 @kernel(given(3), given(2), given(2))

@@ -72,6 +72,22 @@ def test_noise(runs, n, N, roots):
     np.testing.assert_allclose(x, expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize(("count", "n"), [(2, 1), (3, 6), (32, 3), (1000, 4), (33, 12)])
+def test_roots(count, n):
+    rng = np.random.default_rng(n)
+    A = rng.standard_normal((count, n, n)) * np.geomspace(1e4, 1e-7, n)[:, None]
+    Q = A @ A.swapaxes(1, 2) + np.eye(n) * np.einsum("bii->bi", A @ A.swapaxes(1, 2))[:, None]
+    found, regular = kernels.particles.roots(Q)
+    assert regular.all()
+    deviation = np.sqrt(np.einsum("bii->bi", Q))
+    expected = deviation[:, :, None] * np.linalg.cholesky(Q / (deviation[:, :, None] * deviation[:, None]))
+    np.testing.assert_allclose(found / deviation[:, :, None], expected / deviation[:, :, None], rtol=1e-12, atol=1e-13)
+    Q[0], Q[-1] = np.nan, np.ones((n, n))
+    broken, regular = kernels.particles.roots(Q)
+    assert not regular[0] and regular[-1] == (n == 1) and regular[1:-1].all()
+    assert np.array_equal(broken[1:-1], found[1:-1])
+
+
 # Weights and moments
 
 
