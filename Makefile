@@ -34,9 +34,11 @@ test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m relnav_sim.kernels
 	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
 check-slow: setup  ## Run the long checks
+	$(BIN)/python -m relnav_sim.kernels
 	$(BIN)/python -m pytest -m slow
 
 bench: setup  ## Measure the published speed figures beside other libraries

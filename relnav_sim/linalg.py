@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 
 LOG_TWO_PI = float(np.log(2 * np.pi))
@@ -17,6 +18,21 @@ LOG_TWO_PI = float(np.log(2 * np.pi))
 def by_run(A: Array) -> Array:
     """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
     return np.ascontiguousarray(A if A.ndim == 3 else A[None])
+
+
+def in_rows(x: Array) -> Array:
+    """Return vectors (..., n) as (points, n), in C order for a kernel."""
+    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]))
+
+
+def matrices(A: Array) -> Array:
+    """Return matrices (..., p, q) as (points, p, q), one (p, q) as (1, p, q), in C order for a kernel."""
+    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]))
+
+
+def images(A: Array, x: Array) -> Array:
+    """Return A x, (..., m), of vectors x (..., n) and one matrix A (m, n) in C order."""
+    return kernels.linear.images(A, in_rows(x)).reshape(*x.shape[:-1], len(A))
 
 
 def runs_last(A: Array) -> Array:
@@ -93,8 +109,7 @@ def log_determinant_of(L: Array) -> Array:
 
 def cholesky(A: Array) -> Array:
     """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
-    n = A.shape[-1]
-    return runs_first(factor(runs_last(A.reshape(-1, n, n)))).reshape(A.shape)
+    return kernels.roots.cholesky(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
 
 
 class CholeskyFactor:

@@ -34,7 +34,7 @@ EXIT_CODES = {
     "0": "all is well",
     "1": "some runs failed, which the report counts, or lacked memory, which the same command tries again",
     "2": "the campaign or the arguments can't be used",
-    "3": "a file can't be read or written, no worker can start, or there is too little memory",
+    "3": "a file can't be read or written, no worker can start, numba can't be imported, or there is too little memory",
     "4, 5": "only of relnav report --check: a requirement is missed, or undecided",
     "70": "an error of relnav itself; please report it",
     "129, 130, 143": "ended by a closed terminal, Ctrl-C or SIGTERM; the same command continues",
@@ -64,8 +64,11 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
             _stop(sentence, Exit.INPUT_OUTPUT)
 
         from relnav_sim.campaign.problems import CampaignError
+        from relnav_sim.kernels import CompilerError
+        from relnav_sim.kernels.code_folder import tell
         from relnav_sim.results.block import RefusedError, ResultsError
 
+        tell(lambda sentence: typer.echo(visible(sentence), err=True))
         before = signal.getsignal(signal.SIGINT)
         try:
             if before is not signal.SIG_IGN:
@@ -79,7 +82,7 @@ def guarded(command: Callable[..., None], answers: bool = False) -> Callable[...
             raise typer.Exit(Exit.BAD_INPUT) from None
         except (UserError, RefusedError) as error:
             _stop(str(error), Exit.BAD_INPUT)
-        except ResultsError as error:
+        except (ResultsError, CompilerError) as error:
             _stop(str(error), Exit.INPUT_OUTPUT)
         except EOFError as error:
             raise RuntimeError("a file ended too early") from error  # click would make it exit code 1

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
@@ -16,16 +17,13 @@ from relnav_sim.filters.gaussian_sampling import (
     SamplingFilter,
     WhitenedPrior,
     fixed_normals,
-    fixed_sums,
-    sums_over_samples,
-    weighted_sums,
     whitened_prior,
 )
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, symmetric, transpose
+from relnav_sim.measurements.interface import Measurement, affine, squared_errors
 from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
@@ -121,6 +119,7 @@ class AlphaKalmanFilter(SamplingFilter):
         self.stochastic = options.sampling != "fixed"
         # For a Gaussian, t steps temper the likelihood by 1 - (1 - alpha)^t in all.
         self._total_alpha = 1 - (1 - options.alpha) ** options.fixed_point
+        self._kind = ("random", "antithetic", "fixed").index(options.sampling)  # as `kernels.sampling.moments` has it
         self._streams = Streams([])
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
@@ -152,20 +151,23 @@ class AlphaKalmanFilter(SamplingFilter):
         """Return mean (runs, d), covariance (runs, d, d) of the whitened observed states, and ESS (runs,)."""
         options = self._options
         proposal = self._first_proposal(prior, belief, model, z, step)
-        scale = np.sqrt(options.alpha / 2) * _inverse_root(self._independent_noise(belief, model, step.epoch))
+        R = by_run(self._independent_noise(belief, model, step.epoch))
+        scale = kernels.sampling.whitener(R, options.alpha / 2)
         smallest = np.full(len(z), np.nan)
         for _ in range(options.fixed_point):
             e = self._draw(prior)
-            y = proposal.points(e)
-            log_weights = self._tempered_likelihood(prior.states(y), belief.mean, scale, z, step.epoch)
+            samples = *prior.samples(proposal.mean, proposal.root), e
+            log_weights = self._tempered_likelihood(samples, belief.mean, scale, z, step.epoch)
             if proposal.exponent.any():
-                log_weights += proposal.log_ratio(y, e)
-            first, second, ess = self._moments(log_weights, e)
-            mean = proposal.mean + np.einsum("bij,bj->bi", proposal.root, first)
-            covariance = symmetric(proposal.root @ second @ transpose(proposal.root))
+                log_weights += proposal.log_ratio(e)
+            mean, covariance, ess = kernels.sampling.moments(log_weights, e, self._kind)
+            if proposal.root is not None:
+                mean = proposal.mean + np.einsum("bij,bj->bi", proposal.root, mean)
+                covariance = symmetric(proposal.root @ covariance @ transpose(proposal.root))
             smallest = np.fmin(smallest, ess)
-            # p^alpha q^(1 - alpha) / q = (p / q)^alpha: the last q is the next step's proposal.
-            proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha))
+            if options.fixed_point > 1:
+                # p^alpha q^(1 - alpha) / q = (p / q)^alpha: the last q is the next step's proposal.
+                proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha))
         return mean, covariance, smallest
 
     def _independent_noise(self, belief: Gaussian, model: Linearisation, epoch: int) -> Array:
@@ -182,7 +184,7 @@ class AlphaKalmanFilter(SamplingFilter):
         """Return the prediction, or the widened posterior in runs where the prediction's samples would be wasted."""
         options = self._options
         d = prior.roots.shape[1]
-        standard = _Proposal(np.zeros((len(z), d)), np.broadcast_to(np.eye(d), (len(z), d, d)), np.zeros(len(z)))
+        standard = _Proposal(np.zeros((len(z), d)), None, np.zeros(len(z)))
         if options.proposal == "prior":
             return standard
         efficiency = sampling_efficiency(model, options.alpha)
@@ -192,7 +194,7 @@ class AlphaKalmanFilter(SamplingFilter):
         posterior, _ = self.iterated_update(belief, z, options.alpha, step)
         mean, root = prior.coordinates(posterior)
         widened = _Proposal(mean, np.sqrt(options.proposal_spread) * root, np.ones(len(z)))
-        return where_runs(low, widened, standard)
+        return where_runs(low, widened, replace(standard, root=np.broadcast_to(np.eye(d), root.shape)))
 
     def _draw(self, prior: WhitenedPrior) -> Array:
         """Return standard normal samples, (runs, d, N) or (1, d, N)."""
@@ -204,68 +206,39 @@ class AlphaKalmanFilter(SamplingFilter):
         half = standard_normals(self._streams, d, N // 2)
         return np.concatenate([half, -half], axis=2)
 
-    def _tempered_likelihood(self, states: Array, mean: Array, scale: Array, z: Array, epoch: int) -> Array:
-        """Return alpha log p(z | states) up to a constant, (runs, N); scale^T scale = alpha R^-1 / 2."""
-        if self._options.likelihood == "mixture":
-            return self._options.alpha * log_likelihood(self.measurement, z, states, mean, epoch)
-        scaled = transpose(self.measurement.residual(z[:, None], self.measurement.predict(states, epoch)))
-        if len(scale) == 1 and np.count_nonzero(scale) == len(scale[0]):
-            # Diagonal noise, the same in all runs: one product with its inverse variances.
-            np.square(scaled, out=scaled)
-            return np.asarray(-np.square(np.diag(scale[0])) @ scaled)
-        scaled = scale @ scaled
-        log_weights: Array = np.einsum("bmn,bmn->bn", scaled, scaled)
-        return np.negative(log_weights, out=log_weights)
-
-    def _moments(self, log_weights: Array, e: Array) -> tuple[Array, Array, Array]:
-        """Return weighted mean (runs, d) and covariance (runs, d, d) of samples e (runs, d, N), and ESS (runs,)."""
-        # In place: a pass over memory costs as much as the arithmetic.
-        w = log_weights
-        w -= w.max(axis=1, keepdims=True)
-        np.exp(w, out=w)
-        sums = fixed_sums(w, *e.shape[1:]) if self._options.sampling == "fixed" else weighted_sums(w, e)
-        total, first, second = sums
-        mean = first / total[:, None]
-        covariance = second / total[:, None, None] - mean[:, :, None] * mean[:, None, :]
-        squares = sums_over_samples(w, w[:, None])[:, 0] / total**2
-        return mean, covariance * self._correction(w, total, squares)[:, None, None], 1 / squares
-
-    def _correction(self, w: Array, total: Array, squares: Array) -> Array:
-        """Return the factor (runs,) that undoes the shrinkage of the covariance by the mean's own sampling error.
-
-        For independent samples 1 / (1 - sum w^2), exact for flat weights and at most 1/ESS too large for others. A
-        pair +e, -e moves the mean by the difference of its weights. The fixed set has its moments exact: a factor
-        above 1 would act as fading memory.
+    def _tempered_likelihood(
+        self, samples: tuple[Array, Array, Array], mean: Array, scale: Array, z: Array, epoch: int
+    ) -> Array:
+        """Return alpha log p(z | states) up to a constant, (runs, N).
 
         Args:
-            w: Weights before normalisation (runs, N).
-            total: Their sum (runs,).
-            squares: Sum of the squares of the normalised weights (runs,).
+            samples: Centre (runs, n), root (runs, n, d) and e of the states centre + root e.
+            mean: Predicted means (runs, n).
+            scale: (runs or 1, m, m), scale^T scale = alpha R^-1 / 2.
+            z: Readings (runs, m).
+            epoch: Their epoch.
         """
-        if self._options.sampling == "random":
-            return 1 / (1 - squares)
-        if self._options.sampling == "antithetic":
-            plus, minus = np.split(w, 2, axis=1)
-            return 1 / (1 - np.square(plus - minus).sum(axis=1) / total**2)
-        return np.ones(len(w))
+        if self._options.likelihood == "mixture":
+            return self._options.alpha * log_likelihood(self.measurement, z, affine(*samples), mean, epoch)
+        errors = squared_errors(self.measurement, z, scale, *samples, epoch)
+        return np.negative(errors, out=errors)
 
 
 @dataclass(frozen=True)
 class _Proposal:
-    """N(mean, root root^T) of the whitened observed states; `exponent` on target over proposal, 0 for the prior."""
+    """N(mean, root root^T) of the whitened observed states; `exponent` on target over proposal, 0 for the prior.
+
+    The root of the prior is None: I.
+    """
 
     mean: Array
-    root: Array
+    root: Array | None
     exponent: Array
 
-    def points(self, e: Array) -> Array:
-        """Return the samples mean + root e, (runs, d, N), or e itself (whose first axis may be 1) for the prior."""
-        if not self.exponent.any():
-            return e
-        return self.mean[:, :, None] + self.root @ e
-
-    def log_ratio(self, y: Array, e: Array) -> Array:
-        """Return exponent (log N(y; 0, I) - log N(e; 0, I)), (runs, N): the prior over this proposal."""
+    def log_ratio(self, e: Array) -> Array:
+        """Return exponent (log N(y; 0, I) - log N(e; 0, I)), (runs, N), y = mean + root e: the prior over this one."""
+        assert self.root is not None
+        y = self.mean[:, :, None] + self.root @ e
         ratio = np.einsum("bin,bin->bn", e, e) - np.einsum("bin,bin->bn", y, y)
         return 0.5 * self.exponent[:, None] * ratio
 
@@ -282,9 +255,3 @@ def sampling_efficiency(model: Linearisation, alpha: float) -> Array:
     exponent = np.square(once.whiten(model.residual)).sum(axis=1) - np.square(twice.whiten(model.residual)).sum(axis=1)
     log_volume = (R.log_determinant() + twice.log_determinant()) / 2 - once.log_determinant()
     return np.exp(log_volume - alpha * exponent)
-
-
-def _inverse_root(R: Array) -> Array:
-    """Return L^-1 of R = L L^T, (1, m, m) or (runs, m, m)."""
-    stack = R if R.ndim == 3 else R[None]
-    return CholeskyFactor(stack).whiten_rows(np.broadcast_to(np.eye(R.shape[-1]), stack.shape))

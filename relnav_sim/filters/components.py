@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.filters.belief import Gaussian, keep_considered, where_runs
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.belief import Gaussian, keep_considered
 from relnav_sim.filters.kalman import innovation_of, joseph_update
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.linalg import by_run
 from relnav_sim.measurements.interface import Measurement, joint_components
 
 NO_COMPONENT = "no component of the mixture gives the measurement a finite likelihood"
@@ -29,7 +31,7 @@ def noise_components(measurement: Measurement, mean: Array, epoch: int) -> tuple
 
 @dataclass(frozen=True)
 class Linearised:
-    """The measurement at the components' means: z expected there (runs, c, m), and H (m, n) or (runs, c, m, n)."""
+    """The measurement at the components' means: z expected there (runs, c, m), and H (runs, c, m, n)."""
 
     expected: Array
     H: Array
@@ -37,23 +39,34 @@ class Linearised:
     @classmethod
     def at(cls, measurement: Measurement, means: Array, epoch: int) -> Linearised:
         """Return it for means (runs, c, n)."""
-        return cls(measurement.predict(means, epoch), measurement.jacobian(means, epoch))
+        expected, H = measurement.predict(means, epoch), measurement.jacobian(means, epoch)
+        return cls(expected, np.ascontiguousarray(np.broadcast_to(H, (*expected.shape, means.shape[-1]))))
+
+
+def predicted_components(dynamics: Dynamics, mean: Array, covariances: Array, step: Step) -> Array:
+    """Return the covariances (runs, c, n, n) carried over a step, with F and Q at the mixture's mean (runs, n)."""
+    runs, c, n, _ = covariances.shape
+    F, Q = by_run(dynamics.transition(mean, step)), by_run(dynamics.process_noise(mean, step))
+    F, Q = (A if len(A) == 1 else A.repeat(c, axis=0) for A in (F, Q))
+    return kernels.kalman.predict(covariances.reshape(-1, n, n), F, Q).reshape(runs, c, n, n)
 
 
 def component_updates(
     measurement: Measurement,
     model: Linearised,
+    log_weights: Array,
     means: Array,
     covariances: Array,
     noises: Array,
     z: Array,
     considered: tuple[int, ...] = (),
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array]:
     """Return the extended Kalman update of every state component with every noise component given for it.
 
     Args:
         measurement: The model of z.
         model: The same at the means.
+        log_weights: Before the measurement, (runs, c, k).
         means: (runs, c, n).
         covariances: (runs, c, n, n).
         noises: (c or 1, k, m, m) or (runs, c or 1, k, m, m).
@@ -61,36 +74,28 @@ def component_updates(
         considered: Places of the states that are not estimated.
 
     Returns:
-        Means (runs, c, k, n), covariances (runs, c, k, n, n) and log-likelihoods (runs, c, k); minus infinity, with the
-        prediction's mean and covariance, where an update gives no number.
+        Log-weights (runs, c k), means (runs, c k, n), covariances (runs, c k, n, n) and the log-likelihood of the
+        mixture (runs,). A component whose update gives no number has no weight, and the prediction's moments.
     """
     runs, c, n = means.shape
     nu = measurement.residual(z[:, None], model.expected)
     m, k = nu.shape[-1], noises.shape[-3]
-    H = np.broadcast_to(model.H, (runs, c, m, n))
-    flat = runs * c * k
-    prior = Gaussian(
-        np.broadcast_to(means[:, :, None], (runs, c, k, n)).reshape(flat, n),
-        np.broadcast_to(covariances[:, :, None], (runs, c, k, n, n)).reshape(flat, n, n),
-    )
-    posterior, innovation = joseph_update(
-        prior,
-        np.broadcast_to(nu[:, :, None], (runs, c, k, m)).reshape(flat, m),
-        np.broadcast_to(H[:, :, None], (runs, c, k, m, n)).reshape(flat, m, n),
-        np.broadcast_to(noises, (runs, c, k, m, m)).reshape(flat, m, m),
-    )
+    if k > 1:
+        nu, x, P, H = (A.repeat(k, axis=1) for A in (nu, means, covariances, model.H))
+    else:
+        x, P, H = means, covariances, model.H
+    R = np.broadcast_to(noises, (runs, c, k, m, m))
+    prior = Gaussian(x.reshape(-1, n), P.reshape(-1, n, n))
+    posterior, innovation = joseph_update(prior, nu.reshape(-1, m), H.reshape(-1, m, n), R.reshape(-1, m, m))
     posterior = keep_considered(prior, posterior, considered)
     log_likelihood = innovation.log_likelihood
-    log_likelihood[list(innovation.failed)] = -np.inf  # a component that can't go on weighs nothing
-    # With weight zero a component must still be finite: zero times NaN would spoil the others' moments.
-    sound = np.isfinite(log_likelihood + posterior.mean.sum(axis=1) + posterior.covariance.sum(axis=(1, 2)))
-    if not sound.all():
-        posterior, log_likelihood = where_runs(sound, posterior, prior), np.where(sound, log_likelihood, -np.inf)
-    return (
-        posterior.mean.reshape(runs, c, k, n),
-        posterior.covariance.reshape(runs, c, k, n, n),
-        log_likelihood.reshape(runs, c, k),
+    if innovation.failed:
+        log_likelihood[list(innovation.failed)] = -np.inf  # a component that can't go on weighs nothing
+    x, P = posterior.mean.reshape(runs, -1, n), posterior.covariance.reshape(runs, -1, n, n)
+    weights, total = kernels.components.reweigh(
+        log_weights.reshape(runs, -1), x, P, log_likelihood.reshape(runs, -1), means, covariances
     )
+    return weights, x, P, total
 
 
 def without_likelihood(log_likelihood: Array) -> dict[int, str]:
@@ -102,20 +107,6 @@ def normalised(log_weights: Array) -> tuple[Array, Array]:
     """Return weights summing to one over the last axis, and the log of their sum before."""
     total = np.logaddexp.reduce(log_weights, axis=-1)
     return np.exp(log_weights - total[..., None]), total
-
-
-def mixture_mean(weights: Array, means: Array) -> Array:
-    """Return the mean (..., n) of mixtures: (..., c), (..., c, n)."""
-    mean: Array = np.einsum("...c,...cn->...n", weights, means)
-    return mean
-
-
-def moment_match(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
-    """Return mean (..., n) and covariance (..., n, n) of mixtures: (..., c), (..., c, n), (..., c, n, n)."""
-    mean = mixture_mean(weights, means)
-    spread = means - mean[..., None, :]
-    covariance = np.einsum("...c,...cij->...ij", weights, covariances)
-    return mean, symmetric(covariance + np.einsum("...c,...ci,...cj->...ij", weights, spread, spread))
 
 
 def predictive_nis(
@@ -131,13 +122,14 @@ def predictive_nis(
         measurement: The model of z.
         model: The same at the components' means.
         weights: w, (runs, c).
-        covariances: (runs, c, n, n).
+        covariances: (runs, c, n, n), in C order.
         noise: Covariance of the noise of each component, (c or 1, m, m) or (runs, c or 1, m, m).
         z: (runs, m).
     """
     expected, H = model.expected, model.H
     # Taken from one of them on, so that angles are averaged on the same turn.
-    offsets = measurement.residual(expected, expected[:, :1])
-    shift, S = moment_match(weights, offsets, H @ covariances @ transpose(H) + noise)
+    offsets = np.ascontiguousarray(measurement.residual(expected, expected[:, :1]))
+    R = np.ascontiguousarray(np.broadcast_to(noise, (*offsets.shape, offsets.shape[-1])))
+    shift, S = kernels.components.expected_reading(weights, offsets, H, covariances, R)
     nu = measurement.residual(z, expected[:, 0] + shift)
     return innovation_of(S, nu, np.abs(z) + np.abs(z - nu)).nis

@@ -7,6 +7,7 @@ from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.measurements.interface import linearised
 
 
 @register_filter("ekf", GaussianFilterOptions, overhead_us=140.0)
@@ -19,7 +20,4 @@ class ExtendedKalmanFilter(GaussianFilter):
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""
-        mean, epoch = belief.mean, step.epoch
-        residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        H = self.measurement.jacobian(mean, epoch)
-        return joseph_update(belief, residual, H, self.measurement.noise(mean, epoch))
+        return joseph_update(belief, *linearised(self.measurement, z, belief.mean, step.epoch))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian
@@ -89,18 +90,15 @@ def failures_of(
 
 def _not_numbers(mean: Array, covariance: Array) -> dict[int, int]:
     """Return the first column, by place, at which a run is not finite or a variance is negative beyond rounding."""
-    B, K, n = mean.shape
-    variances = np.einsum("bkii->bki", covariance)
-    # A sum is finite only if all its terms are, and one product with ones is many times faster than isfinite.
-    with np.errstate(all="ignore"):
-        finite = np.isfinite(mean @ np.ones(n)) & np.isfinite(covariance.reshape(B, K, n * n) @ np.ones(n * n))
-        suspect = ~finite.all(axis=1) | (variances < 0).any(axis=(1, 2))
     found: dict[int, int] = {}
-    for place in np.flatnonzero(suspect).tolist():
-        sizes = np.abs(variances[place])
+    by_epoch = np.ascontiguousarray(mean.swapaxes(0, 1)), np.ascontiguousarray(covariance.swapaxes(0, 1))
+    for place in np.flatnonzero(kernels.statistics.doubtful(*by_epoch)).tolist():
+        variances = np.einsum("kii->ki", covariance[place])
+        finite = np.isfinite(mean[place]).all(axis=1) & np.isfinite(covariance[place]).all(axis=(1, 2))
+        sizes = np.abs(variances)
         largest = np.max(sizes, axis=0, initial=0.0, where=np.isfinite(sizes))
         with np.errstate(invalid="ignore"):
-            bad = ~finite[place] | (variances[place] < -_ROUNDING * largest).any(axis=-1)
+            bad = ~finite | (variances < -_ROUNDING * largest).any(axis=-1)
         if bad.any():
             found[place] = int(np.argmax(bad))
     return found

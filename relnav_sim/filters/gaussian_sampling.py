@@ -8,29 +8,25 @@ from functools import cache
 import numpy as np
 from scipy.special import ndtri
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
-from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement, MeasurementDefaults
-
-Index = slice | Indices
+from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, transpose
+from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, linearised
 
 
-def observed_states(measurement: Measurement, dimension: int) -> Index:
-    """Return which components of the state the measurement depends on.
+def observed_states(measurement: Measurement, dimension: int) -> Indices:
+    """Return the numbers of the components of the state the measurement depends on.
 
     A measurement says so by an attribute ``depends_on``, a tuple of component numbers; without it, or where it is
     None, the measurement is taken to depend on all of them.
     """
     stated = getattr(measurement, "depends_on", None)
     depends_on = tuple(range(dimension)) if stated is None else stated
-    first, last = min(depends_on, default=0), max(depends_on, default=0)
-    if set(depends_on) == set(range(first, last + 1)):
-        return slice(first, last + 1)
     return np.array(sorted(depends_on), dtype=np.intp)
 
 
@@ -43,52 +39,44 @@ class WhitenedPrior:
 
     Args:
         mean: m, (runs, n).
+        covariance: P, (runs, n, n).
         roots: G^T = L^-1 P_o, (runs, d, n), where P_o are the observed rows of P and L L^T their observed block.
         remainder: cov(u), (runs, n, n); its observed rows and columns are zero.
-        factor: L.
         observed: The observed components.
     """
 
     mean: Array
+    covariance: Array
     roots: Array
     remainder: Array
-    factor: CholeskyFactor
-    observed: Index
+    observed: Indices
 
-    def states(self, y: Array) -> Array:
-        """Return the states of y (runs, d, N) with u = 0 and the unobserved components at m, (runs, N, n)."""
-        # One product for all, [G m] [y; 1]: adding the mean would cost another pass over memory. Stored with the
-        # samples last: each component is then contiguous for the measurement's arithmetic.
-        runs, d, samples = y.shape
-        root_and_mean = np.zeros((*self.mean.shape, d + 1))
-        root_and_mean[:, self.observed, :d] = transpose(self.roots[:, :, self.observed])
-        root_and_mean[:, :, d] = self.mean
-        return transpose(root_and_mean @ np.concatenate([y, np.ones((runs, 1, samples))], axis=1))
+    def samples(self, mean: Array, root: Array | None = None) -> tuple[Array, Array]:
+        """Return centre (runs, n) and root (runs, n, d) of the states of y = mean + root e, e ~ N(0, I), with u = 0.
+
+        Args:
+            mean: (runs, d).
+            root: (runs, d, d); None: I.
+        """
+        G = transpose(self.roots)
+        return self.mean + np.einsum("bdn,bd->bn", self.roots, mean), G if root is None else G @ root
 
     def coordinates(self, gaussian: Gaussian) -> tuple[Array, Array]:
         """Return mean (runs, d) and Cholesky factor (runs, d, d) of y for a Gaussian of x."""
+        block = np.ix_(np.arange(len(self.mean)), self.observed, self.observed)
+        factor = CholeskyFactor(self.covariance[block])
         offset = (gaussian.mean - self.mean)[:, self.observed]
-        spread = cholesky(gaussian.covariance[:, self.observed, :][:, :, self.observed])
-        return self.factor.whiten(offset), self.factor.whiten_rows(spread)
+        return factor.whiten(offset), factor.whiten_rows(cholesky(gaussian.covariance[block]))
 
     def posterior(self, mean: Array, covariance: Array) -> Gaussian:
         """Return the Gaussian of x for N(mean (runs, d), covariance (runs, d, d)) of y."""
-        P = transpose(self.roots) @ covariance @ self.roots + self.remainder
-        return Gaussian(self.mean + np.einsum("bdn,bd->bn", self.roots, mean), symmetric(P))
+        return Gaussian(*kernels.sampling.regressed(self.mean, self.roots, self.remainder, mean, covariance))
 
 
-def whitened_prior(belief: Gaussian, observed: Index) -> WhitenedPrior:
+def whitened_prior(belief: Gaussian, observed: Indices) -> WhitenedPrior:
     """Return the prediction in the coordinates of its observed components."""
-    P = belief.covariance
-    rows = P[:, observed, :]
-    factor = CholeskyFactor(rows[:, :, observed])
-    roots = factor.whiten_rows(rows)
-    if rows.shape == P.shape:
-        return WhitenedPrior(belief.mean, roots, np.zeros_like(P), factor, observed)
-    remainder = P - transpose(roots) @ roots
-    remainder[:, observed, :] = 0.0
-    remainder[:, :, observed] = 0.0
-    return WhitenedPrior(belief.mean, roots, remainder, factor, observed)
+    m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
+    return WhitenedPrior(m, P, *kernels.sampling.whitened(P, observed), observed)
 
 
 @cache
@@ -108,23 +96,6 @@ def fixed_normals(dimension: int, samples: int) -> Array:
     return matched[None]
 
 
-@cache
-def _fixed_products(dimension: int, samples: int) -> Array:
-    """Return 1, e and the products e_i e_j, j <= i, of the fixed set's points e, (1 + d + d (d + 1) / 2, samples)."""
-    e = fixed_normals(dimension, samples)[0]
-    i, j = np.tril_indices(dimension)
-    return np.concatenate([np.ones((1, samples)), e, e[i] * e[j]])
-
-
-def fixed_sums(w: Array, dimension: int, samples: int) -> tuple[Array, Array, Array]:
-    """Return what `weighted_sums` does for the fixed set, at a third of the cost."""
-    sums = (_fixed_products(dimension, samples) @ w[:, :, None])[:, :, 0]
-    i, j = np.tril_indices(dimension)
-    products = np.empty((len(w), dimension, dimension))
-    products[:, i, j] = products[:, j, i] = sums[:, dimension + 1 :]
-    return sums[:, 0], sums[:, 1 : dimension + 1], products
-
-
 def sums_over_samples(w: Array, e: Array) -> Array:
     """Return sum_n w_n e_in, (runs, d), of weights (runs, samples) and samples (runs, d, samples).
 
@@ -133,17 +104,6 @@ def sums_over_samples(w: Array, e: Array) -> Array:
     """
     sums: Array = (e @ w[:, :, None])[..., 0]
     return sums
-
-
-def weighted_sums(w: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Return sum w (runs,), sum w e (runs, d), sum w e e^T (runs, d, d) of samples e (runs, d, N), w (runs, N)."""
-    d = e.shape[1]
-    products = np.empty((len(w), d, d))
-    for i in range(d):
-        row = sums_over_samples(w * e[:, i], e[:, : i + 1])
-        products[:, i, : i + 1] = row
-        products[:, : i + 1, i] = row
-    return w.sum(axis=1), sums_over_samples(w, e), products
 
 
 @dataclass(frozen=True)
@@ -182,12 +142,9 @@ class SamplingFilter(GaussianFilter):
 
     def linearise(self, belief: Gaussian, z: Array, epoch: int) -> Linearisation:
         """Return residual, H, R and H P H^T at the predicted mean."""
-        predicted = self.measurement.predict(belief.mean, epoch)
-        residual = self.measurement.residual(z, predicted)
-        H = self.measurement.jacobian(belief.mean, epoch)
-        HPH = symmetric(H @ belief.covariance @ transpose(H))
-        R = self.measurement.noise(belief.mean, epoch)
-        return Linearisation(residual, np.abs(z) + np.abs(predicted), H, R, HPH)
+        residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
+        HPH = kernels.sampling.projected(np.ascontiguousarray(belief.covariance), by_run(H))
+        return Linearisation(residual, np.abs(z) + np.abs(z - residual), H, R, HPH)
 
     def iterated_update(self, belief: Gaussian, z: Array, alpha: float, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update of the iterated extended Kalman filter with R / alpha."""

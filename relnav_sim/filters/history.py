@@ -65,6 +65,10 @@ class FilterHistory:
         """Return the history with one more epoch at its start, at which the prior is all there is."""
         B = len(self.mean)
 
+        def preceded(before: Array, series: Array) -> Array:
+            # Epochs first, as the series lies in memory.
+            return np.concatenate([before[None], series.swapaxes(0, 1)]).swapaxes(0, 1)
+
         def unread(series: Array) -> Array:
             return np.concatenate([np.full((B, 1), np.nan), series], axis=1)
 
@@ -72,8 +76,8 @@ class FilterHistory:
             return np.concatenate([np.zeros((B, 1), dtype=np.int64), counts], axis=1)
 
         return FilterHistory(
-            np.concatenate([prior.mean[:, None], self.mean], axis=1),
-            np.concatenate([prior.covariance[:, None], self.covariance], axis=1),
+            preceded(prior.mean, self.mean),
+            preceded(prior.covariance, self.covariance),
             unread(self.nis),
             np.concatenate([np.zeros((B, 1)), self.log_likelihood], axis=1),
             {name: unread(extra) for name, extra in self.extras.items()},
@@ -98,42 +102,49 @@ class Innovations:
     """
 
     def __init__(self, readings: Readings, runs: int, epochs: int) -> None:
-        self._shape = runs, epochs
+        self._shape = epochs, runs  # what belongs to an epoch lies together
         self._readings = readings
         self._nis = [np.full(self._shape, np.nan) for _ in readings.sensors]
         self._extras: list[dict[str, Array]] = [{} for _ in readings.sensors]
-        self.log_likelihood = np.zeros(self._shape)
+        self._log_likelihood = np.zeros(self._shape)
 
     def add(self, place: int, k: int, innovation: Innovation) -> None:
         """Take down the innovation of the sensor in that place at column k."""
-        self._nis[place][:, k] = innovation.nis
+        self._nis[place][k] = innovation.nis
         if place == 0:
-            self.log_likelihood[:, k] = innovation.log_likelihood
+            self._log_likelihood[k] = innovation.log_likelihood
         else:
-            self.log_likelihood[:, k] += innovation.log_likelihood
+            self._log_likelihood[k] += innovation.log_likelihood
         extras = self._extras[place]
         for name, value in innovation.extras.items():
             if name not in extras:
                 check_name(name)
                 extras[name] = np.full(self._shape, np.nan)
-            extras[name][:, k] = value
+            extras[name][k] = value
 
     def history(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history of the chunk, without failures."""
         sensors = self._readings.sensors
+        all_nis = [_runs_first(nis) for nis in self._nis]
+        all_extras = [{name: _runs_first(extra) for name, extra in extras.items()} for extras in self._extras]
         dof = [one.dof for one in sensors]
         by_name = {one.sensor.name: place for place, one in enumerate(sensors) if one.sensor.name}
         return FilterHistory(
             mean,
             covariance,
-            self._nis[0] if len(sensors) == 1 else _sum_where_read(self._nis, sensors),
-            self.log_likelihood,
-            self._extras[0] if len(sensors) == 1 else _merged(self._extras, sensors),
+            all_nis[0] if len(sensors) == 1 else _sum_where_read(all_nis, sensors),
+            _runs_first(self._log_likelihood),
+            all_extras[0] if len(sensors) == 1 else _merged(all_extras, sensors),
             dof=sum(dof[1:], dof[0]),
-            nis_by={name: self._nis[place] for name, place in by_name.items()},
+            nis_by={name: all_nis[place] for name, place in by_name.items()},
             dof_by={name: dof[place] for name, place in by_name.items()},
-            extras_by={name: self._extras[place] for name, place in by_name.items()},
+            extras_by={name: all_extras[place] for name, place in by_name.items()},
         )
+
+
+def _runs_first(series: Array) -> Array:
+    """Return a series (K, runs) as (runs, K), in C order."""
+    return np.ascontiguousarray(series.T)
 
 
 def _sum_where_read(series: list[Array], sensors: tuple[SensorReadings, ...]) -> Array:

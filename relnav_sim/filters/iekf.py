@@ -12,7 +12,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update, reading_size
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve
+from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve, squares
 from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
 from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
@@ -48,7 +48,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
         # All in deviations from m: a tight prior needs their digits.
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             residual = measurement.residual(z, measurement.predict(m + deviation, epoch))
-            cost = prior.squared(deviation) + noise.squared(residual)
+            cost = squares(prior, deviation, noise, residual)
             return cost if exact is None else cost + exact.penalty(residual), residual
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
@@ -60,7 +60,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
             if exact is not None:
                 goal[exact.rows] = exact.goal(deviation, H, nu)
             move = goal - deviation
-            return move, prior.squared(move) + noise.squared(times(H, move))
+            return move, squares(prior, move, noise, times(H, move))
 
         deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(m), self._options)
         linearised, _ = joseph_update(belief, residual, measurement.jacobian(m + deviation, epoch), R)

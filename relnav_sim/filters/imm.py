@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
 from relnav_sim.filters.components import (
     Linearised,
     component_updates,
-    mixture_mean,
-    moment_match,
     noise_components,
-    normalised,
+    predicted_components,
     predictive_nis,
     without_likelihood,
 )
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import present_channels
 from relnav_sim.options import Options, Tunable
@@ -53,12 +52,16 @@ class ModelBank:
     @property
     def mean(self) -> Array:
         """Mean over the models (runs, n)."""
-        return mixture_mean(np.exp(self.log_weights), self.means)
+        return self._moments[0]
 
     @property
     def covariance(self) -> Array:
         """Covariance over the models (runs, n, n)."""
-        return moment_match(np.exp(self.log_weights), self.means, self.covariances)[1]
+        return self._moments[1]
+
+    @cached_property
+    def _moments(self) -> tuple[Array, Array]:
+        return kernels.components.moment_match(np.exp(self.log_weights), self.means, self.covariances)
 
 
 @register_filter("imm", ImmOptions, cost_us=5.0, overhead_us=250.0)
@@ -96,20 +99,12 @@ class InteractingModelsFilter:
         weights, _ = noise_components(self.measurement, belief.means[:, 0], step.epoch)
         k = len(weights)
         chain = self._persistence * np.eye(k) + (1 - self._persistence) * weights
-        mixing = np.exp(belief.log_weights)[:, :, None] * chain
-        predicted = mixing.sum(axis=1)
-        share = transpose(mixing / predicted[:, None])
-        means, covariances = moment_match(share, belief.means[:, None], belief.covariances[:, None])
+        predicted, means, covariances = kernels.components.mix(
+            belief.log_weights, chain, belief.means, belief.covariances
+        )
         # Mixing leaves the overall mean as it is.
-        mean = belief.mean
-        F = self.dynamics.transition(mean, step)
-        Q = self.dynamics.process_noise(mean, step)
-        if F.ndim == 3:
-            F = F[:, None]
-        if Q.ndim == 3:
-            Q = Q[:, None]
-        carried = symmetric(F @ covariances @ transpose(F) + Q)
-        return ModelBank(np.log(predicted), self.dynamics.propagate(means, step), carried)
+        carried = predicted_components(self.dynamics, belief.mean, covariances, step)
+        return ModelBank(predicted, self.dynamics.propagate(means, step), carried)
 
     def update(self, belief: ModelBank, z: Array, step: Step) -> tuple[ModelBank, Innovation]:
         """Return every model's update, reweighted by its likelihood.
@@ -122,16 +117,22 @@ class InteractingModelsFilter:
         nis = predictive_nis(self.measurement, model, np.exp(belief.log_weights), belief.covariances, noises, z)
         # Each model is updated with its own noise only.
         own = noises[..., :, None, :, :]
-        means, covariances, log_likelihoods = component_updates(
-            self.measurement, model, belief.means, belief.covariances, own, z, self._considered
+        log_weights, means, covariances, log_likelihood = component_updates(
+            self.measurement,
+            model,
+            belief.log_weights,
+            belief.means,
+            belief.covariances,
+            own,
+            z,
+            self._considered,
         )
-        weights, log_likelihood = normalised(belief.log_weights + log_likelihoods[..., 0])
+        weights = np.exp(log_weights)
         nominal = weights[:, 0]
         if present_channels(self.measurement) is not None:
             # Models that differ in absent channels only are the same model of this reading.
             alike = (noises == noises[..., :1, :, :]).all(axis=(-2, -1))
             nominal = np.where(alike, weights, 0.0).sum(axis=1)
         extras = {"outlier_probability": 1 - nominal}
-        with np.errstate(divide="ignore"):
-            bank = ModelBank(np.log(weights), means[:, :, 0], covariances[:, :, 0])
+        bank = ModelBank(log_weights, means, covariances)
         return bank, Innovation(nis, log_likelihood, extras, without_likelihood(log_likelihood))

@@ -9,6 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.measurements.interface import one_by_one, squares_of_states
 from relnav_sim.read_only_call import called_read_only
 
 
@@ -88,6 +89,14 @@ class ReadOnlyMeasurement:
     def mixture(self, mean: Array, epoch: int) -> Any:
         """Return the components of the noise."""
         return called_read_only(self._base.mixture, f"mixture of {self._name}", mean, epoch)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual, dh/dx and R by the functions above."""
+        return one_by_one(self, z, mean, epoch)
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return squared errors of samples by the functions above."""
+        return squares_of_states(self, z, W, centre, root, e, epoch)
 
 
 def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,23 +20,27 @@ class SensorReadings:
 
     Args:
         sensor: The sensor.
-        z: Readings (runs, K, m), read-only; NaN where a channel is absent.
+        z: Readings (K, runs, m), an epoch after the other in memory, read-only; NaN where a channel is absent.
         read: Where there is a reading, (runs, K).
         present: Its channels (runs, K, m); None where every reading of the chunk has all of them.
-        partial: At which epochs a reading of any run has some of its channels only, (K,).
+        partial: At which epochs a reading of any run has some of its channels only, by epoch.
+        any_read: At which epochs any run has a reading, by epoch.
+        all_read: At which epochs all runs have one, by epoch.
     """
 
     sensor: Sensor
     z: Array
     read: Mask
     present: Mask | None
-    partial: Mask
+    partial: list[bool]
+    any_read: list[bool]
+    all_read: list[bool]
 
     @property
     def dof(self) -> Integers:
         """How many channels are read, (runs, K)."""
         if self.present is None:
-            return self.read * np.int64(self.z.shape[2])
+            return self.read * np.int64(self.z.shape[-1])
         return np.where(self.read, self.present.sum(axis=2), 0)
 
     def mask(self, k: int) -> Mask:
@@ -44,7 +49,7 @@ class SensorReadings:
         Such a run is updated with its own prediction and the result is not used, whatever the other runs read.
         """
         if self.present is None or not self.partial[k]:
-            return np.ones(self.z[:, k].shape, dtype=bool)
+            return np.ones(self.z[k].shape, dtype=bool)
         return self.present[:, k] | ~self.read[:, k, None]
 
 
@@ -70,7 +75,7 @@ class Readings:
         given = z if isinstance(z, Mapping) else {sensors[0].name: z}
         self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors)
         self.several = len(self.sensors) > 1
-        self._plain = not self.several and not self.sensors[0].partial.any()
+        self._plain = not self.several and not any(self.sensors[0].partial)
         self._attends = False
 
     def begin(self, k: int) -> None:
@@ -93,7 +98,7 @@ class Readings:
             The reading (runs, m) in the channels of the filter's measurement, NaN in runs without one; and what its
             log-likelihood lacks because absent channels count in its constant, (runs,), or None where none is absent.
         """
-        z = one.z[:, k]
+        z = one.z[k]
         if self._plain or not (self.several or one.partial[k]):
             return z, None
         mask = one.mask(k)
@@ -121,12 +126,19 @@ class Readings:
 
 
 def _arrived(sensor: Sensor, z: Array, first_epoch: int) -> SensorReadings:
-    z = sensor.take(z, first_epoch).view()
-    z.flags.writeable = False  # it is the other filters' too
+    z = sensor.take(z, first_epoch)
+    by_epoch = np.ascontiguousarray(z.swapaxes(0, 1)).view()
+    by_epoch.flags.writeable = False  # it may be the other filters' too
     absent = np.isnan(z)
     missing = absent.any(axis=2)
     some = np.zeros_like(missing) if sensor.whole else missing & ~absent.all(axis=2)
-    partial = np.asarray(some.any(axis=0))
-    if not partial.any():
-        return SensorReadings(sensor, z, np.asarray(~missing), None, partial)
-    return SensorReadings(sensor, z, np.asarray(~missing | some), ~absent, partial)
+    partial = _by_epoch(some.any(axis=0))
+    read, present = np.asarray(~missing | some), ~absent if any(partial) else None
+    return SensorReadings(
+        sensor, by_epoch, read, present, partial, _by_epoch(read.any(axis=0)), _by_epoch(read.all(axis=0))
+    )
+
+
+def _by_epoch(mask: Any) -> list[bool]:
+    flags: list[bool] = mask.tolist()
+    return flags

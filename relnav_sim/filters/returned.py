@@ -53,7 +53,8 @@ class Returned:
     def moment(self, belief: Any, name: str) -> Array:
         """Return mean or covariance of a checked belief, which may compute them."""
         value: Array = getattr(belief, name)
-        self._check(value, self._shapes[name], name, "update")
+        if name not in vars(belief):
+            self._check(value, self._shapes[name], name, "update")
         return value
 
     def update(self, updated: Any) -> tuple[Any, Innovation]:

@@ -113,7 +113,8 @@ def advance(
     readings = Readings(filter.measurement, z, first_epoch)
     B, K = readings.sensors[0].read.shape
     n = filter.dynamics.dimension
-    mean, covariance = np.empty((B, K, n)), np.empty((B, K, n, n))
+    # What belongs to an epoch lies together: it is written an epoch at a time.
+    means, covariances = np.empty((K, B, n)), np.empty((K, B, n, n))
     innovations = Innovations(readings, B, K)
     returned = Returned(B, n)
     belief = returned.belief(belief, "start")
@@ -126,20 +127,24 @@ def advance(
             readings.begin(k)
             belief = returned.belief(filter.predict(belief, step), "predict")
             for place, one in enumerate(readings.sensors):
-                read = one.read[:, k]
-                if filter.stochastic or read.any():
+                if filter.stochastic or one.any_read[k]:
                     if readings.several:
                         belief = in_c_order(belief)
                     z_k, lacking = readings.attend(one, k)
-                    belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
+                    read = one.read[:, k]
+                    if one.all_read[k]:
+                        belief, innovation = returned.update(filter.update(belief, z_k, step))
+                    else:
+                        belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
                     if lacking is not None:
                         innovation = _without_absent(innovation, lacking, read)
                     innovations.add(place, k, innovation)
                     if innovation.failed:
                         stated.add(k, innovation.failed, read)
-            mean[:, k] = returned.moment(belief, "mean")
-            covariance[:, k] = returned.moment(belief, "covariance")
+            means[k] = returned.moment(belief, "mean")
+            covariances[k] = returned.moment(belief, "covariance")
     first = Step(first_epoch, step_s)
+    mean, covariance = means.swapaxes(0, 1), covariances.swapaxes(0, 1)
     history = innovations.history(mean, covariance)
     failures = failures_of(stated, filter, before, first, mean, covariance, history.nis, history.log_likelihood)
     for failure in failures:
@@ -153,9 +158,7 @@ def advance(
 def _update_read(
     filter: Filter, belief: Any, z: Array, read: Mask, step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
-    """Return the update of the runs that are read, (runs,)."""
-    if read.all():
-        return returned.update(filter.update(belief, z, step))
+    """Return the update where not all runs are read, (runs,)."""
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
     posterior, innovation = returned.update(filter.update(belief, np.where(read[:, None], z, expected), step))

@@ -16,7 +16,7 @@ from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.particle_set import standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import Measurement, affine, sample_residuals
 from relnav_sim.streams import RandomSource, Streams
 
 # A step that takes away more than all but this share of the covariance is halved, at most so many times.
@@ -106,8 +106,8 @@ class StochasticSearchFilter(SamplingFilter):
         for iteration in range(1, self._options.iterations + 1):
             e = standard_normals(self._streams, d, self._options.samples)
             y = mean[:, :, None] + root @ e
-            residual = self.measurement.residual(z[:, None], self.measurement.predict(prior.states(y), epoch))
-            sampled = noise.whiten_rows(transpose(residual))
+            states = affine(*prior.samples(mean, root), e)
+            sampled = noise.whiten_rows(sample_residuals(self.measurement, z, states, epoch))
             linear = nu[:, :, None] - H @ y
             # phi = log p(z|x) less its linearised form, the control variate.
             phi = 0.5 * np.einsum("bmn,bmn->bn", linear - sampled, linear + sampled) / self._options.samples

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.linalg import CholeskyFactor, cholesky, factor, forward, runs_first, runs_last, transpose, whiten
+from relnav_sim.linalg import by_run, transpose, whiten
 
 # A correlation matrix's eigenvalue below minus this is an error, not rounding.
 _NEGATIVE = 1e-6
@@ -14,11 +15,9 @@ _NEGATIVE = 1e-6
 def triangular_root(M: Array) -> Array:
     """Return the lower-triangular L (runs, p, p), diagonal >= 0, with L L^T = M M^T, M (runs, p, q), q >= p.
 
-    By QR of M^T: M M^T, whose condition number is the square of M's, is never formed.
+    M M^T, whose condition number is the square of M's, is never formed.
     """
-    R: Array = np.linalg.qr(transpose(M), mode="r")  # type: ignore[assignment]  # mode "r" gives R alone
-    signs = np.where(np.einsum("bii->bi", R) < 0, -1.0, 1.0)
-    return transpose(R * signs[:, :, None])
+    return kernels.roots.triangular(np.ascontiguousarray(M), np.empty((1, M.shape[1], 0)))
 
 
 def semidefinite_root(P: Array) -> Array:
@@ -26,9 +25,8 @@ def semidefinite_root(P: Array) -> Array:
 
     Cholesky's factor where P has full rank. NaN where P has a negative eigenvalue beyond rounding.
     """
-    L = cholesky(P)
-    poor = _poorly_determined(L, P)
-    if poor.any():
+    L, poor, any_poor = kernels.roots.cholesky(np.ascontiguousarray(P))
+    if any_poor:
         scale, values, vectors = _spectrum(P[poor])
         L[poor] = triangular_root(scale[:, :, None] * vectors * np.sqrt(values)[:, None, :])
     return L
@@ -43,32 +41,29 @@ class Whitener:
         P: (runs, n, n). NaN results where it has a negative eigenvalue beyond rounding.
 
     Attributes:
+        root: W, (runs, n, n).
         has_exact: Whether any run has a direction without variance.
         exact: Rows (runs, n, n) that take the components in these directions, zero rows otherwise.
     """
 
     def __init__(self, P: Array) -> None:
-        L = factor(runs_last(P))
-        identity = np.broadcast_to(np.eye(P.shape[-1])[:, :, None], L.shape)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            self._W = runs_first(forward(L, identity))
-        poor = _poorly_determined(runs_first(L), P)
+        self.root, poor, any_poor = kernels.roots.whiten(np.ascontiguousarray(P), np.eye(P.shape[-1])[None])
         self.exact, self.has_exact = np.zeros(P.shape), False
-        if poor.any():
+        if any_poor:
             scale, values, vectors = _spectrum(P[poor])
             roots = np.sqrt(np.where(values == 0, np.inf, values))
-            self._W[poor] = transpose(vectors) / (roots[:, :, None] * scale[:, None, :])
+            self.root[poor] = transpose(vectors) / (roots[:, :, None] * scale[:, None, :])
             self.exact[poor] = transpose(vectors) * (values == 0)[:, :, None] / scale[:, None, :]
             self.has_exact = bool((values == 0).any())
 
     def solve(self, B: Array) -> Array:
         """Return X (runs, n, p) with P X = B, columns of B (runs, n, p) in P's range."""
-        return transpose(self._W) @ (self._W @ B)
+        return transpose(self.root) @ (self.root @ B)
 
-    def squared(self, v: Array) -> Array:
-        """Return v^T P^-1 v, (runs,), for v (runs, n) in P's range."""
-        total: Array = np.square(np.einsum("bij,bj->bi", self._W, v)).sum(axis=1)
-        return total
+
+def squares(P: Whitener, v: Array, R: Whitener, r: Array) -> Array:
+    """Return v^T P^-1 v + r^T R^-1 r, (runs,), for v (runs, n) in P's range and r (runs, m) in R's."""
+    return kernels.roots.squares(P.root, np.ascontiguousarray(v), R.root, np.ascontiguousarray(r))
 
 
 class NoiseRoot:
@@ -85,9 +80,8 @@ class NoiseRoot:
     """
 
     def __init__(self, R: Array) -> None:
-        self.root = np.array(cholesky(R))
-        self._poor = _poorly_determined(self.root, R)
-        if self._poor.any():
+        self.root, self._poor, self._any_poor = kernels.roots.cholesky(np.ascontiguousarray(R))
+        if self._any_poor:
             scale, values, vectors = _spectrum(R[self._poor])
             self.root[self._poor] = scale[:, :, None] * vectors * np.sqrt(values)[:, None, :]
             roots = np.sqrt(np.where(values == 0, np.inf, values))
@@ -96,14 +90,14 @@ class NoiseRoot:
     def whiten(self, v: Array) -> Array:
         """Return L^-1 v, (runs, m), for v (runs, m)."""
         white = whiten(self.root, v)
-        if self._poor.any():
+        if self._any_poor:
             white[self._poor] = np.einsum("bij,bj->bi", self._inverse, v[self._poor])
         return white
 
     def whiten_rows(self, H: Array) -> Array:
         """Return L^-1 H, (runs, m, n), for H (runs, m, n)."""
         white = transpose(whiten(self.root, np.ascontiguousarray(transpose(H))))
-        if self._poor.any():
+        if self._any_poor:
             white[self._poor] = self._inverse @ H[self._poor]
         return white
 
@@ -114,10 +108,8 @@ class NoiseRoot:
 
 def semidefinite_solve(A: Array, B: Array) -> Array:
     """Return A^-1 B (runs, m, p) for positive semidefinite A (runs, m, m), B in A's range where A is singular."""
-    factor = CholeskyFactor(A)
-    X = factor.solve(B)
-    poor = _poorly_determined(runs_first(factor.lower_last), A)
-    if poor.any():
+    X, poor, any_poor = kernels.roots.solve(np.ascontiguousarray(A), np.ascontiguousarray(B))
+    if any_poor:
         X[poor] = Whitener(A[poor]).solve(B[poor])
     return X
 
@@ -127,8 +119,7 @@ NEEDS_NOISE = "the measurement noise is singular; this filter needs noise in eve
 
 def not_definite(R: Array, runs: int) -> Mask:
     """Return in which runs (runs,) a covariance (m, m) or (runs, m, m) is singular within rounding, or none."""
-    stack = R.reshape(-1, *R.shape[-2:])
-    return np.broadcast_to(_poorly_determined(cholesky(stack), stack), (runs,))
+    return np.broadcast_to(kernels.roots.cholesky(by_run(R))[1], (runs,))
 
 
 def general_solve(A: Array, B: Array) -> Array:
@@ -140,13 +131,6 @@ def general_solve(A: Array, B: Array) -> Array:
         with np.errstate(invalid="ignore"):
             singular = np.linalg.det(A) == 0
         return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, A), B), dtype=np.float64)
-
-
-def _poorly_determined(L: Array, P: Array) -> Mask:
-    """Return where a pivot of the factor L is within rounding of zero, or not a number, (runs,)."""
-    rounding = 8 * P.shape[-1] * np.finfo(float).eps * np.einsum("bii->bi", P)
-    clear: Mask = (np.square(np.einsum("bii->bi", L)) > rounding).all(axis=1)
-    return ~clear
 
 
 def _spectrum(P: Array) -> tuple[Array, Array, Array]:

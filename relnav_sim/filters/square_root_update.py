@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.square_root import not_definite, semidefinite_root, triangular_root
-from relnav_sim.linalg import LOG_TWO_PI, log_determinant, symmetric, transpose, whiten
+from relnav_sim.linalg import LOG_TWO_PI, log_determinant, symmetric, transpose
 
 CONTRADICTION = "the measurement contradicts what the filter knows exactly (state and sensor without any variance)"
 TOO_WIDE = (
@@ -54,39 +55,33 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
     Args:
         X: Deviations of the state, X X^T = P, (runs, n, q), q >= n.
         Y: The same of the reading, Y X^T = H P, (runs, m, q).
-        noise_root: R^(1/2), R positive semidefinite, (runs, m, m).
+        noise_root: R^(1/2), R positive semidefinite, (runs, m, m), or (1, m, m) for all runs.
         nu: Residual (runs, m).
         reading: How large the compared readings and their parts are, (runs, m); decides what counts as rounding.
     """
-    (runs, n, _), m = X.shape, nu.shape[1]
-    top = np.concatenate([Y, noise_root], axis=2)
-    bottom = np.concatenate([X, np.zeros((runs, n, noise_root.shape[2]))], axis=2)
-    array = triangular_root(np.concatenate([top, bottom], axis=1))
-    gain, root, L = array[:, m:, :m].copy(), array[:, m:, m:].copy(), array[:, :m, :m].copy()
-    rounding = rounding_of(_row_norms(top) + reading)
-    pivots = np.einsum("bii->bi", L)
-    # Written so that what is not a number is left alone.
-    dead, contradicts = (pivots <= rounding).any(axis=1), np.zeros(runs, dtype=bool)
-    live = np.ones((runs, m), dtype=bool)
-    for run in np.flatnonzero(dead):
-        most = REPEATED * (reading[run] + np.abs(nu[run]).max()) + rounding[run]
-        kept, T, contradicts[run] = _informative(top[run], bottom[run], nu[run], rounding[run], most)
+    X, Y, N, nu, reading = map(np.ascontiguousarray, (X, Y, noise_root, nu, reading))
+    gain, root, L, white, nis, log_likelihood, dead, any_dead = kernels.roots.update(X, Y, N, nu, reading)
+    if not any_dead:
+        return RootUpdate(gain, root, L, white, Innovation(nis, log_likelihood))
+    (_, n, _), m = X.shape, nu.shape[1]
+    failed = {}
+    for run in np.flatnonzero(dead).tolist():
+        top, noise = np.concatenate([Y[run], N[run if len(N) > 1 else 0]], axis=1), np.zeros((n, N.shape[2]))
+        rounding = rounding_of((_row_norms(top) + reading[run])[None])[0]
+        most = REPEATED * (reading[run] + np.abs(nu[run]).max()) + rounding
+        bottom = np.concatenate([X[run], noise], axis=1)
+        kept, T, told, contradicts = _informative(top, bottom, nu[run], rounding, most)
         r = len(kept)
-        live[run] = False
-        live[run, kept] = True
-        L[run], gain[run] = np.eye(m), 0.0
-        L[run][np.ix_(kept, kept)], gain[run][:, kept], root[run] = T[:r, :r], T[r:, :r], T[r:, r:]
-    # A state that is left with nothing but the rounding of its deviations is known.
-    root *= (_row_norms(root) > 16 * (n + m) * _EPS * _row_norms(X))[:, :, None]
-    white = np.where(live, whiten(L, np.where(live, nu, 0.0)), 0.0)
-    nis = np.einsum("bi,bi->b", white, white)
-    log_likelihood = -0.5 * (nis + log_determinant(L) + LOG_TWO_PI * live.sum(axis=1))
-    innovation = Innovation(
-        np.where(contradicts, np.inf, nis),
-        np.where(contradicts, -np.inf, log_likelihood),
-        failed=dict.fromkeys(np.flatnonzero(contradicts).tolist(), CONTRADICTION),
-    )
-    return RootUpdate(gain, root, L, white, innovation)
+        L[run], gain[run], white[run] = np.eye(m), 0.0, 0.0
+        L[run][np.ix_(kept, kept)], gain[run][:, kept], white[run, kept] = T[:r, :r], T[r:, :r], told
+        # As in the kernel: what is left with nothing but the rounding of its deviations is known.
+        left = _row_norms(T[r:, r:]) > 16 * (n + m) * _EPS * _row_norms(X[run])
+        root[run] = T[r:, r:] * left[:, None]
+        nis[run] = white[run] @ white[run]
+        log_likelihood[run] = -0.5 * (nis[run] + log_determinant(L[run]) + LOG_TWO_PI * r)
+        if contradicts:
+            nis[run], log_likelihood[run], failed[run] = np.inf, -np.inf, CONTRADICTION
+    return RootUpdate(gain, root, L, white, Innovation(nis, log_likelihood, failed=failed))
 
 
 def rounding_of(size: Array) -> Array:
@@ -94,8 +89,12 @@ def rounding_of(size: Array) -> Array:
     return 16 * size.shape[1] * _EPS * size
 
 
-def _informative(top: Array, bottom: Array, nu: Array, rounding: Array, most: Array) -> tuple[list[int], Array, bool]:
-    """Return which channels of one run tell something new, the triangular form of these, and a contradiction.
+def _informative(
+    top: Array, bottom: Array, nu: Array, rounding: Array, most: Array
+) -> tuple[list[int], Array, list[float], bool]:
+    """Return which channels of one run tell something new, the triangular form and the whitened residual of these.
+
+    The last value says whether another channel contradicts what is known.
 
     Args:
         top: [Y, R^(1/2)], (m, q).
@@ -116,11 +115,12 @@ def _informative(top: Array, bottom: Array, nu: Array, rounding: Array, most: Ar
                 break
             white.append(left / T[i, i])
         else:
-            return kept, T, contradicts
+            return kept, T, white, contradicts
 
 
 def _row_norms(A: Array) -> Array:
-    return np.sqrt(np.einsum("bij,bij->bi", A, A))
+    """Return the norms of the rows of A (p, q)."""
+    return np.sqrt(np.einsum("ij,ij->i", A, A))
 
 
 def degenerate_innovation(S: Array, residual: Array, reading: Array) -> Innovation:

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import semidefinite_root, triangular_root
+from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import root_update
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
@@ -61,9 +62,10 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: SquareRootUnscentedOptions) -> None:
         super().__init__(dynamics, measurement, options)
-        self._spread = dynamics.dimension + options.kappa
-        self._weight = 1 / (2 * self._spread)
-        self._centre_weight = options.kappa / self._spread
+        scale = dynamics.dimension + options.kappa
+        self._spread = float(np.sqrt(scale))
+        self._weight = 1 / (2 * scale)
+        self._centre_weight = options.kappa / scale
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior with its covariance factored."""
@@ -72,31 +74,26 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the propagated belief, its root that of [deviations, Q^(1/2)]."""
         prior: RootGaussian = belief
-        mean, runs = prior.mean, len(prior.mean)
-        Q = self.dynamics.process_noise(mean, step)
-        noise = semidefinite_root(Q.reshape(-1, *Q.shape[-2:]))
+        mean = prior.mean
+        noise = semidefinite_root(by_run(self.dynamics.process_noise(mean, step)))
         if self.dynamics.linear:
             # The transform of a linear function is exact; its pairs of opposite deviations need one column.
             mean, deviations = self.dynamics.propagate(mean, step), self.dynamics.transition(mean, step) @ prior.root
         else:
-            images = self.dynamics.propagate(self._points(prior), step)
+            images = self.dynamics.propagate(self._points(prior)[0], step)
             shift, deviations = self._deviations(images[:, 1:] - images[:, :1])
             mean = images[:, 0] + shift
-        return RootGaussian(
-            mean, triangular_root(_beside(deviations, np.broadcast_to(noise, (runs, *noise.shape[1:]))))
-        )
+        return RootGaussian(mean, kernels.roots.triangular(deviations, noise))
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the update: the root of [[Y, R^(1/2)], [X, 0]] holds those of S and P and the gain times the first."""
         prior: RootGaussian = belief
-        runs, n = prior.mean.shape
-        m = self.measurement.dimension
-        images = self.measurement.predict(self._points(prior), step.epoch)
+        points, offsets = self._points(prior)
+        images = self.measurement.predict(points, step.epoch)
         shift, Y = self._deviations(self.measurement.residual(images[:, 1:], images[:, :1]))
-        half = prior.root * np.sqrt(0.5)
-        X = np.concatenate([half, -half, np.zeros((runs, n, 1))], axis=2)
+        _, X = self._deviations(offsets)
         R = self.measurement.noise(prior.mean, step.epoch)
-        noise_root = np.broadcast_to(semidefinite_root(R.reshape(-1, m, m)), (runs, m, m))
+        noise_root = semidefinite_root(by_run(R))
         expected = images[:, 0] + shift
         reading = np.abs(z) + np.abs(expected)
         exact = (np.einsum("bii->bi", noise_root) <= _NOISE_FREE * np.sqrt(np.einsum("...ii->...i", R))).any(axis=1)
@@ -110,7 +107,7 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
             gain, kept = gain.copy(), np.zeros_like(gain)
             places = list(self._considered)
             kept[:, places], gain[:, places] = gain[:, places], 0.0
-            posterior = triangular_root(_beside(posterior, kept))
+            posterior = kernels.roots.triangular(posterior, kept)
         mean = prior.mean + np.einsum("bnm,bm->bn", gain, update.white)
         return RootGaussian(mean, posterior), update.innovation
 
@@ -118,18 +115,12 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         """Return the corrected belief, whose considered states `correct` has kept already."""
         return corrected
 
-    def _points(self, belief: RootGaussian) -> Array:
-        """Return the sigma points (runs, 2 n + 1, n), the centre first."""
-        rows = np.sqrt(self._spread) * transpose(belief.root)
-        centre = belief.mean[:, None]
-        return np.concatenate([centre, centre + rows, centre - rows], axis=1)
+    def _points(self, belief: RootGaussian) -> tuple[Array, Array]:
+        """Return the sigma points (runs, 2 n + 1, n), the centre first, and their offsets (runs, 2 n, n)."""
+        mean, root = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.root)
+        return kernels.sigma_points.points_of_root(mean, root, self._spread)
 
     def _deviations(self, images: Array) -> tuple[Array, Array]:
         """Return mean (runs, p) and weighted deviations from it (runs, p, 2 n + 1) of images less the centre's."""
-        shift = self._weight * np.einsum("bij->bj", images)
-        centre = -np.sqrt(self._centre_weight) * shift
-        return shift, _beside(transpose(np.sqrt(self._weight) * (images - shift[:, None])), centre[:, :, None])
-
-
-def _beside(A: Array, B: Array) -> Array:
-    return np.concatenate([A, B], axis=2)
+        images = np.ascontiguousarray(images)
+        return kernels.sigma_points.weighted_deviations(images, self._weight, self._centre_weight)

@@ -15,7 +15,7 @@ from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve, not_definite
+from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, general_solve, not_definite, squares
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
 from relnav_sim.linalg import CholeskyFactor, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
@@ -269,7 +269,7 @@ class _Fit:
             beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
             q = times(G, y.mean_x - deviation) - beyond
             t = deviation - y.mean_x - times(y.regression, q)
-            return self._P.squared(t) + self._V.squared(q), np.concatenate([t, q], axis=1)
+            return squares(self._P, t, self._V, q), np.concatenate([t, q], axis=1)
 
         def find_step(deviation: Array, kept: Array) -> tuple[Array, Array]:
             t, q = kept[:, :n], kept[:, n:]
@@ -277,7 +277,7 @@ class _Fit:
             w = CholeskyFactor(S).solve((times(E, t) - q)[:, :, None])[:, :, 0]
             move = times(transpose(EP), w) - t
             along = times(E, move)
-            return move + times(y.regression, along), self._P.squared(move) + self._V.squared(along)
+            return move + times(y.regression, along), squares(self._P, move, self._V, along)
 
         return evaluate, find_step
 

@@ -22,7 +22,7 @@ from relnav_sim.filters.kalman import (
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
-from relnav_sim.linalg import by_run, cholesky, symmetric, transpose
+from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 
 _IMAGE_ROUNDING = 1e-14
@@ -91,38 +91,48 @@ class UnscentedKalmanFilter(GaussianFilter):
         """Return the propagated belief; with linear dynamics the transform is exact, so F is applied at once."""
         if self.dynamics.linear and self._redraw:
             return super().predict(belief, step)
-        offsets = self._offsets(belief.covariance)
+        points, offsets = self._points(belief)
         if self.dynamics.linear:
             centre = self.dynamics.propagate(belief.mean, step)
             images = self.dynamics.propagate(offsets, step)
         else:
-            points = np.concatenate([belief.mean[:, None], belief.mean[:, None] + offsets], axis=1)
             propagated = self.dynamics.propagate(points, step)
             centre, images = propagated[:, 0], propagated[:, 1:] - propagated[:, :1]
-        shift = self._shift(images)
-        noise = self.dynamics.process_noise(belief.mean, step)
-        covariance = symmetric(self._covariance(images, shift, images, shift) + noise)
+        Q = self.dynamics.process_noise(belief.mean, step)
+        mean, covariance = kernels.sigma_points.predict(
+            np.ascontiguousarray(centre), np.ascontiguousarray(images), by_run(Q), self._weight, self._curvature
+        )
         if self._redraw:
-            return Gaussian(centre + shift, covariance)
+            return Gaussian(mean, covariance)
         # PropagatedPoints is a Gaussian in all that the shared code asks of it.
-        return PropagatedPoints(centre + shift, covariance, centre, images)  # type: ignore[return-value]
+        return PropagatedPoints(mean, covariance, centre, images)  # type: ignore[return-value]
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update with the mean and covariances of the transformed sigma points."""
         if isinstance(belief, PropagatedPoints):
-            centre, offsets = belief.centre, belief.offsets
+            offsets = belief.offsets
+            points = np.concatenate([belief.centre[:, None], belief.centre[:, None] + offsets], axis=1)
         else:
-            centre, offsets = belief.mean, self._offsets(belief.covariance)
-        points = np.concatenate([centre[:, None], centre[:, None] + offsets], axis=1)
+            points, offsets = self._points(belief)
         images = self.measurement.predict(points, step.epoch)
         deviations = self.measurement.residual(images[:, 1:], images[:, :1])
-        shift = self._shift(deviations)
-        R = self.measurement.noise(belief.mean, step.epoch)
-        S = self._covariance(deviations, shift, deviations, shift) + R
-        cross = self._covariance(deviations, shift, offsets, self._shift(offsets))
-        residual = self.measurement.residual(z, images[:, 0] + shift)
+        R = by_run(self.measurement.noise(belief.mean, step.epoch))
+        expected, S, cross = kernels.sigma_points.moments(
+            np.ascontiguousarray(images[:, 0]),
+            np.ascontiguousarray(deviations),
+            np.ascontiguousarray(offsets),
+            R,
+            self._weight,
+            self._curvature,
+        )
+        residual = self.measurement.residual(z, expected)
         mean, P, nis, log_likelihood, wide = kernels.kalman.update_by_moments(
-            belief.mean, np.ascontiguousarray(belief.covariance), residual, cross, symmetric(S), by_run(R)
+            np.ascontiguousarray(belief.mean),
+            np.ascontiguousarray(belief.covariance),
+            np.ascontiguousarray(residual),
+            cross,
+            S,
+            R,
         )
         update = Gaussian(mean, P), Innovation(nis, log_likelihood)
         if isinstance(belief, PropagatedPoints) or not wide.any():
@@ -131,8 +141,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
         H = jacobian_of_runs(self.measurement, belief.mean, step.epoch)[rows]
         reading = reading_size(prior, H) + np.abs(images[rows, 0]) + np.abs(z[rows])
-        R = of_runs(by_run(R), rows)
-        exact = self._from_roots(prior, H, deviations[rows], offsets[rows], R, residual[rows], reading)
+        exact = self._from_roots(prior, H, deviations[rows], offsets[rows], of_runs(R, rows), residual[rows], reading)
         return replace_runs(rows, update, exact)
 
     def _from_roots(
@@ -149,7 +158,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         ahead, behind = deviations[:, :n], deviations[:, n:]
         B = transpose(ahead - behind) / (2 * self._spread)
         even = (ahead + behind) / 2
-        shift = self._shift(deviations)
+        shift = self._weight * np.einsum("bij->bj", deviations)
         Omega = 2 * self._weight * (transpose(even) @ even) + self._curvature * shift[:, :, None] * shift[:, None, :]
         # What a linear measurement departs from its slope is the rounding of its images.
         straight = np.einsum("bii->bi", Omega) <= np.square(_IMAGE_ROUNDING * reading)
@@ -157,20 +166,12 @@ class UnscentedKalmanFilter(GaussianFilter):
         X = transpose(offsets[:, :n]) / self._spread
         return square_root_update(prior, H, X, B, symmetric(Omega) + R, residual, reading)
 
-    def _offsets(self, P: Array) -> Array:
-        """Return the sigma points' offsets from the mean, (runs, 2 n, n); P may be singular."""
-        L = cholesky(P)
-        singular = ~np.isfinite(L.sum(axis=(1, 2)))
-        if singular.any():
-            L[singular] = semidefinite_root(P[singular])
-        rows = self._spread * transpose(L)
-        return np.concatenate([rows, -rows], axis=1)
-
-    def _shift(self, deviations: Array) -> Array:
-        """Return the mean of the images less the centre's image, (runs, p)."""
-        return self._weight * np.einsum("bij->bj", deviations)
-
-    def _covariance(self, a: Array, shift_a: Array, b: Array, shift_b: Array) -> Array:
-        """Return the covariance (runs, p, q) of deviations a (runs, 2 n, p) and b (runs, 2 n, q)."""
-        outer = shift_a[:, :, None] * shift_b[:, None, :]
-        return self._weight * (transpose(a) @ b) + self._curvature * outer
+    def _points(self, belief: Gaussian) -> tuple[Array, Array]:
+        """Return sigma points (runs, 2 n + 1, n) and their offsets (runs, 2 n, n); the covariance may be singular."""
+        m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
+        points, offsets, without_factor = kernels.sigma_points.points(m, P, self._spread)
+        if without_factor:
+            singular = ~np.isfinite(offsets.sum(axis=(1, 2)))
+            roots = semidefinite_root(P[singular])
+            points[singular], offsets[singular] = kernels.sigma_points.points_of_root(m[singular], roots, self._spread)
+        return points, offsets

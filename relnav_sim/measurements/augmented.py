@@ -7,7 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
+from relnav_sim.linalg import images, matrices
 from relnav_sim.measurements.around import Around
 from relnav_sim.measurements.interface import Measurement, Mixture
 
@@ -42,15 +44,14 @@ class AdditiveBias:
     """
 
     def __init__(self, matrix: ArrayLike, turns: Array | None = None) -> None:
-        self._C = np.array(matrix, dtype=float)
+        self._C = np.array(matrix, dtype=float, order="C")
         self.turns = turns if turns is not None and turns.any() else None
         felt = self._C.any(axis=0) if self.turns is None else self._C.any(axis=0) | self.turns.any(axis=0)
         self.sees = tuple(np.flatnonzero(felt).tolist())
 
     def apply(self, predicted: Array, extra: Array) -> Array:
         """Return predicted + C b."""
-        offset: Array = np.einsum("ij,...j->...i", self._C, extra)
-        return predicted + offset
+        return predicted + images(self._C, extra)
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[None, Array]:
         """Return None (I) and C."""
@@ -81,23 +82,42 @@ class AugmentedMeasurement(Around):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return the distorted readings of states (runs, ..., n + e)."""
-        x, b = states[..., : self._n], states[..., self._n :]
-        reading = self._distortion.apply(self.base.predict(x, epoch), b)
-        by_turns = self._by_turns(x, epoch)
-        return reading if by_turns is None else reading + np.einsum("...ij,...j->...i", by_turns, b)
+        x, b = self._split(states)
+        return self._distorted(x, b, self.base.predict(x, epoch), epoch)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives by [x; b], (runs, ..., m, n + e), or (m, n + e) where they are constant."""
-        x, b = states[..., : self._n], states[..., self._n :]
+        x, b = self._split(states)
+        return self._jacobian(x, b, self.base.predict(x, epoch), epoch)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian and R at the means (runs, n + e)."""
+        x, b = self._split(mean)
+        predicted = self.base.predict(x, epoch)
+        H = self._jacobian(x, b, predicted, epoch)
+        return self.base.residual(z, self._distorted(x, b, predicted, epoch)), H, self.base.noise(x, epoch)
+
+    def _split(self, states: Array) -> tuple[Array, Array]:
+        """Return x and b, in C order."""
+        return np.ascontiguousarray(states[..., : self._n]), np.ascontiguousarray(states[..., self._n :])
+
+    def _distorted(self, x: Array, b: Array, predicted: Array, epoch: int) -> Array:
+        reading = self._distortion.apply(predicted, b)
+        by_turns = self._by_turns(x, epoch)
+        return reading if by_turns is None else reading + np.einsum("...ij,...j->...i", by_turns, b)
+
+    def _jacobian(self, x: Array, b: Array, predicted: Array, epoch: int) -> Array:
+        """Return the derivatives by [x; b], (runs, ..., m, n + e), or (m, n + e) where they are constant."""
         H = self.base.jacobian(x, epoch)
-        by_predicted, by_extra = self._distortion.jacobian(self.base.predict(x, epoch), b)
+        by_predicted, by_extra = self._distortion.jacobian(predicted, b)
         by_turns = self._by_turns(x, epoch)
         if by_turns is not None:
             by_extra = by_extra + by_turns
         if by_predicted is not None:
-            H = by_predicted @ H
-        leading = np.broadcast_shapes(H.shape[:-2], by_extra.shape[:-2])
-        whole = np.empty((*leading, self.dimension, states.shape[-1]))
+            whole = kernels.distortion.chained(matrices(by_predicted), matrices(H), matrices(by_extra))
+            return whole.reshape(*predicted.shape, whole.shape[-1])
+        leading = H.shape[:-2] if by_extra.ndim == 2 else np.broadcast_shapes(H.shape[:-2], by_extra.shape[:-2])
+        whole = np.empty((*leading, self.dimension, H.shape[-1] + by_extra.shape[-1]))
         whole[..., : self._n] = H
         whole[..., self._n :] = by_extra
         return whole
@@ -110,8 +130,8 @@ class AugmentedMeasurement(Around):
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return the base's R at x."""
-        return self.base.noise(mean[..., : self._n], epoch)
+        return self.base.noise(np.ascontiguousarray(mean[..., : self._n]), epoch)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the base's mixture at x."""
-        return self.base.mixture(mean[..., : self._n], epoch)
+        return self.base.mixture(np.ascontiguousarray(mean[..., : self._n]), epoch)

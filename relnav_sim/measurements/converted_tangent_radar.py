@@ -7,15 +7,13 @@ E[cos^2 t] u u^T + E[(a sin(t)/t)^2] e_a e_a^T + E[(b sin(t)/t)^2] e_b e_b^T. No
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, components, rotate, rows, times
-from relnav_sim.astro.tangent_plane import across, unit
-from relnav_sim.measurements.converted_radar import PAIRS, attitude_map
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN
+from relnav_sim.measurements.converted_radar import ConvertedPosition, attitude_map
+from relnav_sim.measurements.interface import Mixture
 from relnav_sim.measurements.spherical_radar import SightNoise
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(60)
@@ -30,7 +28,7 @@ def tangent_shrinkage(weights: Array, deviations: Array) -> float:
     return float(sum(w * _moments(*row[1:])[0] for w, row in zip(weights, deviations, strict=True)))
 
 
-class ConvertedTangentRadar(MeasurementDefaults):
+class ConvertedTangentRadar(ConvertedPosition):
     """Position of the deputy relative to the chief from range and tangent angles, RTN, z = (m, m, m), H = [I 0].
 
     For a radar on the chief; the front end divides the position by the same `tangent_shrinkage`.
@@ -40,68 +38,32 @@ class ConvertedTangentRadar(MeasurementDefaults):
         noise: What the filter is told about the noise of range and angles, and of the attitude.
     """
 
-    dimension = 3
-    depends_on = (0, 1, 2)
-    whole = True
-
     def __init__(self, mounting: Array, noise: SightNoise) -> None:
+        super().__init__(noise.weights)
         radar_from_rtn = mounting @ NADIR_FROM_RTN
-        self._radar_from_rtn, self._rtn_from_radar = rows(radar_from_rtn), rows(radar_from_rtn.T)
+        self._radar_from_rtn = radar_from_rtn
         shrinkage = tangent_shrinkage(noise.weights, noise.deviations)
-        each = [_coefficients(row, shrinkage) for row in noise.deviations]
-        if noise.assumed == "nominal":
-            self._one = _coefficients(noise.nominal, shrinkage)
-        else:
-            self._one = _Coefficients(*(noise.weights @ np.array([vars(one)[name] for one in each]) for name in _NAMES))
-        self._weights = noise.weights
-        self._components = each if noise.has_components else []
-        attitude = radar_from_rtn.T @ noise.attitude @ radar_from_rtn
-        self._attitude = rows(attitude_map(attitude)) if noise.attitude.any() else None
-
-    def predict(self, states: Array, epoch: int) -> Array:
-        """Return the position of states (runs, ..., n): (runs, ..., 3)."""
-        return states[..., :3]
-
-    def jacobian(self, states: Array, epoch: int) -> Array:
-        """Return [I 0], (3, n)."""
-        return np.eye(3, states.shape[-1])
+        each = np.array([_coefficients(row, shrinkage) for row in noise.deviations])
+        nominal = noise.assumed == "nominal"
+        self._one = (_coefficients(noise.nominal, shrinkage) if nominal else noise.weights @ each)[None]
+        self._components = each if noise.has_components else None
+        self._attitude = attitude_map(radar_from_rtn.T @ noise.attitude @ radar_from_rtn)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (runs, 3, 3), m^2."""
-        return self._covariance(mean, self._one)
+        return self._covariances(mean, self._one)[:, 0]
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (runs, k, 3, 3), where the filter is told of a mixture."""
-        if not self._components:
+        if self._components is None:
             return None
-        covariances = np.stack([self._covariance(mean, one) for one in self._components], axis=-3)
-        return Mixture(self._weights, covariances, shared=True)
+        return Mixture(self._weights, self._covariances(mean, self._components), shared=True)
 
-    def _covariance(self, states: Array, m: _Coefficients) -> Array:
-        """Return w r r^T + p e_a e_a^T + q e_b e_b^T with the attitude's share, RTN (..., 3, 3)."""
-        r = components(states)
-        squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-        first, second = (rotate(self._rtn_from_radar, axis) for axis in across(unit(rotate(self._radar_from_rtn, r))))
-        w = m.along[0] + m.along[1] / squared
-        p, q = (each[0] * squared + each[1] for each in (m.first, m.second))
-        attitude = None if self._attitude is None else times(self._attitude, [r[i] * r[j] for i, j in PAIRS])
-        R = np.empty((*squared.shape, 3, 3))
-        for n, (i, j) in enumerate(PAIRS):
-            entry = w * r[i] * r[j] + p * first[i] * first[j] + q * second[i] * second[j]
-            R[..., i, j] = R[..., j, i] = entry if attitude is None else entry + attitude[n]
-        return R
-
-
-@dataclass(frozen=True)
-class _Coefficients:
-    """Of r r^T, e_a e_a^T and e_b e_b^T, each (2,): of r^2 and 1 for the axes, of 1 and 1 / r^2 along r."""
-
-    along: Array
-    first: Array
-    second: Array
-
-
-_NAMES = ("along", "first", "second")
+    def _covariances(self, states: Array, coefficients: Array) -> Array:
+        """Return w r r^T + p e_a e_a^T + q e_b e_b^T with the attitude's share, RTN (runs, k, 3, 3)."""
+        return kernels.converted_radar.tangent_covariances(
+            np.ascontiguousarray(states), self._radar_from_rtn, coefficients, self._attitude
+        )
 
 
 def _moments(a_sigma: float, b_sigma: float) -> tuple[float, float, float, float]:
@@ -116,10 +78,13 @@ def _moments(a_sigma: float, b_sigma: float) -> tuple[float, float, float, float
     return mean, straight, first, second
 
 
-def _coefficients(deviations: Array, shrinkage: float) -> _Coefficients:
-    """Return the coefficients of the error's second moment, for deviations (3,) of range and both angles."""
+def _coefficients(deviations: Array, shrinkage: float) -> Array:
+    """Return the coefficients (6,) of the error's second moment, for deviations (3,) of range and both angles.
+
+    Of r r^T, e_a e_a^T and e_b e_b^T, two each: of 1 and 1 / r^2 along r, of r^2 and 1 across it.
+    """
     mean, straight, first, second = _moments(*deviations[1:])
     by_range = np.array([1.0, deviations[0] ** 2]) / shrinkage**2
     along = straight * by_range
     along[0] += 1 - 2 * mean / shrinkage
-    return _Coefficients(along, first * by_range, second * by_range)
+    return np.concatenate([along, first * by_range, second * by_range])

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.linalg import log_density, mixture_log_density
+
+Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
+SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
 
 
 @dataclass(frozen=True)
@@ -144,6 +149,20 @@ class MeasurementDefaults:
             columns.append(change / (ahead[..., j] - behind[..., j])[..., None])
         return np.stack(columns, axis=-1)
 
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return z - h(mean), dh/dx and R at the means (runs, n): what an update linearised there needs.
+
+        A measurement may have it cheaper in one; a filter asks by the function `linearised`.
+        """
+        return one_by_one(self, z, mean, epoch)
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return |W (z - h(x))|^2 of the samples x = centre + root e; a filter asks by the function of this name.
+
+        A measurement may have it cheaper than by the states themselves.
+        """
+        return squares_of_states(self, z, W, centre, root, e, epoch)
+
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
         extra = states.ndim - 2
@@ -154,6 +173,68 @@ class MeasurementDefaults:
         if mixture is None:
             return log_density(residual, self.noise(mean, epoch))
         return mixture_log_density(residual, mixture.weights, mixture.covariances, mixture.shared)
+
+
+def linearised(measurement: Measurement, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return residual (runs, m), Jacobian and R of a reading z at the means (runs, n).
+
+    By the measurement's own ``linearised(z, mean, epoch)`` where it has one.
+    """
+    own: Linearised | None = getattr(measurement, "linearised", None)
+    return one_by_one(measurement, z, mean, epoch) if own is None else own(z, mean, epoch)
+
+
+def one_by_one(measurement: Any, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+    """Return the same as `linearised` by the measurement's other functions."""
+    residual = measurement.residual(z, measurement.predict(mean, epoch))
+    return residual, measurement.jacobian(mean, epoch), measurement.noise(mean, epoch)
+
+
+def squared_errors(
+    measurement: Measurement, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int
+) -> Array:
+    """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N).
+
+    By the measurement's own ``squared_errors(z, W, centre, root, e, epoch)`` where it has one.
+
+    Args:
+        measurement: The measurement.
+        z: Readings (runs, m).
+        W: Whitening, lower triangular, (runs, m, m), or (1, m, m) for all runs.
+        centre: (runs, n).
+        root: (runs, n, d).
+        e: (runs, d, N), or (1, d, N) for all runs.
+        epoch: Their epoch.
+    """
+    own: SquaredErrors | None = getattr(measurement, "squared_errors", None)
+    if own is None:
+        return squares_of_states(measurement, z, W, centre, root, e, epoch)
+    return own(z, W, centre, root, e, epoch)
+
+
+def squares_of_states(measurement: Any, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+    """Return the same by the measurement's other functions."""
+    residuals = sample_residuals(measurement, z, affine(centre, root, e), epoch)
+    return kernels.sampling.squared(residuals, W)
+
+
+def sample_residuals(measurement: Any, z: Array, states: Array, epoch: int) -> Array:
+    """Return z - h(states) with the samples last, (runs, m, N), of readings (runs, m) and states (runs, N, n)."""
+    residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
+    return np.ascontiguousarray(residual.swapaxes(1, 2))
+
+
+def affine(centre: Array, root: Array, e: Array) -> Array:
+    """Return the states centre + root e, (runs, N, n).
+
+    They lie in memory with the samples last: a component's arithmetic then runs along them.
+    """
+    runs, n, d = root.shape
+    # One product for all, [root centre] [e; 1]: adding the centre would cost another pass over memory.
+    factor = np.empty((runs, n, d + 1))
+    factor[:, :, :d], factor[:, :, d] = root, centre
+    states: Array = factor @ np.concatenate([e, np.ones((len(e), 1, e.shape[2]))], axis=1)
+    return states.swapaxes(1, 2)
 
 
 def has_own_density(measurement: Measurement) -> bool:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import finite, numbers
+from relnav_sim.linalg import images
 from relnav_sim.measurements.given_noise import MixtureNoise, check_noise_extent, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 
@@ -28,7 +29,7 @@ class LinearMeasurement(MeasurementDefaults):
         H = numbers(matrix, "matrix")
         if H.ndim != 2 or not H.size:
             raise ValueError(f"matrix has shape {H.shape}; it must be (m, n)")
-        self._H = finite(H, "matrix", ("row", "column")).copy()
+        self._H = finite(H, "matrix", ("row", "column")).copy(order="C")
         self._H.setflags(write=False)  # a filter that wrote into it would change its next updates
         self.dimension, self.states = self._H.shape
         self.depends_on = tuple(np.flatnonzero(self._H.any(axis=0)).tolist())
@@ -44,8 +45,7 @@ class LinearMeasurement(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return H x, (runs, ..., m)."""
-        predicted: Array = np.einsum("ij,...j->...i", self._H, states)
-        return predicted
+        return images(self._H, states)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return H, (m, n)."""

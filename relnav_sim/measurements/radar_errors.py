@@ -6,15 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.astro.line_of_sight import (
-    components,
-    cross,
-    sight_gradients,
-    sight_vector,
-    spherical_gradients,
-    spherical_of,
-)
+from relnav_sim.linalg import images, in_rows
 
 RANGE, AZIMUTH, ELEVATION, TURN = 0, 1, 2, slice(3, 6)
 """Rows of the radar's errors: range (m), azimuth, elevation (rad), and a turn about the radar's axes (rad)."""
@@ -50,56 +44,31 @@ class RadarDistortion:
     turns: Array | None = None
 
     def __init__(self, errors: Array, radar_from_rtn: Array | None = None) -> None:
-        self._errors = errors
-        self._rotation = radar_from_rtn
-        self._turns = bool(errors[TURN].any())
-        self._adds_up = radar_from_rtn is None and not self._turns
+        self._errors = np.ascontiguousarray(errors)
+        self._cartesian = radar_from_rtn is not None
+        self._rotation = np.eye(3) if radar_from_rtn is None else np.ascontiguousarray(radar_from_rtn)
+        self._adds_up = not self._cartesian and not errors[TURN].any()
+        self._added = np.ascontiguousarray(errors[: ELEVATION + 1])
         self.sees = tuple(np.flatnonzero(errors.any(axis=0)).tolist())
 
     def apply(self, predicted: Array, extra: Array) -> Array:
         """Return the readings (..., 3) that take the place of the error-free ones."""
-        errors = np.einsum("ij,...j->...i", self._errors, extra)
-        reading = self._error_free(predicted) + errors[..., :3]
         if self._adds_up:
-            return reading
-        sight = self._turned(reading, errors)
-        if self._rotation is None:
-            return _stacked(spherical_of(components(sight)))
-        position: Array = np.einsum("ji,...j->...i", self._rotation, sight)
-        return position
+            return predicted + images(self._added, extra)
+        reading = kernels.distortion.readings(*self._points(predicted, extra))
+        return reading.reshape(predicted.shape)
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
         """Return the derivatives by the error-free reading, (..., 3, 3) or None for I, and by the augmented states."""
         if self._adds_up:
-            return None, self._errors[:3]
-        errors = np.einsum("ij,...j->...i", self._errors, extra)
-        free = self._error_free(predicted)
-        reading = free + errors[..., :3]
-        by_reading = _rows(sight_gradients(*components(reading)))
-        by_turn = _cross_matrices(_stacked(sight_vector(*components(reading))))
-        if self._turns:
-            by_reading = by_reading - _cross_matrices(errors[..., TURN]) @ by_reading
-        by_errors = np.concatenate([by_reading, by_turn], axis=-1)
-        if self._rotation is None:
-            by_errors = _rows(spherical_gradients(components(self._turned(reading, errors)))) @ by_errors
-            return by_errors[..., :3], by_errors @ self._errors
-        by_errors = self._rotation.T @ by_errors
-        by_sight = _rows(spherical_gradients(sight_vector(*components(free))))
-        return by_errors[..., :3] @ by_sight @ self._rotation, by_errors @ self._errors
+            return None, self._added
+        by_predicted, by_extra = kernels.distortion.by_both(*self._points(predicted, extra))
+        leading = predicted.shape[:-1]
+        return by_predicted.reshape(*leading, 3, 3), by_extra.reshape(*leading, *by_extra.shape[1:])
 
-    def _error_free(self, predicted: Array) -> Array:
-        """Return range, azimuth and elevation of the error-free reading."""
-        if self._rotation is None:
-            return predicted
-        return _stacked(spherical_of(components(np.einsum("ij,...j->...i", self._rotation, predicted))))
-
-    def _turned(self, reading: Array, errors: Array) -> Array:
-        """Return the line of sight (..., 3) of a biased reading after the turn, radar frame."""
-        sight = sight_vector(*components(reading))
-        if not self._turns:
-            return _stacked(sight)
-        moved = cross(sight, components(errors[..., TURN]))
-        return _stacked((sight[0] + moved[0], sight[1] + moved[1], sight[2] + moved[2]))
+    def _points(self, predicted: Array, extra: Array) -> tuple[Array, Array, Array, Array, bool]:
+        """Return the arguments of the kernels."""
+        return in_rows(predicted), in_rows(extra), self._errors, self._rotation, self._cartesian
 
 
 class AnglesDistortion:
@@ -127,26 +96,3 @@ class AnglesDistortion:
 
 def _at_unit_range(angles: Array) -> Array:
     return np.concatenate([np.ones_like(angles[..., :1]), angles], axis=-1)
-
-
-def _stacked(vector: tuple[Array, Array, Array]) -> Array:
-    stacked = np.empty((*vector[0].shape, 3))
-    for i, component in enumerate(vector):
-        stacked[..., i] = component
-    return stacked
-
-
-def _rows(gradients: tuple[tuple[Array, Array, Array], ...]) -> Array:
-    """Return (..., 3, 3) of the gradients' components, one row each."""
-    matrix = np.empty((*gradients[0][0].shape, 3, 3))
-    for i, row in enumerate(gradients):
-        for j, entry in enumerate(row):
-            matrix[..., i, j] = entry
-    return matrix
-
-
-def _cross_matrices(vectors: Array) -> Array:
-    """Return [v x], (..., 3, 3)."""
-    x, y, z = components(vectors)
-    zero = np.zeros_like(x)
-    return _rows(((zero, -z, y), (z, zero, -x), (-y, x, zero)))

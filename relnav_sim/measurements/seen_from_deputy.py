@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import Vector, components, cross, dot
+from relnav_sim.astro.line_of_sight import Vector, cross, dot
 
 
 @dataclass(frozen=True)
@@ -48,48 +49,19 @@ def deputy_axes(states: Array, radius_m: float, rate_rad_s: float, climb_m_s: fl
     return DeputyAxes(radial, cross(normal, radial), normal, radius, momentum, dot(w, radial))
 
 
-def _chief_seen(states: Array, deputy: DeputyAxes) -> Vector:
-    relative = components(states)
-    return -dot(relative, deputy.radial), -dot(relative, deputy.along), -dot(relative, deputy.normal)
-
-
-def chief_from_deputy(states: Array, orbit: ChiefOrbit) -> Vector:
-    """Return the chief's position relative to the deputy in the deputy's RTN axes, m.
+def chief_from_deputy(states: Array, orbit: ChiefOrbit) -> Array:
+    """Return the chief's position relative to the deputy in the deputy's RTN axes, (points, 3) m.
 
     Args:
-        states: (..., n >= 6), the deputy's RTN position (m) and velocity (m/s) relative to the chief.
+        states: (points, n >= 6), in C order, the deputy's RTN position (m) and velocity (m/s) relative to the chief.
         orbit: The chief's nominal orbit, taken as circular.
     """
-    return _chief_seen(states, deputy_axes(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s))
+    return kernels.deputy.chief_seen(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s)
 
 
-def chief_from_deputy_with_jacobian(states: Array, orbit: ChiefOrbit) -> tuple[Vector, Array]:
-    """Return `chief_from_deputy` and its derivatives with respect to the first six states, (..., 3, 6).
-
-    A change of d and w, in the deputy's axes, turns these by phi = ((|d| w_N - w_R d_N) / |h|, -d_N / |d|,
-    d_T / |d|); the sight c then changes by -d + c x phi.
-    """
-    deputy = deputy_axes(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s)
-    seen = _chief_seen(states, deputy)
-    axes = np.empty((3, *states.shape[:-1], 3))
-    for axis, place in zip((deputy.radial, deputy.along, deputy.normal), axes, strict=True):
-        place[..., 0], place[..., 1], place[..., 2] = axis
-    radial, along, normal = axes
-    c_radial, c_along, c_normal = (c[..., None] for c in seen)
-    radius, momentum = deputy.radius[..., None], deputy.momentum[..., None]
-    by_velocity = radius / momentum * normal
-    # w changes with the position too: n times the chief's orbit normal x dr.
-    by_position = -deputy.radial_velocity[..., None] / momentum * normal
-    by_position[..., 0] += orbit.mean_motion_rad_s * by_velocity[..., 1]
-    by_position[..., 1] -= orbit.mean_motion_rad_s * by_velocity[..., 0]
-    shrink = 1 + c_radial / radius
-    J = np.zeros((*states.shape[:-1], 3, 6))
-    J[..., 0, :3] = (c_along / radius) * along + (c_normal / radius) * normal - radial
-    J[..., 1, :3] = c_normal * by_position - shrink * along
-    J[..., 2, :3] = -c_along * by_position - shrink * normal
-    J[..., 1, 3:] = c_normal * by_velocity
-    J[..., 2, 3:] = -c_along * by_velocity
-    return seen, J
+def chief_from_deputy_with_jacobian(states: Array, orbit: ChiefOrbit) -> tuple[Array, Array]:
+    """Return `chief_from_deputy` and its derivatives with respect to the first six states, (points, 3, 6)."""
+    return kernels.deputy.chief_seen_with_jacobian(states, orbit.semi_major_axis_m, orbit.mean_motion_rad_s)
 
 
 def deputy_from_chief(seen: Vector, orbit: ChiefOrbit) -> Vector:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, components, rotate, rows, times
+from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, Vector, rotate, rows
 from relnav_sim.measurements.seen_from_deputy import (
     chief_from_deputy,
     chief_from_deputy_with_jacobian,
@@ -28,6 +28,7 @@ class Sight:
 
     Attributes:
         depends_on: The states on which it depends; None: any.
+        sensor_from_rtn: Rotation (3, 3) from the host's RTN axes to the sensor's.
 
     Raises:
         ValueError: The host is the deputy and there is no chief orbit.
@@ -36,44 +37,41 @@ class Sight:
     def __init__(self, mounting: Array, host: Literal["chief", "deputy"], chief_orbit: ChiefOrbit | None) -> None:
         if host == "deputy" and chief_orbit is None:
             raise ValueError("a sensor on the deputy needs the chief's nominal orbit")
-        self._sensor_from_rtn = rows(mounting @ NADIR_FROM_RTN)
-        self._rtn_from_sensor = rows((mounting @ NADIR_FROM_RTN).T)
+        self.sensor_from_rtn = mounting @ NADIR_FROM_RTN
+        self._rtn_from_sensor = rows(self.sensor_from_rtn.T)
         self._orbit = chief_orbit if host == "deputy" else None
         # In the deputy's own orbit frame the chief's bearing depends on the relative velocity as well.
         self.depends_on: tuple[int, ...] | None = (0, 1, 2) if self._orbit is None else None
 
-    def of(self, states: Array) -> Vector:
-        """Return the line of sight of states (runs, ..., n) in the sensor's axes, m, (runs, ...) each."""
-        relative = components(states) if self._orbit is None else chief_from_deputy(states, self._orbit)
-        return rotate(self._sensor_from_rtn, relative)
+    def positions(self, states: Array) -> Array:
+        """Return where the other craft is seen from the host of states (runs, ..., n), (points, 3 or more) m.
 
-    def jacobian(self, states: Array, gradients: Callable[[Vector], Sequence[Vector]]) -> Array:
-        """Return the derivatives by states (runs, ..., n) of what has these gradients by the line of sight.
-
-        Args:
-            states: (runs, ..., n).
-            gradients: Gives the gradients of m numbers at a line of sight, in the sensor's axes.
-
-        Returns:
-            (runs, ..., m, n).
+        In the host's RTN axes, in C order for a kernel; columns behind the third are of no meaning.
         """
-        by_state: Array | None = None
-        if self._orbit is None:
-            sight = self.of(states)
-        else:
-            seen, by_state = chief_from_deputy_with_jacobian(states, self._orbit)
-            sight = rotate(self._sensor_from_rtn, seen)
-        by_sight = gradients(sight)
-        H = np.zeros((*states.shape[:-1], len(by_sight), states.shape[-1]))
-        by_position = H if by_state is None else np.empty((*states.shape[:-1], len(by_sight), 3))
-        for i, row in enumerate(by_sight):
-            for j, entry in enumerate(times(self._rtn_from_sensor, row)):
-                by_position[..., i, j] = entry
-        if by_state is not None:
-            H[..., :6] = by_position @ by_state
-        return H
+        points = np.ascontiguousarray(states.reshape(-1, states.shape[-1]), dtype=np.float64)
+        return points if self._orbit is None else chief_from_deputy(points, self._orbit)
+
+    def positions_with_jacobian(self, states: Array) -> tuple[Array, Array | None]:
+        """Return `positions` and their derivatives by the first six states, (points, 3, 6); None: they are states."""
+        points = np.ascontiguousarray(states.reshape(-1, states.shape[-1]), dtype=np.float64)
+        return (points, None) if self._orbit is None else chief_from_deputy_with_jacobian(points, self._orbit)
 
     def position(self, sight: Vector) -> Array:
         """Return the relative position, RTN (..., 3) m, that has this line of sight; at rest where that matters."""
         seen = rotate(self._rtn_from_sensor, sight)
         return np.stack(seen if self._orbit is None else deputy_from_chief(seen, self._orbit), axis=-1)
+
+
+def in_states(by_position: Array, by_state: Array | None, states: Array) -> Array:
+    """Return the derivatives by states (runs, ..., n) of m numbers given by their derivatives by position.
+
+    Args:
+        by_position: (points, m, 3), or (points, m, n) with zeros behind the third column where positions are states.
+        by_state: Derivatives of the positions, from `Sight.positions_with_jacobian`.
+        states: The states.
+
+    Returns:
+        (runs, ..., m, n).
+    """
+    H = by_position if by_state is None else kernels.deputy.by_states(by_position, by_state, states.shape[-1])
+    return H.reshape(*states.shape[:-1], *H.shape[1:])

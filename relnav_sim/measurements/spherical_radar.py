@@ -8,16 +8,16 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import mounting_matrix, rows, sight_vector, spherical_gradients, spherical_of, times
+from relnav_sim.astro.line_of_sight import mounting_matrix, sight_vector
 from relnav_sim.given_arrays import numbers
 from relnav_sim.linalg import transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, Mixture
-from relnav_sim.measurements.sight import Sight
+from relnav_sim.measurements.sight import Sight, in_states
 
 Assumed = Literal["nominal", "total", "mixture"]
-_ZERO, _MINUS_ONE = np.zeros(()), -np.ones(())
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,7 @@ class SphericalRadar(MeasurementDefaults):
         ValueError: The host is the deputy and there is no chief orbit.
     """
 
+    leaves_arguments_alone = True
     dimension = 3
     angles = (1, 2)
 
@@ -84,22 +85,37 @@ class SphericalRadar(MeasurementDefaults):
         chief_orbit: ChiefOrbit | None = None,
     ) -> None:
         self._sight = Sight(mounting, host, chief_orbit)
+        self._rotation = self._sight.sensor_from_rtn
         self.depends_on = self._sight.depends_on
-        self._attitude = rows(noise.attitude) if noise.attitude.any() else None
-        self._variances = noise.variances.tolist()
+        self._attitude = np.ascontiguousarray(noise.attitude)
+        self._turns = bool(noise.attitude.any())
+        self._variances = noise.variances
         self._weights = noise.weights
-        self._component_variances = np.square(noise.deviations).tolist() if noise.has_components else []
+        self._component_variances = tuple(np.square(noise.deviations)) if noise.has_components else ()
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
-        # Laid out in memory as the states are: what follows is then elementwise along the particles.
-        z = np.empty_like(states[..., :3]) if states.ndim > 2 else np.empty((len(states), 3))
-        z[..., 0], z[..., 1], z[..., 2] = spherical_of(self._sight.of(states))
-        return z
+        return kernels.sight.spherical(self._sight.positions(states), self._rotation).reshape(*states.shape[:-1], 3)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
-        return self._sight.jacobian(states, spherical_gradients)
+        positions, by_state = self._sight.positions_with_jacobian(states)
+        return in_states(kernels.sight.jacobian(positions, self._rotation), by_state, states)
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, 3), Jacobian (runs, 3, n) and R at the means (runs, n), all at once."""
+        positions, by_state = self._sight.positions_with_jacobian(mean)
+        nu, H, R = kernels.sight.linearised(
+            np.ascontiguousarray(z), positions, self._rotation, self._attitude, self._variances
+        )
+        return nu, in_states(H, by_state, mean), R if self._turns else R[0]
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N)."""
+        if self.depends_on is None or root.shape[2] != 3:
+            return super().squared_errors(z, W, centre, root, e, epoch)
+        z, W, centre, root, e = map(np.ascontiguousarray, (z, W, centre, root, e))
+        return kernels.sight.squared_errors(z, W, centre, root, e, self._rotation)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
@@ -116,25 +132,12 @@ class SphericalRadar(MeasurementDefaults):
         """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at; at rest where that matters."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
 
-    def _covariance(self, states: Array, variances: list[float]) -> Array:
+    def _covariance(self, states: Array, variances: Array) -> Array:
         """Return diag(variances) + G P G^T, (..., 3, 3), or (3, 3) with perfect attitude."""
-        if self._attitude is None:
+        if not self._turns:
             return np.diag(variances)
-        x, y, z = self._sight.of(states)
-        in_plane = x * x + y * y
-        level = np.sqrt(in_plane)
-        # dtheta moves the azimuth by (z x / p^2, z y / p^2, -1) and the elevation by (y / p, -x / p, 0), p = level.
-        slope = z / in_plane
-        azimuth = (slope * x, slope * y, _MINUS_ONE)
-        elevation = (y / level, -x / level, _ZERO)
-        P_azimuth = times(self._attitude, azimuth)
-        P_elevation = times(self._attitude, elevation)
-        R = np.zeros((*states.shape[:-1], 3, 3))
-        R[..., 0, 0] = variances[0]
-        R[..., 1, 1] = azimuth[0] * P_azimuth[0] + azimuth[1] * P_azimuth[1] + (variances[1] - P_azimuth[2])
-        R[..., 1, 2] = R[..., 2, 1] = elevation[0] * P_azimuth[0] + elevation[1] * P_azimuth[1]
-        R[..., 2, 2] = elevation[0] * P_elevation[0] + elevation[1] * P_elevation[1] + variances[2]
-        return R
+        R = kernels.sight.noise(self._sight.positions(states), self._rotation, self._attitude, variances)
+        return R.reshape(*states.shape[:-1], 3, 3)
 
 
 def radar(

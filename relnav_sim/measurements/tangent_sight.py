@@ -10,17 +10,16 @@ noise of the angles the density of h(x) at the true state is that of the noise e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import Vector, dot, mounting_matrix, rows, sight_vector, times
-from relnav_sim.astro.tangent_plane import deflection, deflection_by_turn, deflection_gradients, unit
+from relnav_sim.astro.line_of_sight import mounting_matrix, sight_vector
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
-from relnav_sim.measurements.sight import Sight
+from relnav_sim.measurements.sight import Sight, in_states
 from relnav_sim.measurements.spherical_radar import SightNoise
 
 
@@ -46,14 +45,15 @@ class TangentSight(MeasurementDefaults):
         self._ranged = self.dimension == 3
         self._angles = slice(self.dimension - 2, self.dimension)
         self._sight = sight
+        self._rotation = sight.sensor_from_rtn
         self.depends_on = sight.depends_on
-        self._attitude = rows(noise.attitude) if noise.attitude.any() else None
-        self._covariance = np.diag(noise.variances)
+        self._attitude = np.ascontiguousarray(noise.attitude) if noise.attitude.any() else None
+        self._covariance = np.diag(noise.variances)[None]
         self._weights = noise.weights
         self._components = (
             np.square(noise.deviations)[:, None] * np.eye(self.dimension) if noise.has_components else None
         )
-        self._centres: Array | None = None
+        self._centres: Array | None = None  # (epochs, runs, 3)
         self._first_epoch = 0
 
     def take(self, z: Array, first_epoch: int) -> Array:
@@ -65,85 +65,73 @@ class TangentSight(MeasurementDefaults):
             first_epoch: Number of the first epoch.
         """
         azimuth, elevation = np.moveaxis(z[..., self._angles], -1, 0)
-        self._centres = np.stack(sight_vector(np.ones(()), azimuth, elevation), axis=-1)
-        self._first_epoch = first_epoch
+        centres = np.stack(sight_vector(np.ones(()), azimuth, elevation), axis=-1)
+        self._centres, self._first_epoch = np.ascontiguousarray(centres.swapaxes(0, 1)), first_epoch
         taken = z.copy()
-        taken[..., self._angles] = np.where(np.isnan(self._centres[..., :1]), np.nan, 0.0)
+        taken[..., self._angles] = np.where(np.isnan(centres[..., :1]), np.nan, 0.0)
         return taken
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return (range and) the angles between reading and line of sight of states (runs, ..., n): (runs, ..., m)."""
-        sight = self._sight.of(states)
-        # Laid out in memory as the states are: what follows is then elementwise along the particles.
-        z = np.empty_like(states[..., : self.dimension]) if states.ndim > 2 else np.empty((len(states), self.dimension))
-        z[..., -2], z[..., -1] = deflection(self._centre(sight, epoch), sight)
-        if self._ranged:
-            z[..., 0] = np.sqrt(dot(sight, sight))
-        return z
+        positions = self._sight.positions(states)
+        z = kernels.tangent.readings(positions, self._rotation, self._read(len(states), epoch), self._ranged)
+        return z.reshape(*states.shape[:-1], self.dimension)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., m, n)."""
+        return self._predicted(states, epoch)[1]
 
-        def gradients(sight: Vector) -> Sequence[Vector]:
-            angles = deflection_gradients(self._centre(sight, epoch), sight)
-            return (unit(sight), *angles) if self._ranged else angles
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), Jacobian (runs, m, n) and R at the means (runs, n)."""
+        predicted, H = self._predicted(mean, epoch)
+        return z - predicted, H, self.noise(mean, epoch)
 
-        return self._sight.jacobian(states, gradients)
+    def _predicted(self, states: Array, epoch: int) -> tuple[Array, Array]:
+        """Return h, (points, m), and its derivatives, (runs, ..., m, n)."""
+        positions, by_state = self._sight.positions_with_jacobian(states)
+        centres = self._read(len(states), epoch)
+        z, H = kernels.tangent.linearised(positions, self._rotation, centres, self._ranged)
+        return z, in_states(H, by_state, states)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R: (m, m) with perfect attitude, else (runs, m, m)."""
         if self._attitude is None:
-            return self._covariance
-        R = np.empty((len(mean), self.dimension, self.dimension))
-        R[...] = self._covariance
-        R[:, self._angles, self._angles] += self._turned(mean, epoch)
-        return R
+            return self._covariance[0]
+        return self._turned(mean, epoch, self._attitude, self._covariance)[:, 0]
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (k, m, m) or (runs, k, m, m), where the filter is told of a mixture."""
         if self._components is None:
             return None
-        if self._attitude is None:
-            return Mixture(self._weights, self._components, shared=True)
-        covariances = np.empty((len(mean), *self._components.shape))
-        covariances[...] = self._components
-        covariances[..., self._angles, self._angles] += self._turned(mean, epoch)[:, None]
+        covariances = self._components
+        if self._attitude is not None:
+            covariances = self._turned(mean, epoch, self._attitude, covariances)
         return Mixture(self._weights, covariances, shared=True)
 
     def turning(self, states: Array, epoch: int) -> Array:
         """Return what a small turn of the host about the sensor's axes does to the reading, (runs, 1, ..., m, 3)."""
-        centre = self._centre(self._sight.of(states), epoch)
-        G = np.zeros((*np.shape(centre[0]), self.dimension, 3))
-        for i, row in enumerate(deflection_by_turn(centre), self.dimension - 2):
-            for j, entry in enumerate(row):
-                G[..., i, j] = entry
-        return G
+        first = states.reshape(len(states), -1, states.shape[-1])[:, 0]
+        G = np.zeros((len(states), self.dimension, 3))
+        G[:, self._angles] = kernels.tangent.by_turn(
+            self._sight.positions(first), self._rotation, self._read(len(states), epoch)
+        )
+        return G.reshape(len(states), *[1] * (states.ndim - 2), self.dimension, 3)
 
     def position(self, z: Array) -> Array:
         """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
 
-    def _turned(self, mean: Array, epoch: int) -> Array:
-        """Return G P G^T, (runs, 2, 2)."""
-        assert self._attitude is not None
-        first, second = deflection_by_turn(self._centre(self._sight.of(mean), epoch))
-        P_first, P_second = times(self._attitude, first), times(self._attitude, second)
-        covariance = np.empty((len(mean), 2, 2))
-        covariance[:, 0, 0] = dot(first, P_first)
-        covariance[:, 0, 1] = covariance[:, 1, 0] = dot(second, P_first)
-        covariance[:, 1, 1] = dot(second, P_second)
-        return covariance
+    def _turned(self, mean: Array, epoch: int, attitude: Array, own: Array) -> Array:
+        """Return covariances (k, m, m) and what the attitude's error adds to each, (runs, k, m, m)."""
+        positions, centres = self._sight.positions(mean), self._read(len(mean), epoch)
+        return kernels.tangent.noise(positions, self._rotation, centres, attitude, own)
 
-    def _centre(self, sight: Vector, epoch: int) -> Vector:
-        """Return the direction of each run's reading, or of its first state where there is none, (runs, 1, ...)."""
-        rest = sight[0].ndim - 1
-        own = unit(tuple(part[(slice(None), *[slice(1)] * rest)] for part in sight))  # type: ignore[arg-type]
+    def _read(self, runs: int, epoch: int) -> Array:
+        """Return the direction of each run's reading, (runs, 3); NaN where there is none."""
         place = epoch - self._first_epoch
-        if self._centres is None or not 0 <= place < self._centres.shape[1] or len(self._centres) != len(own[0]):
-            return own
-        read = self._centres[:, place].reshape(-1, *[1] * rest, 3)
-        x, y, z = (np.where(np.isnan(read[..., i]), own[i], read[..., i]) for i in range(3))
-        return x, y, z
+        if self._centres is None or not 0 <= place < len(self._centres) or self._centres.shape[1] != runs:
+            return np.full((runs, 3), np.nan)
+        return np.asarray(self._centres[place])
 
 
 def camera(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -10,6 +11,7 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 from relnav_sim.crlb.case_bound import failed_bound
+from relnav_sim.kernels import CompilerError
 from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.blame import TaskQueue
@@ -29,7 +31,7 @@ TRIES = 2
 
 
 class WorkersError(OSError):
-    """No worker process can be started; the message says why, as far as it is known."""
+    """No worker process can be started, or nothing can be computed; the message says why, as far as it is known."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,10 @@ class Pool:
         yield from self._here(queue) if self._backend == "sequential" else self._by_workers(queue)
 
     def _here(self, queue: TaskQueue) -> Iterator[Done]:
+        try:
+            importlib.import_module("relnav_sim.kernels.compiling")
+        except CompilerError as error:  # in a block it would be the failure of every run
+            raise WorkersError(str(error)) from error
         learned = Learned()
         while queue:
             task = queue.take()
@@ -223,6 +229,8 @@ class Pool:
     def _not_started(self, seat: _Seat, error: BaseException) -> None:
         """Try once more; then go on without this seat, if there is another one whose worker is at work."""
         seat.end()
+        if isinstance(error, CompilerError):
+            raise WorkersError(str(error)) from error
         seat.failed_starts += 1
         if seat.failed_starts < TRIES:
             return

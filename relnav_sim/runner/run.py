@@ -10,6 +10,7 @@ from relnav_sim.campaign import Campaign
 from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.shard_folder import move_aside, shard_folder
 from relnav_sim.runner.stopping import look_at, looks
 from relnav_sim.runner.tally import Tally
@@ -68,6 +69,7 @@ def run_campaign(
             blocks = [task for task in tasks if isinstance(task, Block)]
             if goes_on and blocks:
                 say(f"{goes_on} finished blocks found; {len(blocks)} left to compute")
+            compile_kernels(tasks, say)
             tally = Tally(blocks, job.figures())
             with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
                 for done in done_tasks:

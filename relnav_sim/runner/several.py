@@ -12,6 +12,7 @@ from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.job import Job, Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.tally import Tally
 from relnav_sim.runner.work import Block
@@ -76,6 +77,7 @@ def run_campaigns(
             shares[job.folder] = _Share(job, hold, {unit for task in left for unit in _units(task)})
             if not left:
                 shares[job.folder].write(say)
+        compile_kernels(tasks, say)
         tally = Tally([_named(task, shares[task.folder].job) for task in tasks if isinstance(task, Block)], {})
         with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
             for done in done_tasks:

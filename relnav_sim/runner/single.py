@@ -21,6 +21,7 @@ from relnav_sim.results.read import open_results
 from relnav_sim.runner.failure_log import keep_log
 from relnav_sim.runner.job import Say, result_header
 from relnav_sim.runner.pool import Backend, Pool
+from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.run import default_out
 from relnav_sim.runner.warnings import warnings_before
 from relnav_sim.runner.work import Block
@@ -66,6 +67,7 @@ def run_single(
     started, clock = datetime.now(UTC), time.monotonic()
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
         block = Block(campaign.seed, 0, chosen, (run,), Path(folder))
+        compile_kernels([block], say)
         with Pool(1, backend, timeout_s) as pool:
             shards = [done.block.path for done in pool.computed([block])]
         provenance = collect_provenance(started, datetime.now(UTC), time.monotonic() - clock)

@@ -9,16 +9,19 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from relnav_sim.safe_path import VARIABLE, safe_path
 
 if TYPE_CHECKING:
     from relnav_sim.runner.bound_task import Task
     from relnav_sim.runner.compute import Outcome
+
+T = TypeVar("T")
+Given = TypeVar("Given")
 
 PARENT_CHECKED_EVERY_S = 0.25
 PR_SET_PDEATHSIG = 1
@@ -59,14 +62,19 @@ class Worker:
 
     def submit(self, task: Task) -> Future[Outcome]:
         """Hand over a task; the future has the exception `BrokenProcessPool` if the process dies of it."""
-        from joblib.externals.loky.process_executor import BrokenProcessPool
-
         from relnav_sim.runner.worker_task import work
 
+        return self.call(work, task)
+
+    def call(self, function: Callable[[Given], T], given: Given) -> Future[T]:
+        """Have a function called in the process, as `submit` has a task computed."""
+        from joblib.externals.loky.process_executor import BrokenProcessPool
+
         try:
-            return self._executor.submit(work, task)
+            called: Future[T] = self._executor.submit(function, given)
+            return called
         except BrokenProcessPool as error:  # it died while it had nothing to do
-            dead: Future[Outcome] = Future()
+            dead: Future[T] = Future()
             dead.set_exception(error)
             return dead
 
@@ -104,8 +112,11 @@ def _started_apart() -> Iterator[None]:
 
 def _make_ready() -> None:
     """Load what tasks need, so that an environment in which that fails shows at the start and with its traceback."""
+    from relnav_sim.kernels.code_folder import hush
     from relnav_sim.runner.worker_process import prepare_worker
 
+    hush()  # the campaign's process has said it
+    importlib.import_module("relnav_sim.kernels.compiling")  # before a plug-in imports numba itself
     prepare_worker()
     importlib.import_module("relnav_sim.runner.worker_task")
 

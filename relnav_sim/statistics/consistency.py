@@ -10,59 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.statistics.moments import Moments, merged, moments, no_moments
 
-_CHUNK = 2048  # matrices per piece: 36 + 6 numbers each then stay in the cache of one core
 
-
-def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask]:
+def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mask]:
     """Return e^T P^-1 e of the whole state and of its position and velocity parts (their marginal covariances).
 
-    Every step is elementwise over the stack, so bits depend neither on the block nor on the chunk. The error is
-    one more row of the Cholesky recursion: that row becomes L^-1 e.
-
     Args:
-        error: (N, 6).
-        covariance: (N, 6, 6); only the lower triangle is read.
+        error: (runs, K, 6).
+        covariance: (runs, K, 6, 6); only the lower triangle is read. Quickest where the epochs lie one after the other
+            in memory.
 
     Returns:
-        NEES (3, N) in the order of `layout.BLOCKS`, and whether the covariance is positive definite (N,). The
-        NEES of a covariance that is not is NaN or meaningless.
+        NEES (3, runs, K) in the order of `layout.BLOCKS`; whether the covariance is positive definite, and whether it
+        is finite, (runs, K). The NEES of a covariance that is not is NaN or meaningless.
     """
-    nees = np.empty((3, len(error)))
-    definite = np.empty(len(error), dtype=bool)
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for start in range(0, len(error), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            columns = np.empty((6, 7, len(error[part])))
-            columns[:, :6] = covariance[part].transpose(2, 1, 0)
-            columns[:, 6] = error[part].T
-            velocity = columns[3:, 3:].copy()
-            definite[part] = _eliminate(columns)
-            _eliminate(velocity)
-            position = _square_sum(columns[:3, 6])
-            nees[0, part] = position + _square_sum(columns[3:, 6])
-            nees[1, part] = position
-            nees[2, part] = _square_sum(velocity[:, 3])
-    return nees, definite
-
-
-def _eliminate(columns: Array) -> Mask:
-    """Turn columns (n, n + 1, N) of [A; e] into those of [L; (L^-1 e)^T] in place; True where A > 0."""
-    n = len(columns)
-    definite = np.ones(columns.shape[-1], dtype=bool)
-    for j in range(n):
-        definite &= columns[j, j] > 0
-        columns[j, j + 1 :] /= np.sqrt(columns[j, j])
-        for k in range(j + 1, n):
-            columns[k, k:] -= columns[j, k:] * columns[j, k]
-    return definite
-
-
-def _square_sum(y: Array) -> Array:
-    return (y[0] * y[0] + y[1] * y[1]) + y[2] * y[2]
+    by_epoch = np.ascontiguousarray(covariance.swapaxes(0, 1))
+    return kernels.statistics.normalised_errors(np.ascontiguousarray(error), by_epoch)
 
 
 def chi_square_quantile(probability: float, dof: float) -> float:
@@ -107,11 +74,9 @@ def nees_sums(nees: Array, counted: Mask, limits: Array) -> NeesSums:
     """
     if not counted.all():
         nees = np.where(counted, nees, 0.0)
-    inside = np.empty((*limits.shape, nees.shape[1]), dtype=np.int64)
-    for block, row in enumerate(limits):
-        for level, limit in enumerate(row):
-            inside[block, level] = np.count_nonzero((nees[block] <= limit) & counted, axis=-1)
-    return NeesSums(counted.sum(axis=-1), nees.sum(axis=-1), inside)
+    return NeesSums(
+        counted.sum(axis=-1), nees.sum(axis=-1), kernels.statistics.inside(nees, np.ascontiguousarray(counted), limits)
+    )
 
 
 def merged_nees(a: NeesSums, b: NeesSums) -> NeesSums:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.statistics.quantiles import BINS, Counts, bin_counts, bin_of
 
@@ -47,7 +48,7 @@ class Convergence:
         self._tail = known[:, max(0, known.shape[1] - self._hold) :]
         if known.shape[1] <= self._hold:
             return
-        largest = _sliding_max(known, self._hold + 1)
+        largest = kernels.statistics.sliding_largest(known, self._hold + 1)
         smallest = np.minimum.accumulate(np.concatenate([self._smallest, largest], axis=1), axis=1)[:, 1:]
         self._smallest = smallest[:, -1:]
         self._starts += smallest.shape[1]
@@ -76,12 +77,3 @@ class Convergence:
 
     def _first(self, not_yet: Integers) -> Array:
         return np.where(not_yet < self._starts, not_yet + 1.0, np.nan)
-
-
-def _sliding_max(x: Array, window: int) -> Array:
-    """Return the largest of each ``window`` successive columns: (runs, K) gives (runs, K - window + 1)."""
-    count, width = x.shape[1] - window + 1, 1
-    while 2 * width <= window:
-        x = np.maximum(x[:, :-width], x[:, width:])
-        width *= 2
-    return np.maximum(x[:, :count], x[:, window - width : window - width + count])

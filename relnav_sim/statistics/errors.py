@@ -164,9 +164,8 @@ class ErrorAccumulator:
         shape = error.shape[:2]
         # Sums must run over C order: with it a run's epochs are added in the same order in every block.
         nis, log_likelihood = np.ascontiguousarray(nis), np.ascontiguousarray(log_likelihood)
-        nees, definite = consistency.normalised_errors(error.reshape(-1, 6), covariance.reshape(-1, 6, 6))
-        nees = nees.reshape(3, *shape)
-        self._find_failures(first, error, covariance, definite.reshape(shape), stated or {})
+        nees, definite, finite = consistency.normalised_errors(error, covariance)
+        self._find_failures(first, error, definite, finite, stated or {})
         epochs = np.arange(first, first + shape[1])
         sound = epochs < self._failed_epoch[:, None]
         self._store(epochs, error, covariance, nis, nees[0], sound)
@@ -247,14 +246,13 @@ class ErrorAccumulator:
         return first
 
     def _find_failures(
-        self, first: int, error: Array, covariance: Array, definite: Mask, stated: Mapping[int, tuple[int, str]]
+        self, first: int, error: Array, definite: Mask, finite: Mask, stated: Mapping[int, tuple[int, str]]
     ) -> None:
-        # A sum is finite only if all its terms are; one product with ones is many times faster than isfinite
-        # over every entry. Terms that overflow only when added are as good as infinite here.
+        # A sum is finite only if all its terms are, and one product with ones is quicker than looking at each. Terms
+        # that overflow only when added are as good as infinite here.
         with np.errstate(over="ignore", invalid="ignore"):
             mean_ok = np.isfinite(error @ np.ones(6))
-            covariance_ok = np.isfinite(covariance.reshape(*error.shape[:2], 36) @ np.ones(36))
-        ok = mean_ok & covariance_ok & definite
+        ok = mean_ok & finite & definite
         if ok.all():
             return
         for run in np.flatnonzero(~ok.all(axis=1) & (self._failed_epoch == _NEVER)).tolist():
@@ -262,9 +260,7 @@ class ErrorAccumulator:
             self._failed_epoch[run] = first + k
             epoch, reason = stated.get(run, (first + k, ""))
             if not reason or epoch != first + k:
-                reason = (
-                    NO_MEAN if not mean_ok[run, k] else NO_COVARIANCE if not covariance_ok[run, k] else NOT_DEFINITE
-                )
+                reason = NO_MEAN if not mean_ok[run, k] else NO_COVARIANCE if not finite[run, k] else NOT_DEFINITE
             self._reasons[run] = reason
 
     def _store(self, epochs: Integers, error: Array, covariance: Array, nis: Array, nees: Array, sound: Mask) -> None:

@@ -16,6 +16,8 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
 from relnav_sim.runner.pool import Pool
+from relnav_sim.runner.rehearsal import compile_kernels
+from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.statistics.intervals import paired_difference
 from relnav_sim.tuning.bench import Bench
 from relnav_sim.tuning.objective import Figures, Score, objective
@@ -68,6 +70,8 @@ def tune_campaign(
     plans = [_Plan(name, scalars, chosen, options) for name, scalars in free.items()]
     seed, check_seed = derived_seed(campaign.seed, SEARCH_WORD), derived_seed(campaign.seed, CHECK_WORD)
     planned = len(plans) * len(chosen) * (options.budget * options.runs + 2 * options.check_runs)
+    for_tuning = [with_filters(case, list(free)) for case in chosen]
+    compile_kernels([Block(seed, place, case, (0,), Path()) for place, case in enumerate(for_tuning)], say)
     with (
         TemporaryDirectory(prefix="relnav_tune_") as folder,
         # One worker is this process: a second one would only cost its start.

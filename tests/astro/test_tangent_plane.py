@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from relnav_sim import kernels
 from relnav_sim.astro.line_of_sight import sight_vector, spherical_of
-from relnav_sim.astro.tangent_plane import across, deflected, deflection, deflection_by_turn, deflection_gradients
+from relnav_sim.astro.tangent_plane import across, deflected
 
 BEHIND = np.array([[-1.0, 0.0, 0.0], [-1.0, 1e-12, 0.0], [-1.0, 0.0, -1e-200], [-1.0, 1e-5, 3e-6]])
 CORNERS = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [0, -1, 0]])
@@ -21,6 +22,22 @@ def directions(count=200, seed=3):
 
 def stacked(vectors):
     return np.stack(vectors, axis=-1)
+
+
+def deflection(centre, sight):
+    return kernels.tangent.readings(rows(sight), np.eye(3), rows(centre), False).T
+
+
+def deflection_gradients(centre, sight):
+    return kernels.tangent.linearised(rows(sight), np.eye(3), rows(centre), False)[1].transpose(1, 2, 0)
+
+
+def deflection_by_turn(centre):
+    return kernels.tangent.by_turn(rows(centre), np.eye(3), rows(centre)).transpose(1, 2, 0)
+
+
+def rows(vectors):
+    return np.ascontiguousarray(np.atleast_2d(stacked(vectors)))
 
 
 def test_axes_stand_across_every_direction_and_on_each_other():

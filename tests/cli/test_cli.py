@@ -69,8 +69,21 @@ def test_help_imports_nothing_heavy():
         "from relnav_sim.cli.app import app\n"
         "try: app(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'yaml'}\n"
+        "heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'yaml', 'numba'}\n"
         "print('loaded', sorted(heavy & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded []"
+
+
+@pytest.mark.parametrize("words", [["list", "filters"], ["show", "filter", "ekf"], ["schema"], ["new", "a.yaml"]])
+def test_what_needs_no_kernel_does_not_import_their_compiler(here, words):
+    program = (
+        "import sys\n"
+        "from relnav_sim.cli.app import app\n"
+        f"try: app({words})\n"
+        "except SystemExit as end: assert not end.code\n"
+        "print('loaded', sorted({'numba', 'llvmlite'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded []"

@@ -1,6 +1,6 @@
 import numpy as np
 
-from relnav_sim.filters.square_root import Whitener, general_solve, semidefinite_root, triangular_root
+from relnav_sim.filters.square_root import Whitener, general_solve, semidefinite_root, squares, triangular_root
 
 
 def test_triangular_root_is_lower_with_positive_diagonal():
@@ -52,7 +52,9 @@ def test_whitener_measures_lengths_in_the_range():
     P = M @ M.swapaxes(1, 2)
     v = np.einsum("bij,bj->bi", P, rng.normal(size=(30, 5)))
     expected = np.einsum("bi,bij,bj->b", v, np.linalg.pinv(P, rcond=1e-10), v)
-    np.testing.assert_allclose(Whitener(P).squared(v), expected, rtol=1e-6)
+    np.testing.assert_allclose(
+        squares(Whitener(P), v, Whitener(np.ones((len(v), 1, 1))), np.ones((len(v), 1))), 1 + expected, rtol=1e-6
+    )
 
 
 def test_general_solve_leaves_a_singular_matrix_to_its_own_run():

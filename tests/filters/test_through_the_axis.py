@@ -21,6 +21,11 @@ OWN = Sight(np.eye(3), "chief", None)
 F = cw_transition(N, STEP_S)
 
 
+def seen(states):
+    """The line of sight in the sensor's axes, by component."""
+    return tuple(np.moveaxis(states[..., :3] @ OWN.sensor_from_rtn.T, -1, 0))
+
+
 def flown():
     """Once round the chief in its orbital plane, 2:1, starting straight above it: on the axis, and again below it."""
     states = [np.array([250.0, 0.0, 0.0, 0.0, -2 * N * 250.0, 0.0])]
@@ -33,7 +38,7 @@ def history(form, name="ekf"):
     """Filter readings whose noise is of the given form, with a filter that is told so."""
     truth, generator = flown(), np.random.default_rng(21)
     v = generator.normal(size=(RUNS, EPOCHS, 3)) * SIGMAS
-    sight = OWN.of(truth)
+    sight = seen(truth)
     distance, azimuth, elevation = spherical_of(sight)
     z = v.copy()
     z[..., 0] += distance
@@ -93,7 +98,7 @@ def test_away_from_the_axis_both_are_the_same_to_second_order():
     off = np.array([0.0, 800.0, 0.0, 0.0, 0.0, 0.0])
     generator = np.random.default_rng(22)
     v = generator.normal(size=(20, 60, 3)) * SIGMAS
-    sight = OWN.of(np.broadcast_to(off, (60, 6)))
+    sight = seen(np.broadcast_to(off, (60, 6)))
     z = v.copy()
     z[..., 0] += spherical_of(sight)[0]
     tangent = v.copy()

@@ -41,9 +41,15 @@ def states(runs=30, seed=1):
     return np.random.default_rng(seed).normal(size=(runs, 6)) * [900, 900, 900, 0.4, 0.4, 0.4]
 
 
+def seen(own, at):
+    """The line of sight of states (..., n) in the sensor's axes, by component."""
+    positions = own.positions(at)[:, :3].reshape(*at.shape[:-1], 3)
+    return tuple(np.moveaxis(positions @ own.sensor_from_rtn.T, -1, 0))
+
+
 def angles_of(own, at, errors=0.0):
     """Azimuth and elevation of states (..., n) read off by errors (..., 2)."""
-    u = deflected(unit(own.of(at)), *np.moveaxis(np.broadcast_to(errors, (*at.shape[:-1], 2)), -1, 0))
+    u = deflected(unit(seen(own, at)), *np.moveaxis(np.broadcast_to(errors, (*at.shape[:-1], 2)), -1, 0))
     return np.stack(spherical_of(u)[1:], axis=-1)
 
 
@@ -124,7 +130,7 @@ def test_noise_is_that_of_the_angles_and_of_the_turned_line_of_sight(mounting, h
         model.take(np.concatenate([np.ones((30, channels - 2)), angles_of(own, x)], axis=-1)[:, None], 9)
         R = model.noise(x + 50.0, 9)
         for run in range(30):
-            u = np.array([part[run] for part in unit(own.of(x))])
+            u = np.array([part[run] for part in unit(seen(own, x))])
             E = np.array(across(tuple(u)))
             expected = ANGLE**2 * np.eye(2) + E @ cross_matrix(u) @ ATTITUDE @ cross_matrix(u).T @ E.T
             np.testing.assert_allclose(R[run, -2:, -2:], expected, rtol=1e-9, atol=1e-18)
@@ -240,7 +246,7 @@ def test_a_converted_position_is_unbiased_and_has_the_covariance_it_states():
     generator = np.random.default_rng(10)
     scale = deviations[generator.choice(2, size=count, p=weights)]
     v = generator.normal(size=(count, 3)) * scale
-    direction = tuple(float(part[0]) for part in unit(own.of(state)))
+    direction = tuple(float(part[0]) for part in unit(seen(own, state)))
     u = deflected(direction, v[:, 1], v[:, 2])
     read = (np.linalg.norm(state[0, :3]) + v[:, 0]) / tangent_shrinkage(weights, deviations)
     error = own.position(tuple(read * part for part in u)) - state[:, :3]

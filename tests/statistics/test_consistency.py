@@ -49,11 +49,13 @@ def test_normalised_errors_of_badly_scaled_covariances() -> None:
     scale = np.array([1e3, 1e3, 1e3, 1e-5, 1e-5, 1e-5])
     white = rng.standard_normal((5000, 6))
     factor = np.linalg.cholesky(mix @ mix.swapaxes(-1, -2)) * scale[:, None]
-    nees, definite = normalised_errors((factor @ white[..., None])[..., 0], factor @ factor.swapaxes(-1, -2))
+    error, covariance = (factor @ white[..., None])[..., 0], factor @ factor.swapaxes(-1, -2)
+    nees, definite, finite = normalised_errors(error[None], covariance[None])
     assert definite.all()
+    assert finite.all()
     condition = np.linalg.cond(factor / scale[:, None]) ** 2
-    wrong = np.abs(nees[0] - np.square(white).sum(axis=1))
-    assert (wrong < 100 * np.finfo(float).eps * condition * nees[0]).all()
+    wrong = np.abs(nees[0, 0] - np.square(white).sum(axis=1))
+    assert (wrong < 100 * np.finfo(float).eps * condition * nees[0, 0]).all()
 
 
 def test_what_is_not_positive_definite_is_found() -> None:
@@ -65,9 +67,10 @@ def test_what_is_not_positive_definite_is_found() -> None:
     covariance[5] = 0
     covariance[6, 4, 3] = np.nan
     covariance[7, 2, 2] = 1e-300
-    nees, definite = normalised_errors(np.ones((8, 6)), covariance)
-    assert definite.tolist() == [True, False, False, False, False, False, False, True]
-    assert nees[:, 0].tolist() == [6, 3, 3]
+    nees, definite, finite = normalised_errors(np.ones((1, 8, 6)), covariance[None])
+    assert definite.tolist() == [[True, False, False, False, False, False, False, True]]
+    assert finite.tolist() == [[True, True, True, False, True, True, False, True]]
+    assert nees[:, 0, 0].tolist() == [6, 3, 3]
 
 
 def test_chi_square_quantile() -> None:

@@ -1,0 +1,39 @@
+"""Compile all kernels for this machine, as `python -m relnav_sim.kernels`: once in an image, or before many tests.
+
+Prints the seconds of processor time that each takes; nothing of those that are compiled already.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+from relnav_sim.kernels import CompilerError
+from relnav_sim.kernels.code_folder import code_folder, is_kept, kernel_names, not_kept, not_writable
+
+
+def main() -> int:
+    """Compile what is not kept yet, on two processes; return the exit code."""
+    if (reason := not_writable()) is not None:
+        print(f"relnav: {not_kept(reason)}", file=sys.stderr)
+        return 3
+    try:
+        from relnav_sim.kernels.compiling import compile_kernel
+    except CompilerError as error:
+        print(f"relnav: {error}", file=sys.stderr)
+        return 3
+    names = [name for name in kernel_names() if not is_kept(name)]
+    total_s = 0.0
+    with ProcessPoolExecutor(min(2, os.cpu_count() or 1), get_context("spawn")) as processes:
+        for name, took_s in zip(names, processes.map(compile_kernel, names), strict=True):
+            print(f"{took_s:6.1f} s  {name}", flush=True)
+            total_s += took_s
+    there = len(kernel_names()) - len(names)
+    print(f"compiled {len(names)} kernels in {total_s:.1f} s of processor time, {there} were there: {code_folder()}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,189 @@
+"""Elementary functions that vectorise: without branches and calls, so that a loop over lanes serves several at once.
+
+Each takes and returns one number. Argument reduction and compensation follow Cody and Waite, Software Manual for the
+Elementary Functions, 1980, and Muller, Elementary Functions: Algorithms and Implementation, 3rd ed., 2016; the
+polynomials are minimax by Remez's algorithm, relative to the function. Errors stay below one unit in the last place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+from numba.extending import intrinsic
+
+from relnav_sim.kernels.compiling import inlined
+
+_QUARTER_PI = math.pi / 4
+_QUARTER_PI_REST = 3.061616997868383e-17
+"""What pi / 4 is above its double."""
+TAN_EIGHTH_PI = 0.41421356237309503
+_PER_LOG_2 = 1 / math.log(2)
+_LOG_2_HEAD, _LOG_2_TAIL = 0.6931467056274414, 4.7493250390316726e-07
+"""ln 2 in two parts, the first with bits to spare for a factor."""
+_HUGE, _TINY, _SCALE = 2.0**1000, 2.0**-900, 2.0**100
+
+
+def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), code
+
+
+fused: Callable[[float, float, float], float] = intrinsic(_fused)  # type: ignore[assignment]  # as kernels see it
+"""``fused(a, b, c)`` -> a b + c with one rounding, as IEEE 754 defines it: the same bits on every machine."""
+
+
+def _bits(typing: Any, x: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(types.int64))
+
+    return types.int64(types.float64), code
+
+
+def _number(typing: Any, bits: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(types.float64))
+
+    return types.float64(types.int64), code
+
+
+bits: Callable[[float], int] = intrinsic(_bits)  # type: ignore[assignment]  # as kernels see it
+"""``bits(x)`` -> the 64 bits of a number as an integer."""
+number: Callable[[int], float] = intrinsic(_number)  # type: ignore[assignment]  # as kernels see it
+"""``number(bits)`` -> the number that has these bits."""
+
+_ROUNDER = 1.5 * 2.0**52
+"""Added to a number below 2^51, it rounds that to an integer, which then stands in the lowest bits."""
+_ROUNDER_BITS = 0x4338000000000000
+_ROOT_HALF_BITS, _FRACTION = 0x3FE6A09E667F3BCD, 0x000FFFFFFFFFFFFF
+
+
+@inlined
+def exp(x: float) -> float:
+    """Return e^x = 2^k e^r, |r| <= ln 2 / 2; 0 and inf beyond the range."""
+    x = -746.0 if x < -746.0 else x
+    x = 710.0 if x > 710.0 else x
+    shifted = fused(x, _PER_LOG_2, _ROUNDER)
+    k = shifted - _ROUNDER
+    head = x - k * _LOG_2_HEAD
+    r = fused(-k, _LOG_2_TAIL, head)
+    rest = fused(-k, _LOG_2_TAIL, head - r)
+    p = 2.5000041926713554e-08
+    p = fused(p, r, 2.7630306668051004e-07)
+    p = fused(p, r, 2.755758671992313e-06)
+    p = fused(p, r, 2.480149294855125e-05)
+    p = fused(p, r, 0.00019841269505885313)
+    p = fused(p, r, 0.0013888888943760945)
+    p = fused(p, r, 0.008333333333494914)
+    p = fused(p, r, 0.041666666666529725)
+    p = fused(p, r, 0.1666666666666641)
+    p = fused(p, r, 0.5000000000000011)
+    p = 1.0 + (r + fused(r * r, p, rest))
+    # Two factors, because 2^k alone leaves the range before the result does.
+    power = bits(shifted) - _ROUNDER_BITS
+    half = power >> 1
+    return p * number((half + 1023) << 52) * number((power - half + 1023) << 52)
+
+
+@inlined
+def log(x: float) -> float:
+    """Return ln x = k ln 2 + ln(1 + f), 1 + f within 2^-1/2 and 2^1/2, by s = f / (2 + f).
+
+    -inf at zero and NaN below.
+    """
+    subnormal = x < 2.2250738585072014e-308
+    scaled = x * 18014398509481984.0 if subnormal else x  # by 2^54
+    # The exponent counts from 2^-1/2 instead of 1.
+    above = bits(scaled) - _ROOT_HALF_BITS
+    power = above >> 52
+    f = number((above & _FRACTION) + _ROOT_HALF_BITS) - 1.0
+    k = number(power + _ROUNDER_BITS) - _ROUNDER
+    k = k - 54.0 if subnormal else k
+    s = f / (2.0 + f)
+    z = s * s
+    p = 0.14797508217555186
+    p = fused(p, z, 0.15313903309495017)
+    p = fused(p, z, 0.18183569732552246)
+    p = fused(p, z, 0.22222198476224614)
+    p = fused(p, z, 0.285714287432593)
+    p = fused(p, z, 0.3999999999941111)
+    p = fused(p, z, 0.6666666666666735)
+    half_square = 0.5 * f * f
+    result = fused(k, _LOG_2_HEAD, f - (half_square - fused(s, half_square + z * p, k * _LOG_2_TAIL)))
+    result = x if x == math.inf else result
+    result = -math.inf if x == 0.0 else result
+    return result if x >= 0.0 else math.nan
+
+
+@inlined
+def atan_rest(t: float) -> float:
+    """Return atan t - t, |t| <= tan pi/8."""
+    s = t * t
+    p = -0.01790352784851203
+    p = fused(p, s, 0.03806078373909883)
+    p = fused(p, s, -0.05039138054047605)
+    p = fused(p, s, 0.058478478867107574)
+    p = fused(p, s, -0.06663097673438213)
+    p = fused(p, s, 0.07692059586035722)
+    p = fused(p, s, -0.09090897718056758)
+    p = fused(p, s, 0.11111110781911625)
+    p = fused(p, s, -0.14285714280161824)
+    p = fused(p, s, 0.19999999999953202)
+    p = fused(p, s, -0.333333333333332)
+    return t * s * p
+
+
+@inlined
+def atan2_ahead(y: float, x: float) -> float:
+    """Return `atan2` of a point within pi/8 of the x axis, |y| <= TAN_EIGHTH_PI x, in a third of the time.
+
+    Its error is below two units in the last place.
+    """
+    t = y / x
+    return t + atan_rest(t)
+
+
+@inlined
+def atan2(y: float, x: float) -> float:
+    """Return the angle of the point (x, y), in [-pi, pi]; special values as in C99.
+
+    |angle| = j pi/4 +- atan t, |t| <= tan pi/8, with t as a quotient and its error.
+    """
+    along, across = abs(x), abs(y)
+    steep = across > along
+    large = across if steep else along
+    small = along if steep else across
+    infinite = large == math.inf
+    finite_or_one = 1.0 if small == math.inf else small * 0.0
+    small = finite_or_one if infinite else small
+    large = 1.0 if infinite else large
+    # Keep 1 / large and the quotient's error out of the subnormal numbers.
+    scale = 1.0 / _SCALE if large > _HUGE else (_SCALE if large < _TINY else 1.0)
+    small *= scale
+    large = 1.0 if large == 0.0 else large * scale
+    turned = small > TAN_EIGHTH_PI * large
+    above = small - large if turned else small
+    below = large + small if turned else large
+    # a - b and a + b are rounded themselves; what they lose (Knuth's two-sum with |b| >= |a|) belongs to the quotient.
+    above_rest = small - (above + large) if turned else 0.0
+    below_rest = small - (below - large) if turned else 0.0
+    inverse = 1.0 / below
+    t = above * inverse
+    rest = (fused(-t, below, above) + above_rest - t * below_rest) * inverse
+    rest += atan_rest(t)
+    eighths = 1.0 if turned else 0.0
+    eighths = 2.0 - eighths if steep else eighths
+    behind = math.copysign(1.0, x) < 0.0
+    eighths = 4.0 - eighths if behind else eighths
+    opposite = steep != behind
+    t = -t if opposite else t
+    rest = -rest if opposite else rest
+    base = eighths * _QUARTER_PI
+    base_rest = fused(eighths, _QUARTER_PI, -base) + eighths * _QUARTER_PI_REST
+    angle = base + t
+    rest += (base - angle) + t + base_rest
+    return math.copysign(angle + rest, y)

@@ -1,0 +1,266 @@
+"""Square roots of covariances: triangular forms by Householder reflections, and Cholesky factors where they will do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.kalman import score
+from relnav_sim.kernels.lanes import (
+    LANES,
+    back,
+    factor,
+    forward,
+    forward_vectors,
+    load,
+    load_vectors,
+    store,
+    store_vectors,
+)
+
+_EPS = float(np.finfo(float).eps)
+
+
+@kernel(given(3))
+def cholesky(P: Array) -> tuple[Array, Mask, int]:
+    """Return the Cholesky factor L (runs, n, n), where P is as good as singular (runs,), and in how many runs it is.
+
+    It is where a pivot is within rounding of zero or no number.
+    """
+    runs, n, _ = P.shape
+    root, poor, count = np.zeros((runs, n, n)), np.empty(runs, dtype=np.bool_), 0
+    p, L = np.empty((n, n, LANES)), np.zeros((n, n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        factor(p, used, L)
+        store(L, first, used, root)
+        for b in range(used):
+            poor[first + b] = _poorly_determined(p, L, b)
+            count += poor[first + b]
+    return root, poor, count
+
+
+@kernel(given(3), given(3))
+def solve(P: Array, B: Array) -> tuple[Array, Mask, int]:
+    """Return P^-1 B (runs, n, q), where P is as good as singular (runs,), and in how many runs it is.
+
+    Args:
+        P: Symmetric (runs, n, n).
+        B: (runs, n, q), or (1, n, q) for all runs.
+    """
+    runs, n, _ = P.shape
+    solution, poor, count = np.empty((runs, n, B.shape[2])), np.empty(runs, dtype=np.bool_), 0
+    p, L, x = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, B.shape[2], LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        load(B, first, used, x)
+        factor(p, used, L)
+        forward(L, used, x)
+        back(L, used, x)
+        store(x, first, used, solution)
+        for b in range(used):
+            poor[first + b] = _poorly_determined(p, L, b)
+            count += poor[first + b]
+    return solution, poor, count
+
+
+@kernel(given(3), given(3))
+def whiten(P: Array, B: Array) -> tuple[Array, Mask, int]:
+    """Return L^-1 B (runs, n, q) for P = L L^T, and otherwise the same as `solve`."""
+    runs, n, _ = P.shape
+    white, poor, count = np.empty((runs, n, B.shape[2])), np.empty(runs, dtype=np.bool_), 0
+    p, L, x = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, B.shape[2], LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        load(B, first, used, x)
+        factor(p, used, L)
+        forward(L, used, x)
+        store(x, first, used, white)
+        for b in range(used):
+            poor[first + b] = _poorly_determined(p, L, b)
+            count += poor[first + b]
+    return white, poor, count
+
+
+@inner
+def _poorly_determined(P: Array, L: Array, b: int) -> bool:
+    """Return whether a pivot of lane b is within rounding of zero, or no number."""
+    clear = True
+    for i in range(len(P)):
+        clear &= L[i, i, b] * L[i, i, b] > 8 * len(P) * _EPS * P[i, i, b]
+    return not clear
+
+
+@kernel(given(3), given(3))
+def triangular(A: Array, B: Array) -> Array:
+    """Return the lower-triangular L (runs, p, p), diagonal >= 0, with L L^T = A A^T + B B^T.
+
+    The squares, whose condition numbers are the square of the roots', are never formed.
+
+    Args:
+        A: (runs, p, q).
+        B: (runs, p, r), or (1, p, r) for all runs; q + r >= p.
+    """
+    runs, p, q = A.shape
+    root = np.empty((runs, p, p))
+    M = np.empty((p, q + B.shape[2], LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        _place(A, first, used, 0, 0, M)
+        _place(B, first, used, 0, q, M)
+        _triangularise(M, used)
+        store(M, first, used, root)
+    return root
+
+
+@kernel(given(3), given(3), given(3), given(2), given(2))
+def update(
+    X: Array, Y: Array, N: Array, nu: Array, reading: Array
+) -> tuple[Array, Array, Array, Array, Array, Array, Mask, int]:
+    """Return the Kalman update from the triangular form of [[Y, N], [X, 0]], which is [[L, 0], [K L, P^(1/2)]].
+
+    Kaminski, Bryson and Schmidt, IEEE Trans. Automatic Control 16(6), 1971. L is the root of S.
+
+    Args:
+        X: Deviations of the state, (runs, n, q), q >= n.
+        Y: The same of the reading, (runs, m, q).
+        N: Root of the measurement noise (runs, m, r) or (1, m, r).
+        nu: Residuals (runs, m).
+        reading: How large the compared readings and their parts are, (runs, m).
+
+    Returns:
+        K L (runs, n, m), P^(1/2) (runs, n, n), L (runs, m, m), L^-1 nu (runs, m), NIS and log-likelihood (runs,), and
+        the runs in which a channel has no variance of its own beyond rounding, where the others don't count, and how
+        many there are. Rows of P^(1/2) that hold nothing but rounding are zero.
+    """
+    runs, n, q = X.shape
+    m = nu.shape[1]
+    gain, root, S_root, white = (
+        np.empty((runs, n, m)),
+        np.empty((runs, n, n)),
+        np.empty((runs, m, m)),
+        np.empty((runs, m)),
+    )
+    nis, log_likelihood = np.empty(runs), np.empty(runs)
+    dead, count = np.zeros(runs, dtype=np.bool_), 0
+    M, w = np.empty((m + n, q + N.shape[2], LANES)), np.empty((m, LANES))
+    size = np.empty((m + n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        M[m:, q:] = 0.0
+        _place(Y, first, used, 0, 0, M)
+        _place(N, first, used, 0, q, M)
+        _place(X, first, used, m, 0, M)
+        load_vectors(nu, first, used, w)
+        _norms(M, used, size)
+        _triangularise(M, used)
+        forward_vectors(M[:m], used, w)
+        store(M[:m], first, used, S_root)
+        store(M[m:], first, used, gain)
+        store_vectors(w, first, used, white)
+        for b in range(used):
+            run = first + b
+            for i in range(m):
+                dead[run] |= M[i, i, b] <= 16 * m * _EPS * (size[i, b] + reading[run, i])
+            count += dead[run]
+            nis[run], log_likelihood[run] = score(w, M[:m], b)
+            for i in range(n):
+                total = 0.0
+                for j in range(i + 1):
+                    total += M[m + i, m + j, b] * M[m + i, m + j, b]
+                # A state that is left with nothing but the rounding of its deviations is known.
+                left = 1.0 if math.sqrt(total) > 16 * (n + m) * _EPS * size[m + i, b] else 0.0
+                for j in range(n):
+                    root[run, i, j] = left * M[m + i, m + j, b]
+    return gain, root, S_root, white, nis, log_likelihood, dead, count
+
+
+@inner
+def _place(A: Array, first: int, used: int, row: int, column: int, M: Array) -> None:
+    """Copy matrices (runs, p, q), or one (1, p, q) that all runs share, into M from a row and a column on."""
+    shared = len(A) == 1
+    for b in range(used):
+        run = 0 if shared else first + b
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                M[row + i, column + j, b] = A[run, i, j]
+
+
+@inner
+def _norms(M: Array, used: int, size: Array) -> None:
+    """Set the norms of the rows of M (p, q)."""
+    for i in range(len(M)):
+        for b in range(used):
+            size[i, b] = 0.0
+        for j in range(M.shape[1]):
+            for b in range(used):
+                size[i, b] += M[i, j, b] * M[i, j, b]
+        for b in range(used):
+            size[i, b] = math.sqrt(size[i, b])
+
+
+@inner
+def _triangularise(M: Array, used: int) -> None:
+    """Replace M (p, q), q >= p, by M times an orthogonal matrix, lower triangular with a diagonal >= 0.
+
+    Row by row with a reflection I - beta v v^T of the columns from the diagonal on (Golub and Van Loan, Matrix
+    Computations, 4th ed., section 5.1).
+    """
+    p, q, _ = M.shape
+    norm, beta, head, sign, t = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    for i in range(p):
+        for b in range(used):
+            norm[b] = 0.0
+        for j in range(i, q):
+            for b in range(used):
+                norm[b] += M[i, j, b] * M[i, j, b]
+        for b in range(used):
+            norm[b] = math.sqrt(norm[b])
+            # The image of the row is -sign norm, so that nothing cancels in the head of v.
+            sign[b] = -1.0 if M[i, i, b] < 0 else 1.0
+            head[b] = M[i, i, b] + sign[b] * norm[b]
+            beta[b] = 1 / (norm[b] * abs(head[b])) if norm[b] != 0 else 0.0
+        for k in range(i + 1, p):
+            for b in range(used):
+                t[b] = M[k, i, b] * head[b]
+            for j in range(i + 1, q):
+                for b in range(used):
+                    t[b] += M[k, j, b] * M[i, j, b]
+            for b in range(used):
+                t[b] *= beta[b]
+                M[k, i, b] = -sign[b] * (M[k, i, b] - t[b] * head[b])
+            for j in range(i + 1, q):
+                for b in range(used):
+                    M[k, j, b] -= t[b] * M[i, j, b]
+        for b in range(used):
+            M[i, i, b] = norm[b]
+        for j in range(i + 1, q):
+            for b in range(used):
+                M[i, j, b] = 0.0
+
+
+@kernel(given(3), given(2), given(3), given(2))
+def squares(W: Array, a: Array, V: Array, b: Array) -> Array:
+    """Return |W a|^2 + |V b|^2, (runs,), for W (runs, n, n), a (runs, n), V (runs, m, m), b (runs, m)."""
+    runs = len(a)
+    total = np.zeros(runs)
+    for run in range(runs):
+        total[run] = _square(W, a, run) + _square(V, b, run)
+    return total
+
+
+@inner
+def _square(W: Array, a: Array, run: int) -> float:
+    total = 0.0
+    for i in range(W.shape[1]):
+        entry = 0.0
+        for j in range(W.shape[2]):
+            entry += W[run, i, j] * a[run, j]
+        total += entry * entry
+    return total

@@ -1,0 +1,289 @@
+"""Gaussians by weighted samples: whitening where a measurement looks, weights, and moments.
+
+Samples lie along the last axis, so that the innermost loops go over those of one run.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Indices
+from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, number
+from relnav_sim.kernels.elementary import exp
+from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
+
+CHUNK = 4 * LANES
+"""Samples at a time: four for every sum that is kept, which saves most of the trips of the sums to the cache."""
+SAMPLES = 8 * LANES
+"""Samples at a time where nothing is summed over them."""
+INDEPENDENT, PAIRED, EXACT = 0, 1, 2
+"""Samples of their own, in pairs +e and -e (the second half), or a set whose mean and covariance are exact."""
+
+
+@kernel(given(3), given(1, integer))
+def whitened(P: Array, observed: Indices) -> tuple[Array, Array]:
+    """Return G^T = L^-1 P_o (runs, d, n) and P - G G^T (runs, n, n), of which the observed part is zero.
+
+    Args:
+        P: Covariances (runs, n, n).
+        observed: Numbers of the observed states (d,); P_o are these rows of P, L L^T their block on the diagonal.
+    """
+    runs, n, _ = P.shape
+    d = len(observed)
+    roots, remainder = np.empty((runs, d, n)), np.empty((runs, n, n))
+    p, g = np.empty((n, n, LANES)), np.empty((d, n, LANES))
+    block, L = np.empty((d, d, LANES)), np.zeros((d, d, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        for i in range(d):
+            for j in range(n):
+                for b in range(used):
+                    g[i, j, b] = p[observed[i], j, b]
+            for j in range(d):
+                for b in range(used):
+                    block[i, j, b] = p[observed[i], observed[j], b]
+        factor(block, used, L)
+        forward(L, used, g)
+        for i in range(n):
+            for j in range(i + 1):
+                for k in range(d):
+                    for b in range(used):
+                        p[i, j, b] -= g[k, i, b] * g[k, j, b]
+        for k in range(d):
+            for j in range(n):
+                for b in range(used):
+                    p[observed[k], j, b] = p[j, observed[k], b] = 0.0
+        store(g, first, used, roots)
+        store_symmetric(p, first, used, remainder)
+    return roots, remainder
+
+
+@kernel(given(2), given(3), given(3), given(2), given(3))
+def regressed(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> tuple[Array, Array]:
+    """Return m + G a (runs, n) and G C G^T + remainder (runs, n, n), the Gaussian that N(a, C) of the observed gives.
+
+    Args:
+        m: Means (runs, n).
+        roots: G^T (runs, d, n), from `whitened`, as the remainder (runs, n, n).
+        remainder: Covariance of what is not observed.
+        a: Means (runs, d) in whitened coordinates.
+        C: Their covariances (runs, d, d), symmetric.
+    """
+    runs, d, n = roots.shape
+    mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
+    x, y, g = np.empty((n, LANES)), np.empty((d, LANES)), np.empty((d, n, LANES))
+    c, cg, p = np.empty((d, d, LANES)), np.empty((d, n, LANES)), np.empty((n, n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load_vectors(m, first, used, x)
+        load_vectors(a, first, used, y)
+        load(roots, first, used, g)
+        load(C, first, used, c)
+        load(remainder, first, used, p)
+        cg[:] = 0.0
+        for k in range(d):
+            for i in range(n):
+                for b in range(used):
+                    x[i, b] += g[k, i, b] * y[k, b]
+                for j in range(d):
+                    for b in range(used):
+                        cg[k, i, b] += c[k, j, b] * g[j, i, b]
+        for i in range(n):
+            for j in range(i + 1):
+                for k in range(d):
+                    for b in range(used):
+                        p[i, j, b] += g[k, i, b] * cg[k, j, b]
+        store_vectors(x, first, used, mean)
+        store_symmetric(p, first, used, covariance)
+    return mean, covariance
+
+
+@kernel(given(3), given(3))
+def projected(P: Array, H: Array) -> Array:
+    """Return H P H^T (runs, k, k), symmetric to the bit, of P (runs, n, n) and H (runs or 1, k, n)."""
+    runs, n, _ = P.shape
+    k = H.shape[1]
+    seen = np.empty((runs, k, k))
+    p, h, hp, s = np.empty((n, n, LANES)), np.empty((k, n, LANES)), np.empty((k, n, LANES)), np.empty((k, k, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        load(H, first, used, h)
+        hp[:] = 0.0
+        s[:] = 0.0
+        for i in range(k):
+            for j in range(n):
+                for c in range(n):
+                    for b in range(used):
+                        hp[i, j, b] += h[i, c, b] * p[c, j, b]
+            for j in range(i + 1):
+                for c in range(n):
+                    for b in range(used):
+                        s[i, j, b] += hp[i, c, b] * h[j, c, b]
+        store_symmetric(s, first, used, seen)
+    return seen
+
+
+@kernel(given(3), number)
+def whitener(R: Array, share: float) -> Array:
+    """Return W (runs, m, m), lower triangular, with W^T W = share R^-1, R (runs, m, m)."""
+    runs, m, _ = R.shape
+    W = np.empty(R.shape)
+    r, L, w = np.empty((m, m, LANES)), np.zeros((m, m, LANES)), np.empty((m, m, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(R, first, used, r)
+        factor(r, used, L)
+        w[:] = 0.0
+        for i in range(m):
+            for b in range(used):
+                w[i, i, b] = math.sqrt(share)
+        forward(L, used, w)
+        store(w, first, used, W)
+    return W
+
+
+@kernel(given(3), given(3))
+def squared(r: Array, W: Array) -> Array:
+    """Return |W r|^2 (runs, N) of residuals r (runs, m, N), W (runs or 1, m, m) lower triangular."""
+    runs, m, N = r.shape
+    errors = np.empty((runs, N))
+    part = np.empty((m, SAMPLES))
+    for run in range(runs):
+        for first in range(0, N, SAMPLES):
+            used = min(SAMPLES, N - first)
+            for i in range(m):
+                residual = r[run, i, first : first + used]
+                for b in range(used):
+                    part[i, b] = residual[b]
+            add_squares(part, used, W[0 if len(W) == 1 else run], errors[run, first : first + used])
+    return errors
+
+
+@inner
+def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
+    """Set errors to |W r|^2 of residuals r (m, SAMPLES), which are lost; W lower triangular."""
+    for b in range(used):
+        errors[b] = 0.0
+    for i in range(len(W) - 1, -1, -1):
+        for b in range(used):
+            r[i, b] *= W[i, i]
+        for j in range(i):
+            if W[i, j] != 0:
+                for b in range(used):
+                    r[i, b] += W[i, j] * r[j, b]
+        for b in range(used):
+            errors[b] += r[i, b] * r[i, b]
+
+
+@kernel(given(2), given(3), integer)
+def moments(log_weights: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
+    """Return weighted mean (runs, d) and covariance (runs, d, d) of samples, and the effective sample size (runs,).
+
+    The covariance of independent samples is shrunk by the mean's own sampling error; 1 / (1 - sum w^2) undoes it,
+    exactly for flat weights and at most 1/ESS too large for others. A pair +e, -e moves the mean by the difference of
+    its weights. A set with exact moments gets no factor: above 1 it would act as fading memory.
+
+    Args:
+        log_weights: (runs, N), to a constant.
+        e: Samples (runs or 1, d, N).
+        kind: INDEPENDENT, PAIRED or EXACT.
+    """
+    runs, N = log_weights.shape
+    d = e.shape[1]
+    mean, covariance, ess = np.empty((runs, d)), np.empty((runs, d, d)), np.empty(runs)
+    w = np.zeros((N + CHUNK - 1) // CHUNK * CHUNK)
+    x, wx = np.empty((d, CHUNK)), np.empty(CHUNK)
+    sums, squares = np.empty((1 + d + d * (d + 1) // 2, LANES)), np.empty(LANES)
+    for run in range(runs):
+        samples = e[0 if len(e) == 1 else run]
+        _weights(log_weights[run], w)
+        sums[:] = 0.0
+        squares[:] = 0.0
+        for first in range(0, N, CHUNK):
+            weight = w[first : first + CHUNK]
+            _gather(samples, first, min(CHUNK, N - first), x)
+            _add(weight, sums[0])
+            _add_product(weight, weight, squares)
+            row = 1 + d
+            for i in range(d):
+                for b in range(CHUNK):
+                    wx[b] = weight[b] * x[i, b]
+                _add(wx, sums[1 + i])
+                for j in range(i + 1):
+                    _add_product(wx, x[j], sums[row])
+                    row += 1
+        total = _sum(sums[0])
+        shares = _sum(squares) / (total * total)
+        ess[run] = 1 / shares
+        correction = 1.0
+        if kind == INDEPENDENT:
+            correction = 1 / (1 - shares)
+        elif kind == PAIRED:
+            moved = 0.0
+            for n in range(N // 2):
+                moved += (w[n] - w[n + N // 2]) ** 2
+            correction = 1 / (1 - moved / (total * total))
+        row = 1 + d
+        for i in range(d):
+            mean[run, i] = _sum(sums[1 + i]) / total
+            for j in range(i + 1):
+                entry = (_sum(sums[row]) / total - mean[run, i] * mean[run, j]) * correction
+                covariance[run, i, j] = covariance[run, j, i] = entry
+                row += 1
+    return mean, covariance, ess
+
+
+@inner
+def _weights(log_weights: Array, w: Array) -> None:
+    """Set the first of w to the weights (N,), the largest 1."""
+    N = len(log_weights)
+    highest = np.full(LANES, -math.inf)
+    for first in range(0, N, LANES):
+        part = log_weights[first : first + LANES]
+        for b in range(len(part)):
+            highest[b] = highest[b] if highest[b] > part[b] else part[b]
+    top = -math.inf
+    for b in range(LANES):
+        top = top if top > highest[b] else highest[b]
+    for n in range(N):
+        w[n] = exp(log_weights[n] - top)
+
+
+@inner
+def _gather(samples: Array, first: int, used: int, x: Array) -> None:
+    """Set x (d, CHUNK) to samples (d, N) from `first` on; zero behind the last, where weights are zero too."""
+    for i in range(len(x)):
+        part = samples[i, first : first + used]
+        for b in range(used):
+            x[i, b] = part[b]
+        for b in range(used, CHUNK):
+            x[i, b] = 0.0
+
+
+@inlined
+def _add(a: Array, sums: Array) -> None:
+    """Add numbers (CHUNK,) to sums (LANES,)."""
+    for b in range(LANES):
+        sums[b] += (a[b] + a[b + LANES]) + (a[b + 2 * LANES] + a[b + 3 * LANES])
+
+
+@inlined
+def _add_product(a: Array, c: Array, sums: Array) -> None:
+    """Add products of numbers (CHUNK,) to sums (LANES,)."""
+    for b in range(LANES):
+        near = a[b] * c[b] + a[b + LANES] * c[b + LANES]
+        far = a[b + 2 * LANES] * c[b + 2 * LANES] + a[b + 3 * LANES] * c[b + 3 * LANES]
+        sums[b] += near + far
+
+
+@inner
+def _sum(a: Array) -> float:
+    """Return the sum of numbers (LANES,)."""
+    total = 0.0
+    for b in range(LANES):
+        total += a[b]
+    return total

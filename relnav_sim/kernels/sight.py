@@ -1,0 +1,243 @@
+"""Range, azimuth and elevation of many relative states, their derivatives, and the noise that an attitude error adds.
+
+Shi et al. 2025, fig. 1: azimuth counts from the radar's x axis towards y, elevation towards minus z. With the line of
+sight s = M r of the position r, p = (s_x^2 + s_y^2)^1/2 and the range q = |s|:
+
+    az = atan2(s_y, s_x), el = atan2(-s_z, p),
+    dq/ds = s / q, daz/ds = (-s_y, s_x, 0) / p^2, del/ds = (s_z s_x / p, s_z s_y / p, -p) / q^2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.kernels.compiling import given, inlined, inner, kernel
+from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead
+from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
+from relnav_sim.kernels.sampling import SAMPLES
+
+_TWO_PI = 2 * math.pi
+
+
+@kernel(given(2), given(2))
+def spherical(states: Array, M: Array) -> Array:
+    """Return range, azimuth and elevation (points, 3) of states (points, n >= 3), M (3, 3) from their axes to those."""
+    points = len(states)
+    z = np.empty((points, 3))
+    s, h = np.empty((3, LANES)), np.empty((3, LANES))
+    for first in range(0, points, LANES):
+        used = min(LANES, points - first)
+        seen(states, first, used, M, s)
+        spherical_of(s, used, h)
+        store_vectors(h, first, used, z)
+    return z
+
+
+@kernel(given(2), given(2))
+def jacobian(states: Array, M: Array) -> Array:
+    """Return the derivatives (points, 3, n) of `spherical` by the states."""
+    points, n = states.shape
+    H = np.empty((points, 3, n))
+    s, h = np.empty((3, LANES)), np.zeros((3, n, LANES))
+    for first in range(0, points, LANES):
+        used = min(LANES, points - first)
+        seen(states, first, used, M, s)
+        derivatives(s, used, M, h)
+        store(h, first, used, H)
+    return H
+
+
+@kernel(given(2), given(2), given(2), given(1))
+def noise(states: Array, M: Array, P: Array, variances: Array) -> Array:
+    """Return diag(variances) + G P G^T, (points, 3, 3), with P (3, 3) of an attitude error about the radar's axes."""
+    points = len(states)
+    R = np.empty((points, 3, 3))
+    s, r = np.empty((3, LANES)), np.empty((3, 3, LANES))
+    for first in range(0, points, LANES):
+        used = min(LANES, points - first)
+        seen(states, first, used, M, s)
+        _covariance(s, used, P, variances, r)
+        store_symmetric(r, first, used, R)
+    return R
+
+
+@kernel(given(2), given(2), given(2), given(2), given(1))
+def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tuple[Array, Array, Array]:
+    """Return z - h(m) with the angles in [-pi, pi), (runs, 3), `jacobian` and `noise` at m, in one pass.
+
+    The noise is (1, 3, 3) where there is no attitude error.
+
+    Args:
+        z: Readings (runs, 3).
+        m: Means (runs, n).
+        M: Rotation (3, 3) from the states' axes to the radar's.
+        P: Covariance (3, 3) of the attitude error, rad^2.
+        variances: Of range, azimuth and elevation (3,).
+    """
+    runs, n = m.shape
+    turns = P.any()
+    nu, H, R = np.empty((runs, 3)), np.empty((runs, 3, n)), np.zeros((runs if turns else 1, 3, 3))
+    s, e, h = np.empty((3, LANES)), np.empty((3, LANES)), np.zeros((3, n, LANES))
+    d, r = np.empty((3, LANES)), np.empty((3, 3, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        seen(m, first, used, M, s)
+        spherical_of(s, used, e)
+        load_vectors(z, first, used, d)
+        for i in range(3):
+            for b in range(used):
+                d[i, b] -= e[i, b]
+        for i in range(1, 3):
+            for b in range(used):
+                d[i, b] -= _TWO_PI * np.rint(d[i, b] / _TWO_PI)
+        store_vectors(d, first, used, nu)
+        derivatives(s, used, M, h)
+        store(h, first, used, H)
+        if turns:
+            _covariance(s, used, P, variances, r)
+            store_symmetric(r, first, used, R)
+    if not turns:
+        for i in range(3):
+            R[0, i, i] = variances[i]
+    return nu, H, R
+
+
+@kernel(given(2), given(3), given(2), given(3), given(3), given(2))
+def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: Array) -> Array:
+    """Return |W (z - h(x))|^2 (runs, N) of readings and `spherical` of the states x = centre + root e.
+
+    Differences of angles, in [-pi, pi], are taken as one angle: in axes turned by the azimuth that was read, the line
+    of sight lies at minus that difference; likewise, in the vertical plane through it, for the elevation.
+
+    Args:
+        z: Readings (runs, 3).
+        W: Whitening (runs or 1, 3, 3), lower triangular.
+        centre: (runs, n >= 3).
+        root: (runs, n, 3), of which the first three rows count.
+        e: Samples (runs or 1, 3, N).
+        M: Rotation (3, 3) from the states' axes to the radar's.
+    """
+    runs, N = len(z), e.shape[2]
+    errors = np.empty((runs, N))
+    axes, c, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    for run in range(runs):
+        ca, sa, ce, se = math.cos(z[run, 1]), math.sin(z[run, 1]), math.cos(z[run, 2]), math.sin(z[run, 2])
+        for j in range(3):
+            axes[0, j], axes[1, j], axes[2, j] = ca * M[0, j] + sa * M[1, j], ca * M[1, j] - sa * M[0, j], M[2, j]
+        for i in range(3):
+            c[i] = axes[i, 0] * centre[run, 0] + axes[i, 1] * centre[run, 1] + axes[i, 2] * centre[run, 2]
+            for k in range(3):
+                A[i, k] = axes[i, 0] * root[run, 0, k] + axes[i, 1] * root[run, 1, k] + axes[i, 2] * root[run, 2, k]
+        samples, w = e[0 if len(e) == 1 else run], W[0 if len(W) == 1 else run]
+        for first in range(0, N, SAMPLES):
+            last = min(first + SAMPLES, N)
+            e0, e1, e2 = samples[0, first:last], samples[1, first:last], samples[2, first:last]
+            out = errors[run, first:last]
+            # Nearly always all of them lie within pi/8 of where they were read, and less will do than `atan2`.
+            aside = False
+            for b in range(last - first):
+                x, y, h = _image(c, A, e0[b], e1[b], e2[b])
+                p = math.sqrt(x * x + y * y)
+                u, v = p * ce - h * se, p * se + h * ce
+                aside |= not (abs(y) <= TAN_EIGHTH_PI * x and abs(v) <= TAN_EIGHTH_PI * u)
+                range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
+                out[b] = _square(w, range_error, -atan2_ahead(y, x), atan2_ahead(v, u))
+            if aside:
+                for b in range(last - first):
+                    x, y, h = _image(c, A, e0[b], e1[b], e2[b])
+                    p = math.sqrt(x * x + y * y)
+                    range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
+                    out[b] = _square(w, range_error, -atan2(y, x), atan2(p * se + h * ce, p * ce - h * se))
+    return errors
+
+
+@inlined
+def _image(c: Array, A: Array, e0: float, e1: float, e2: float) -> tuple[float, float, float]:
+    """Return c + A e."""
+    return (
+        c[0] + A[0, 0] * e0 + A[0, 1] * e1 + A[0, 2] * e2,
+        c[1] + A[1, 0] * e0 + A[1, 1] * e1 + A[1, 2] * e2,
+        c[2] + A[2, 0] * e0 + A[2, 1] * e1 + A[2, 2] * e2,
+    )
+
+
+@inlined
+def _square(W: Array, r0: float, r1: float, r2: float) -> float:
+    """Return |W r|^2, W lower triangular."""
+    w0, w1, w2 = W[0, 0] * r0, W[1, 0] * r0 + W[1, 1] * r1, W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2
+    return w0 * w0 + w1 * w1 + w2 * w2
+
+
+@inner
+def seen(states: Array, first: int, used: int, M: Array, s: Array) -> None:
+    """Set s (3, LANES) to M r, r the first three of the states (points, n).
+
+    Entries of M that are zero are passed over: the others keep the sign of a zero, on which side of pi an azimuth is.
+    """
+    for i in range(3):
+        for b in range(used):
+            s[i, b] = -0.0
+        for j in range(3):
+            if M[i, j] != 0:
+                for b in range(used):
+                    s[i, b] += M[i, j] * states[first + b, j]
+
+
+@inner
+def spherical_of(s: Array, used: int, z: Array) -> None:
+    """Set z to range, azimuth and elevation of the lines of sight s, (3, LANES) both."""
+    for b in range(used):
+        level = s[0, b] * s[0, b] + s[1, b] * s[1, b]
+        z[0, b] = math.sqrt(s[2, b] * s[2, b] + level)
+        z[2, b] = math.sqrt(level)
+    for b in range(used):
+        z[1, b] = atan2(s[1, b], s[0, b])
+    for b in range(used):
+        z[2, b] = atan2(-s[2, b], z[2, b])
+
+
+@inner
+def derivatives(s: Array, used: int, M: Array, H: Array) -> None:
+    """Set the first three columns of H (3, n, LANES) to dh/ds M."""
+    g = np.empty((3, 3, LANES))
+    for b in range(used):
+        x, y, z = s[0, b], s[1, b], s[2, b]
+        in_plane = x * x + y * y
+        squared = in_plane + z * z
+        distance, level = math.sqrt(squared), math.sqrt(in_plane)
+        slope = z / (squared * level)
+        g[0, 0, b], g[0, 1, b], g[0, 2, b] = x / distance, y / distance, z / distance
+        g[1, 0, b], g[1, 1, b], g[1, 2, b] = -y / in_plane, x / in_plane, 0.0
+        g[2, 0, b], g[2, 1, b], g[2, 2, b] = slope * x, slope * y, -level / squared
+    for i in range(3):
+        for j in range(3):
+            for b in range(used):
+                H[i, j, b] = -0.0
+            for k in range(3):
+                if M[k, j] != 0:
+                    for b in range(used):
+                        H[i, j, b] += M[k, j] * g[i, k, b]
+
+
+@inner
+def _covariance(s: Array, used: int, P: Array, variances: Array, R: Array) -> None:
+    """Set the lower triangle of R (3, 3, LANES) to diag(variances) + G P G^T, G = [0; a^T; e^T].
+
+    A turn dtheta moves the azimuth by a = (s_z s_x / p^2, s_z s_y / p^2, -1) and the elevation by (s_y, -s_x, 0) / p.
+    """
+    for b in range(used):
+        x, y, z = s[0, b], s[1, b], s[2, b]
+        in_plane = x * x + y * y
+        level = math.sqrt(in_plane)
+        slope = z / in_plane
+        a0, a1, e0, e1 = slope * x, slope * y, y / level, -x / level
+        R[0, 0, b], R[1, 0, b], R[2, 0, b] = variances[0], 0.0, 0.0
+        Pa0 = P[0, 0] * a0 + P[0, 1] * a1 - P[0, 2]
+        Pa1 = P[1, 0] * a0 + P[1, 1] * a1 - P[1, 2]
+        Pa2 = P[2, 0] * a0 + P[2, 1] * a1 - P[2, 2]
+        R[1, 1, b] = a0 * Pa0 + a1 * Pa1 + (variances[1] - Pa2)
+        R[2, 1, b] = e0 * Pa0 + e1 * Pa1
+        R[2, 2, b] = e0 * (P[0, 0] * e0 + P[0, 1] * e1) + e1 * (P[1, 0] * e0 + P[1, 1] * e1) + variances[2]

@@ -1,0 +1,151 @@
+"""What is counted of every estimate while a block runs: normalised errors, ellipsoids, how long errors stay small."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Integers, Mask
+from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
+from relnav_sim.kernels.lanes import LANES
+
+
+@kernel(given(3), given(4))
+def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mask]:
+    """Return e^T P^-1 e of the whole state, its position and its velocity, (3, runs, K).
+
+    The error is one more row of the Cholesky recursion: that row becomes L^-1 e. Position comes first in the state, so
+    its part of the row belongs to its marginal covariance; that of the velocity is factored by itself.
+
+    Args:
+        error: (runs, K, 6).
+        covariance: (K, runs, 6, 6), an epoch after the other.
+
+    Returns:
+        The NEES; whether P > 0, and whether P is finite, (runs, K).
+    """
+    K, runs = covariance.shape[:2]
+    nees = np.empty((3, runs, K))
+    definite, finite = np.empty((runs, K), dtype=np.bool_), np.empty((runs, K), dtype=np.bool_)
+    whole, velocity, positive = np.empty((7, 6, LANES)), np.empty((4, 3, LANES)), np.empty(LANES, dtype=np.bool_)
+    for first in range(0, K * runs, LANES):
+        used = min(LANES, K * runs - first)
+        for b in range(used):
+            k, run = (first + b) // runs, (first + b) % runs
+            positive[b] = True
+            finite[run, k] = _all_finite(covariance[k, run])
+            for j in range(6):
+                for i in range(j, 6):
+                    whole[i, j, b] = covariance[k, run, i, j]
+                whole[6, j, b] = error[run, k, j]
+            for j in range(3):
+                for i in range(j, 4):
+                    velocity[i, j, b] = whole[3 + i, 3 + j, b]
+        _eliminate(whole, used, positive)
+        for b in range(used):
+            definite[(first + b) % runs, (first + b) // runs] = positive[b]
+        _eliminate(velocity, used, positive)
+        for b in range(used):
+            k, run = (first + b) // runs, (first + b) % runs
+            position = _sum_of_squares(whole, 6, 0, b)
+            nees[0, run, k] = position + _sum_of_squares(whole, 6, 3, b)
+            nees[1, run, k] = position
+            nees[2, run, k] = _sum_of_squares(velocity, 3, 0, b)
+    return nees, definite, finite
+
+
+@kernel(given(3), given(4))
+def doubtful(mean: Array, covariance: Array) -> Mask:
+    """Return in which runs a mean or covariance is not finite, or a variance negative, at any epoch.
+
+    Args:
+        mean: (K, runs, n).
+        covariance: (K, runs, n, n).
+    """
+    K, runs, n = mean.shape
+    doubt = np.zeros(runs, dtype=np.bool_)
+    for k in range(K):
+        for run in range(runs):
+            negative = False
+            for i in range(n):
+                negative |= covariance[k, run, i, i] < 0
+            sound = _all_finite(mean[k, run : run + 1]) and _all_finite(covariance[k, run])
+            doubt[run] |= negative or not sound
+    return doubt
+
+
+@inner
+def _all_finite(A: Array) -> bool:
+    """Return whether all entries of A (p, q) are finite."""
+    other = False
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            other |= not abs(A[i, j]) < math.inf
+    return not other
+
+
+@inner
+def _eliminate(A: Array, used: int, positive: Mask) -> None:
+    """Turn the lower triangle of [A; e^T] (n + 1, n) into that of [L; (L^-1 e)^T]."""
+    n = A.shape[1]
+    for j in range(n):
+        for b in range(used):
+            positive[b] &= A[j, j, b] > 0
+            A[j, j, b] = math.sqrt(A[j, j, b])
+        for i in range(j + 1, n + 1):
+            for b in range(used):
+                A[i, j, b] /= A[j, j, b]
+        for k in range(j + 1, n):
+            for i in range(k, n + 1):
+                for b in range(used):
+                    A[i, k, b] -= A[i, j, b] * A[k, j, b]
+
+
+@inner
+def _sum_of_squares(A: Array, row: int, first: int, b: int) -> float:
+    x, y, z = A[row, first, b], A[row, first + 1, b], A[row, first + 2, b]
+    return (x * x + y * y) + z * z
+
+
+@kernel(given(3), given(2, flag), given(2))
+def inside(nees: Array, counted: Mask, limits: Array) -> Integers:
+    """Return at how many epochs each NEES is within each limit, (parts, levels, runs).
+
+    Args:
+        nees: (parts, runs, epochs).
+        counted: Epochs that count (runs, epochs).
+        limits: (parts, levels).
+    """
+    parts, runs, epochs = nees.shape
+    counts = np.zeros((parts, limits.shape[1], runs), dtype=np.int64)
+    for part in range(parts):
+        for level in range(limits.shape[1]):
+            limit = limits[part, level]
+            for run in range(runs):
+                count = 0
+                for k in range(epochs):
+                    count += (nees[part, run, k] <= limit) & counted[run, k]
+                counts[part, level, run] = count
+    return counts
+
+
+@kernel(given(2), integer)
+def sliding_largest(x: Array, window: int) -> Array:
+    """Return the largest of each `window` successive columns: (runs, K) gives (runs, K - window + 1).
+
+    Within pieces of `window` columns the largest so far from the left and from the right; every window is the end of
+    one piece and the beginning of the next (van Herk, Pattern Recognition Letters 13(7), 1992).
+    """
+    runs, K = x.shape
+    largest = np.empty((runs, K - window + 1))
+    from_left, from_right = np.empty(K), np.empty(K)
+    for run in range(runs):
+        for k in range(K):
+            from_left[k] = x[run, k] if k % window == 0 else max(from_left[k - 1], x[run, k])
+        for k in range(K - 1, -1, -1):
+            ends = k == K - 1 or (k + 1) % window == 0
+            from_right[k] = x[run, k] if ends else max(from_right[k + 1], x[run, k])
+        for k in range(K - window + 1):
+            largest[run, k] = max(from_right[k], from_left[k + window - 1])
+    return largest

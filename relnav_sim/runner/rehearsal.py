@@ -1,0 +1,172 @@
+"""The kernels that a campaign needs, compiled before its workers start: its first epochs, run in another process.
+
+Nothing comes of that process but compiled code. Whatever goes wrong in it goes wrong again where it counts, and a
+kernel that it does not come by is compiled by the worker that needs it. A file in the folder of compiled code says of
+each shape of a case, which is the case without its numbers, that this has been done.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import wait
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from relnav_sim.campaign import Case
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.kernels.code_folder import (
+    code_folder,
+    hush,
+    is_kept,
+    kernel_names,
+    not_kept,
+    not_writable,
+    say_compiling,
+    tell,
+)
+from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.work import with_filters
+from relnav_sim.runner.worker import Worker
+
+EPOCHS = 128
+RUNS = (0, 1)
+LOOKED_AT_EVERY_S = 0.1
+LONGEST_SILENCE_S = 60.0
+"""A rehearsal in which no kernel has been compiled for so long is at something else, and ended."""
+
+
+def compile_kernels(tasks: Iterable[Task], say: Callable[[str], None]) -> None:
+    """Have the kernels compiled that tasks need; return soon where that has been done on this machine.
+
+    Args:
+        tasks: What is to be computed.
+        say: Told that it takes a while, and what keeps the code from being kept.
+    """
+    shapes = _shapes(tasks)
+    if not shapes or all(map(is_kept, kernel_names())):
+        return
+    try:
+        places = {code_folder() / f"rehearsed.{shape}": task for shape, task in shapes.items()}
+    except RuntimeError:  # nobody knows where
+        places = {Path(os.devnull, shape): task for shape, task in shapes.items()}
+    left = {place: task for place, task in places.items() if not place.exists()}
+    if not left:
+        return
+    if (reason := not_writable()) is not None:
+        say(f"warning: {not_kept(reason)}")
+        hush()
+        return
+    if _rehearsed(list(left.values()), say):
+        for place in left:
+            with suppress(OSError):
+                place.touch()
+
+
+def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
+    """Run a rehearsal in a process of its own; return whether another one would do no better."""
+    try:
+        worker = Worker()
+    except (OSError, RuntimeError, MemoryError):
+        return False  # the campaign's own workers will say it
+    tell(say)
+    before = time.monotonic()
+    last, seen, told = before, _changed(), False
+    try:
+        ended = worker.call(rehearse, tasks)
+        while not ended.done() and not worker.is_lost and time.monotonic() - last < LONGEST_SILENCE_S:
+            wait([ended], LOOKED_AT_EVERY_S)
+            if _changed() != seen:
+                last, seen, told = time.monotonic(), _changed(), True
+                say_compiling()
+        is_up = worker.started.done() and worker.started.exception() is None
+        # A process that died, or was ended, says nothing of it.
+        reason = ended.result() if ended.done() and ended.exception() is None else None
+    finally:
+        worker.end()
+    if told:
+        say(f"compiled in {max(time.monotonic() - before, 1):.0f} s")
+    if reason is not None:
+        say(f"warning: {not_kept(reason)}")
+        hush()
+    return is_up and reason is None
+
+
+def _changed() -> int:
+    """Return when a kernel was last begun or kept."""
+    with suppress(OSError):
+        return code_folder().stat().st_mtime_ns
+    return 0
+
+
+def _shapes(tasks: Iterable[Task]) -> dict[str, Task]:
+    """Return tasks that need all kernels that any of these does, by what tells them apart: a block for each filter."""
+    cases = {(isinstance(task, BoundTask), task.case.id, *task.case.config.filters): task for task in tasks}
+    found: dict[str, Task] = {}
+    for task in cases.values():
+        if isinstance(task, BoundTask):
+            found.setdefault(_shape(("bound", _content(task.case.config))), task)
+            continue
+        common = _content(task.case.config.model_copy(update={"filters": {}}))
+        for name, entry in task.case.config.filters.items():
+            shape = _shape((common, entry.model_dump(mode="json")))
+            found.setdefault(shape, replace(task, case=with_filters(task.case, [name])))
+    return found
+
+
+def _content(config: CaseConfig) -> dict[str, Any]:
+    return config.model_dump(mode="json", exclude={"name"})
+
+
+def _shape(content: Any) -> str:
+    return hashlib.sha256(json.dumps(_blank(content), sort_keys=True).encode()).hexdigest()[:20]
+
+
+def _blank(content: Any) -> Any:
+    """Return plain data in which a number is only zero or not, and a list holds what is different in it."""
+    if isinstance(content, dict):
+        return {name: _blank(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return sorted({json.dumps(_blank(value), sort_keys=True) for value in content})
+    if isinstance(content, int | float) and not isinstance(content, bool):
+        return content != 0
+    return content
+
+
+def rehearse(tasks: Sequence[Task]) -> str | None:
+    """Run the first epochs of tasks for what is compiled by it; return why that could not be kept, None where it was.
+
+    To be called in a process of its own, of which nobody hears.
+    """
+    from threadpoolctl import threadpool_limits
+
+    from relnav_sim.crlb.case_bound import case_bound
+    from relnav_sim.kernels import code_folder as folder
+    from relnav_sim.simulation.block import simulate_block
+    from relnav_sim.simulation.learned import Learned
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    learned = Learned()
+    with threadpool_limits(1):
+        for task in tasks:
+            with suppress(Exception):
+                case = _first_epochs(task.case)
+                if isinstance(task, BoundTask):
+                    case_bound(case, task.seed, learned)
+                else:
+                    simulate_block(case, task.seed, RUNS, learned=learned)
+    return folder.trouble()
+
+
+def _first_epochs(case: Case) -> Case:
+    clock = case.config.clock
+    duration_s = clock.step_s * min(EPOCHS, clock.epochs - 1)
+    clock = clock.model_copy(update={"duration_s": duration_s, "store_every_s": clock.step_s})
+    return replace(case, config=case.config.model_copy(update={"clock": clock}))
