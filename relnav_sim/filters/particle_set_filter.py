@@ -31,7 +31,7 @@ from relnav_sim.filters.particle_set import (
 )
 from relnav_sim.filters.resampling import Resampling, draw_ancestors
 from relnav_sim.linalg import by_run, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
@@ -154,9 +154,8 @@ class ParticleSetFilter:
         update of the predicted moments stands in for that part.
         """
         mean, epoch = predicted.mean, step.epoch
-        residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        H, R = self.measurement.jacobian(mean, epoch), self.measurement.noise(mean, epoch)
-        kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
+        predicted_moments = Gaussian(mean, predicted.covariance)
+        kalman, innovation = joseph_update(predicted_moments, *linearised(self.measurement, z, mean, epoch))
         extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
         covariance = particle_set.covariance + kalman.covariance / ess[:, None, None]
         failed = {place: NO_LIKELIHOOD for place in np.flatnonzero(~np.isfinite(evidence)).tolist()}

@@ -13,13 +13,10 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel, number, written
+from relnav_sim.kernels.elementary import exp
 from relnav_sim.kernels.lanes import LANES, factor, load
 
 BLOCK = 64
-_SHIFT = 1.5 * 2.0**52
-"""Added to a number, it leaves the nearest integer in the last bits."""
-_LOG2_E = 1.4426950408889634
-_LN2, _LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 @kernel(given(3), given(3), given(2))
@@ -200,7 +197,7 @@ def exponentials(logarithms: Array, highest: float, w: Array) -> tuple[float, fl
     for first in range(0, len(w), BLOCK):
         given_block, block = logarithms[first : first + BLOCK], w[first : first + BLOCK]
         for p in range(len(block)):
-            block[p] = _exp(given_block[p] - highest)
+            block[p] = exp(given_block[p] - highest)
         for p in range(len(block)):
             total[p] += block[p]
             squares[p] += block[p] * block[p]
@@ -245,24 +242,3 @@ def total_of(partial: Array) -> float:
             partial[c] += partial[c + half]
         half //= 2
     return partial[0]
-
-
-@inner
-def _exp(x: float) -> float:
-    """Return e^x for x <= 0, or 0 where that is below the normal numbers, to one unit in the last place."""
-    n = (x * _LOG2_E + _SHIFT) - _SHIFT
-    r = (x - n * _LN2) - n * _LN2_REST
-    p = 1 / 6227020800
-    p = p * r + 1 / 479001600
-    p = p * r + 1 / 39916800
-    p = p * r + 1 / 3628800
-    p = p * r + 1 / 362880
-    p = p * r + 1 / 40320
-    p = p * r + 1 / 5040
-    p = p * r + 1 / 720
-    p = p * r + 1 / 120
-    p = p * r + 1 / 24
-    p = p * r + 1 / 6
-    p = p * r + 0.5
-    power = (np.float64(n + _SHIFT).view(np.int64) + 1023) << 52
-    return 0.0 if x < -708.0 else (1 + (r + r * r * p)) * np.int64(power).view(np.float64)
