@@ -76,6 +76,7 @@ class ParticleFilter(ParticleSetFilter):
         super().__init__(dynamics, measurement, options)
         self._moves = options.mcmc_steps
         self._move_size = options.mcmc_step_size
+        self._keeps_centres |= self._moves > 0
         self._fewest = options.particles / 20
 
     def update(self, belief: ParticleSet, z: Array, step: Step) -> tuple[ParticleSet, Innovation]:

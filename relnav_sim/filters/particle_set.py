@@ -15,7 +15,6 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.linalg import (
     by_run,
-    cholesky,
     mixture_log_density,
     transpose,
 )
@@ -54,8 +53,8 @@ class ParticleSet:
         parents: Effective number of particles that these were drawn from since the last prediction, (runs,); infinite
             where they were not drawn anew.
         streams: Random streams of the runs.
-        centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update.
-        noise: The standard normal numbers that led from there to the particle, (runs, r, N), likewise.
+        centres: f(ancestor) of every particle (runs, n, N), between a prediction and its update, where that needs it.
+        noise: The standard normal numbers that led from there to the particle, (runs, r, N), between the two.
         root: What they were multiplied by, (n, r), (runs, n, r) or (runs, N, n, r), likewise.
     """
 
@@ -94,39 +93,33 @@ def standard_normals(streams: Streams, *shape: int) -> Array:
 
 
 def square_root(covariance: Array) -> Array:
-    """Return G with G G^T = Q: the Cholesky factor of the correlations times the standard deviations.
+    """Return G with G G^T = Q, lower triangular.
 
-    Scaling first keeps all digits where metres and metres per second, or tiny and large noises, share a matrix. A
-    matrix that is only semidefinite gets a factor from its eigenvectors; one (n, n) that all runs share then has as
+    A matrix that is only semidefinite gets a factor from its eigenvectors; one (n, n) that all runs share then has as
     many columns as its rank, so that no random number is drawn in vain.
 
     Args:
         covariance: Q, (n, n) or (..., n, n).
     """
-    deviation = np.sqrt(np.einsum("...ii->...i", covariance))
-    scale = np.where(deviation > 0, deviation, 1.0)
-    correlation = covariance / (scale[..., :, None] * scale[..., None, :])
-    L = _lapack_cholesky(correlation) if correlation.ndim < 4 else cholesky(correlation)
-    # A pivot below 1e-6 is rounding, not variance.
-    regular = np.einsum("...ii->...i", L).min(axis=-1) > 1e-6
+    n = covariance.shape[-1]
+    Q = np.ascontiguousarray(covariance).reshape(-1, n, n)
+    G, regular = kernels.particles.roots(Q)
     if not regular.all():
-        deficient = ~regular & np.isfinite(correlation).all(axis=(-1, -2))
-        values, vectors = np.linalg.eigh(correlation[deficient] if correlation.ndim > 2 else correlation[None])
-        values = np.where(values > 1e-12 * np.maximum(values[..., -1:], 0), values, 0.0)
-        root = vectors * np.sqrt(values)[..., None, :]
-        if correlation.ndim == 2:
-            L = root[0][:, values[0] > 0]
-        else:
-            L[deficient] = root
-    return np.asarray(L * scale[..., None])
+        deficient = ~regular & np.isfinite(Q).all(axis=(1, 2))
+        G[~regular] = np.nan
+        G[deficient], rank = _semidefinite_roots(Q[deficient])
+        if covariance.ndim == 2 and deficient[0]:
+            G = G[:, :, n - rank[0] :]
+    return G.reshape(*covariance.shape[:-1], -1)
 
 
-def _lapack_cholesky(A: Array) -> Array:
-    """Return the factors of (n, n) or (runs, n, n), NaN where there is none: for a few matrices one call is fastest."""
-    try:
-        return np.asarray(np.linalg.cholesky(A), dtype=float)
-    except np.linalg.LinAlgError:
-        return np.full_like(A, np.nan) if A.ndim == 2 else np.stack([_lapack_cholesky(one) for one in A])
+def _semidefinite_roots(Q: Array) -> tuple[Array, Integers]:
+    """Return G of semidefinite Q, (count, n, n), whose last columns alone are not zero; and the number of those."""
+    deviation = np.sqrt(np.einsum("bii->bi", Q))
+    scale = np.where(deviation > 0, deviation, 1.0)
+    values, vectors = np.linalg.eigh(Q / (scale[:, :, None] * scale[:, None, :]))
+    values = np.where(values > 1e-12 * np.maximum(values[:, -1:], 0), values, 0.0)
+    return scale[:, :, None] * vectors * np.sqrt(values)[:, None], np.count_nonzero(values, axis=1)
 
 
 def spread(centres: Array, root: Array, noise: Array) -> Array:
@@ -137,7 +130,9 @@ def spread(centres: Array, root: Array, noise: Array) -> Array:
         root: G, (n, r), (runs, n, r) or (runs, N, n, r).
         noise: xi, (runs, r, N).
     """
-    return kernels.particles.spread(centres, roots_of(root), noise)
+    particles = centres.copy()
+    kernels.particles.add_noise(particles, roots_of(root), noise)
+    return particles
 
 
 def roots_of(root: Array) -> Array:

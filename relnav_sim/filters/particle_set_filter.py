@@ -23,6 +23,7 @@ from relnav_sim.filters.particle_set import (
     log_likelihood,
     moments,
     put,
+    roots_of,
     smoothing,
     spread,
     square_root,
@@ -30,7 +31,7 @@ from relnav_sim.filters.particle_set import (
 )
 from relnav_sim.filters.resampling import Resampling, draw_ancestors
 from relnav_sim.linalg import by_run, symmetric, transpose
-from relnav_sim.measurements.interface import Measurement
+from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, sensors_of
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
@@ -85,6 +86,7 @@ class ParticleSetFilter:
             raise ValueError(f"roughening must not exceed {options.roughening / self._bandwidth:.3g} with these sizes")
         self._rooted: tuple[Array, Array] | None = None
         self._several = len(sensors_of(measurement)) > 1
+        self._keeps_centres = self._several
 
     def start(self, prior: Gaussian, source: RandomSource) -> ParticleSet:
         """Return particles drawn from the prior."""
@@ -115,7 +117,7 @@ class ParticleSetFilter:
         else:
             states = transpose(contracted(belief.components, belief.mean, share))
             Q = self.dynamics.process_noise(states, step)
-            centres = np.ascontiguousarray(transpose(self.dynamics.propagate(states, step)))
+            centres = np.array(transpose(self.dynamics.propagate(states, step)), order="C")
             mean, covariance = moments(centres, belief.log_weights)
         covariance = covariance + average(Q, belief)
         if self._bandwidth > 0:
@@ -124,10 +126,10 @@ class ParticleSetFilter:
             Q = Q + (kernel if Q.ndim < 4 else kernel[:, None])
         root = self._root(Q)
         noise = standard_normals(belief.streams.noise, root.shape[-1], self._particles)
-        drawn = spread(centres, root, noise)
+        kept = centres.copy() if self._keeps_centres else None
+        kernels.particles.add_noise(centres, roots_of(root), noise)
         parents = np.full(len(mean), np.inf)
-        particle_set = ParticleSet(drawn, belief.log_weights, mean, covariance, parents, belief.streams)
-        return replace(particle_set, centres=centres, noise=noise, root=root)
+        return ParticleSet(centres, belief.log_weights, mean, covariance, parents, belief.streams, kept, noise, root)
 
     def _root(self, Q: Array) -> Array:
         """Return G with G G^T = Q; one that all runs share is kept until it changes."""
@@ -152,9 +154,8 @@ class ParticleSetFilter:
         update of the predicted moments stands in for that part.
         """
         mean, epoch = predicted.mean, step.epoch
-        residual = self.measurement.residual(z, self.measurement.predict(mean, epoch))
-        H, R = self.measurement.jacobian(mean, epoch), self.measurement.noise(mean, epoch)
-        kalman, innovation = joseph_update(Gaussian(mean, predicted.covariance), residual, H, R)
+        predicted_moments = Gaussian(mean, predicted.covariance)
+        kalman, innovation = joseph_update(predicted_moments, *linearised(self.measurement, z, mean, epoch))
         extras = {"ess": ess, "resampled": (ess < self._ess_threshold).astype(float)}
         covariance = particle_set.covariance + kalman.covariance / ess[:, None, None]
         failed = {place: NO_LIKELIHOOD for place in np.flatnonzero(~np.isfinite(evidence)).tolist()}

@@ -99,6 +99,7 @@ class UnscentedParticleFilter(ParticleSetFilter):
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: UnscentedParticleOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._moves = options.mcmc_steps
+        self._keeps_centres = True
 
     def update(self, belief: ParticleSet, z: Array, step: Step) -> tuple[ParticleSet, Innovation]:
         """Return the set drawn from the proposals, reweighted and, where few particles count, resampled and moved."""

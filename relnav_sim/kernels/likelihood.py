@@ -36,10 +36,10 @@ def gaussian(z: Array, predicted: Array, angle: Mask, R: Array) -> Array:
             constant += 2 * math.log(L[i, i, 0])
         for first in range(0, N, LANES):
             used = min(LANES, N - first)
-            for b in range(used):
-                for i in range(m):
-                    w[i, b] = z[run, i] - predicted[run, first + b, i]
+            h, result = predicted[run, first : first + used], score[run, first : first + used]
             for i in range(m):
+                for b in range(used):
+                    w[i, b] = z[run, i] - h[b, i]
                 if angle[i]:
                     for b in range(used):
                         w[i, b] -= _TWO_PI * np.rint(w[i, b] / _TWO_PI)
@@ -50,8 +50,10 @@ def gaussian(z: Array, predicted: Array, angle: Mask, R: Array) -> Array:
                 for b in range(used):
                     w[i, b] *= scale
             for b in range(used):
-                nis = w[0, b] * w[0, b]
-                for i in range(1, m):
-                    nis += w[i, b] * w[i, b]
-                score[run, first + b] = -0.5 * (nis + constant)
+                result[b] = constant
+            for i in range(m):
+                for b in range(used):
+                    result[b] += w[i, b] * w[i, b]
+            for b in range(used):
+                result[b] *= -0.5
     return score

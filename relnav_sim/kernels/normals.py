@@ -7,11 +7,9 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import inner, kernel, written
+from relnav_sim.kernels.compiling import inlined, kernel, written
+from relnav_sim.kernels.elementary import log
 
-_ROOT_HALF_BITS = 0x3FE6A09E667F3BCD
-"""The bits of sqrt(1/2) as a double."""
-_LN2, _LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 # (2 pi)^k / k! with the signs of sine and cosine.
 _S1, _S3, _S5, _S7, _S9, _S11, _S13, _S15 = (
     (-1) ** (k // 2) * math.tau**k / math.factorial(k) for k in range(1, 17, 2)
@@ -45,29 +43,7 @@ def box_muller(numbers: Array) -> None:
             numbers[run, pairs + i] = radius * (sine if upper else -sine)
 
 
-@inner
-def log(x: float) -> float:
-    """Return log x of a positive normal number, to one unit in the last place.
-
-    x = 2^k (1 + f) with 1 + f next to 1, and log(1 + f) = 2 s + s R(s^2), s = f / (2 + f), with the polynomial R of
-    Sun's fdlibm (1993).
-    """
-    bits = np.float64(x).view(np.int64)
-    k = (bits - _ROOT_HALF_BITS) >> 52
-    f = np.int64(bits - (k << 52)).view(np.float64) - 1
-    half_square = 0.5 * f * f
-    s = f / (2 + f)
-    z = s * s
-    w = z * z
-    R = z * (
-        6.666666666666735130e-01
-        + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
-    )
-    R += w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01))
-    return k * _LN2 - ((half_square - (s * (half_square + R) + k * _LN2_REST)) - f)
-
-
-@inner
+@inlined
 def _sine_and_cosine(turn: float) -> tuple[float, float]:
     """Return sine and cosine of 2 pi turn, |turn| <= 1/8, by their Taylor series."""
     z = turn * turn

@@ -12,13 +12,11 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import given, inner, kernel, number
+from relnav_sim.kernels.compiling import given, inner, kernel, number, written
+from relnav_sim.kernels.elementary import exp
+from relnav_sim.kernels.lanes import LANES, factor, load
 
 BLOCK = 64
-_SHIFT = 1.5 * 2.0**52
-"""Added to a number, it leaves the nearest integer in the last bits."""
-_LOG2_E = 1.4426950408889634
-_LN2, _LN2_REST = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 @kernel(given(3), given(3), given(2))
@@ -41,28 +39,26 @@ def affine(x: Array, F: Array, c: Array) -> Array:
     return moved
 
 
-@kernel(given(3), given(4), given(3))
-def spread(centres: Array, G: Array, xi: Array) -> Array:
-    """Return the particles centres + G xi, (runs, n, N).
+@kernel(written(3), given(4), given(3))
+def add_noise(x: Array, G: Array, xi: Array) -> None:
+    """Add G xi to every particle x, (runs, n, N).
 
     Args:
-        centres: (runs, n, N).
+        x: (runs, n, N), written to.
         G: (1, 1, n, r), (runs, 1, n, r), or (runs, N, n, r) with one for each particle.
         xi: (runs, r, N).
     """
-    runs, n, N = centres.shape
-    moved = centres.copy()
+    runs, n, N = x.shape
     for run in range(runs):
         g = G[run if len(G) > 1 else 0]
         if len(g) == 1:
             for i in range(n):
-                _add_product(g[0, i], xi[run], moved[run, i])
+                _add_product(g[0, i], xi[run], x[run, i])
         else:
             for p in range(N):
                 for i in range(n):
                     for j in range(xi.shape[1]):
-                        moved[run, i, p] += g[p, i, j] * xi[run, j, p]
-    return moved
+                        x[run, i, p] += g[p, i, j] * xi[run, j, p]
 
 
 @inner
@@ -73,6 +69,40 @@ def _add_product(row: Array, x: Array, out: Array) -> None:
         if factor != 0:
             for p in range(len(out)):
                 out[p] += factor * x[j, p]
+
+
+@kernel(given(3))
+def roots(Q: Array) -> tuple[Array, Mask]:
+    """Return lower triangular G with G G^T = Q, and where Q is positive definite to six digits, else G does not count.
+
+    G is the Cholesky factor of the correlations times the standard deviations: scaling first keeps all digits where
+    metres and metres per second, or tiny and large noises, share a matrix.
+
+    Args:
+        Q: Covariances (count, n, n).
+    """
+    count, n, _ = Q.shape
+    G, regular = np.zeros((count, n, n)), np.empty(count, dtype=np.bool_)
+    q, L, deviation = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, LANES))
+    for first in range(0, count, LANES):
+        used = min(LANES, count - first)
+        load(Q, first, used, q)
+        for i in range(n):
+            for b in range(used):
+                deviation[i, b] = math.sqrt(q[i, i, b]) if q[i, i, b] != 0 else 1.0
+        for i in range(n):
+            for j in range(i + 1):
+                for b in range(used):
+                    q[i, j, b] /= deviation[i, b] * deviation[j, b]
+        factor(q, used, L)
+        for b in range(used):
+            regular[first + b] = True
+            for i in range(n):
+                # A pivot below is rounding, not variance.
+                regular[first + b] &= L[i, i, b] > 1e-6
+                for j in range(i + 1):
+                    G[first + b, i, j] = deviation[i, b] * L[i, j, b]
+    return G, regular
 
 
 @kernel(given(3), given(2), given(2))
@@ -167,7 +197,7 @@ def exponentials(logarithms: Array, highest: float, w: Array) -> tuple[float, fl
     for first in range(0, len(w), BLOCK):
         given_block, block = logarithms[first : first + BLOCK], w[first : first + BLOCK]
         for p in range(len(block)):
-            block[p] = _exp(given_block[p] - highest)
+            block[p] = exp(given_block[p] - highest)
         for p in range(len(block)):
             total[p] += block[p]
             squares[p] += block[p] * block[p]
@@ -212,24 +242,3 @@ def total_of(partial: Array) -> float:
             partial[c] += partial[c + half]
         half //= 2
     return partial[0]
-
-
-@inner
-def _exp(x: float) -> float:
-    """Return e^x for x <= 0, or 0 where that is below the normal numbers, to one unit in the last place."""
-    n = (x * _LOG2_E + _SHIFT) - _SHIFT
-    r = (x - n * _LN2) - n * _LN2_REST
-    p = 1 / 6227020800
-    p = p * r + 1 / 479001600
-    p = p * r + 1 / 39916800
-    p = p * r + 1 / 3628800
-    p = p * r + 1 / 362880
-    p = p * r + 1 / 40320
-    p = p * r + 1 / 5040
-    p = p * r + 1 / 720
-    p = p * r + 1 / 120
-    p = p * r + 1 / 24
-    p = p * r + 1 / 6
-    p = p * r + 0.5
-    power = (np.float64(n + _SHIFT).view(np.int64) + 1023) << 52
-    return 0.0 if x < -708.0 else (1 + (r + r * r * p)) * np.int64(power).view(np.float64)

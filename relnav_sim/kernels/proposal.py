@@ -12,8 +12,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
+from relnav_sim.kernels.elementary import log
 from relnav_sim.kernels.lanes import LANES, factor, forward, forward_vectors
-from relnav_sim.kernels.normals import log
 
 _TWO_PI = 2 * math.pi
 

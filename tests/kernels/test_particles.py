@@ -61,14 +61,31 @@ def test_affine(runs, n, N, shared):
 
 @pytest.mark.parametrize(("runs", "n", "N"), SIZES)
 @pytest.mark.parametrize("roots", ["shared", "by run", "by particle"])
-def test_spread(runs, n, N, roots):
+def test_noise(runs, n, N, roots):
     x, _, rng = some(runs, n, N)
     r = max(1, n - 1)
     G = rng.standard_normal({"shared": (1, 1), "by run": (runs, 1), "by particle": (runs, N)}[roots] + (n, r))
     xi = rng.standard_normal((runs, r, N))
     every = np.broadcast_to(G, (runs, N, n, r))
     expected = x + np.einsum("bpij,bjp->bip", every, xi)
-    np.testing.assert_allclose(kernels.particles.spread(x, G, xi), expected, rtol=1e-12)
+    kernels.particles.add_noise(x, G, xi)
+    np.testing.assert_allclose(x, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "n"), [(2, 1), (3, 6), (32, 3), (1000, 4), (33, 12)])
+def test_roots(count, n):
+    rng = np.random.default_rng(n)
+    A = rng.standard_normal((count, n, n)) * np.geomspace(1e4, 1e-7, n)[:, None]
+    Q = A @ A.swapaxes(1, 2) + np.eye(n) * np.einsum("bii->bi", A @ A.swapaxes(1, 2))[:, None]
+    found, regular = kernels.particles.roots(Q)
+    assert regular.all()
+    deviation = np.sqrt(np.einsum("bii->bi", Q))
+    expected = deviation[:, :, None] * np.linalg.cholesky(Q / (deviation[:, :, None] * deviation[:, None]))
+    np.testing.assert_allclose(found / deviation[:, :, None], expected / deviation[:, :, None], rtol=1e-12, atol=1e-13)
+    Q[0], Q[-1] = np.nan, np.ones((n, n))
+    broken, regular = kernels.particles.roots(Q)
+    assert not regular[0] and regular[-1] == (n == 1) and regular[1:-1].all()
+    assert np.array_equal(broken[1:-1], found[1:-1])
 
 
 # Weights and moments
@@ -214,7 +231,8 @@ def test_bits_of_a_run_do_not_depend_on_the_block():
     angle = np.array([False, True, True])
 
     def outcome(rows):
-        moved = kernels.particles.spread(kernels.particles.affine(x[rows], F[rows], c[rows]), G[rows], xi[rows])
+        moved = kernels.particles.affine(x[rows], F[rows], c[rows])
+        kernels.particles.add_noise(moved, G[rows], xi[rows])
         score = kernels.likelihood.gaussian(z[rows], predicted[rows], angle, R[rows])
         weighed = kernels.particles.weigh(moved, log_weights[rows], score)
         power = kernels.particles.power_that_leaves_half(log_weights[rows], 50 * score, np.ones(len(moved)), N / 2)
