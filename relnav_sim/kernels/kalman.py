@@ -10,6 +10,7 @@ from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel
 from relnav_sim.kernels.lanes import (
     LANES,
+    copy,
     factor,
     forward,
     forward_vectors,
@@ -96,7 +97,7 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
                 for b in range(used):
                     S[i, j, b] += r[i, j, b]
         factor(S, used, L)
-        W[:] = hp
+        copy(hp, used, W)
         forward(L, used, W)
         forward_vectors(L, used, w)
         move(W, w, used, x)
@@ -104,7 +105,7 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
             nis[first + b], log_likelihood[first + b] = score(w, L, b)
             wide[b] = exceeds(S, r, b, WIDE)
             lost[first + b] = singular(S, L, b) or (wide[b] and exceeds(S, r, b, WIDEST))
-        short[:] = p
+        copy(p, used, short)
         subtract_square(W, used, short)
         for b in range(used):
             if wide[b] and not lost[first + b]:

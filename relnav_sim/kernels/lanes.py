@@ -62,6 +62,15 @@ def store_symmetric(A: Array, first: int, used: int, out: Array) -> None:
 
 
 @inner
+def copy(A: Array, used: int, out: Array) -> None:
+    """Set out (p, q) to A. `out[:] = A` would do, with seconds of compiling for a message about shapes."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            for b in range(used):
+                out[i, j, b] = A[i, j, b]
+
+
+@inner
 def product(A: Array, B: Array, used: int, out: Array) -> None:
     """Set out (p, r) to A B of A (p, q), B (q, r)."""
     for i in range(A.shape[0]):

@@ -39,7 +39,7 @@ EPOCHS = 128
 """Epochs of a rehearsal: enough that sensors which seldom read have done so."""
 FEWEST_EPOCHS = 8
 LONGEST_IDLE_S = 5.0
-"""A rehearsal in which nothing has been compiled for so much processor time, as when dynamics learn, leaves the rest."""
+"""A rehearsal in which nothing has been compiled for so much processor time, as when dynamics learn, is given up."""
 FILTER_SECONDS = 0.2
 """What a filter in a rehearsal may take; one with many samples has fewer epochs."""
 RUNS = (0, 1)
