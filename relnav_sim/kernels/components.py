@@ -142,8 +142,11 @@ def reweigh(
                 for j in range(n):
                     total += P[run, component, i, j]
             if not math.isfinite(total):
-                x[run, component] = x_before[run, component // k]
-                P[run, component] = P_before[run, component // k]
+                before = component // k
+                for i in range(x.shape[2]):
+                    x[run, component, i] = x_before[run, before, i]
+                    for j in range(x.shape[2]):
+                        P[run, component, i, j] = P_before[run, before, i, j]
                 log_likelihood[run, component] = -math.inf
             log_weights[run, component] = log_prior[run, component] + log_likelihood[run, component]
             if not log_weights[run, component] <= largest:
