@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from relnav_sim.campaign import Case
+from relnav_sim.campaign.blocks import filter_cost_us
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.kernels.code_folder import (
     code_folder,
@@ -35,6 +36,12 @@ from relnav_sim.runner.work import with_filters
 from relnav_sim.runner.worker import Worker
 
 EPOCHS = 128
+"""Epochs of a rehearsal: enough that sensors which seldom read have done so."""
+FEWEST_EPOCHS = 8
+LONGEST_IDLE_S = 5.0
+"""A rehearsal in which nothing has been compiled for so much processor time, as when dynamics learn, is given up."""
+FILTER_SECONDS = 0.2
+"""What a filter in a rehearsal may take; one with many samples has fewer epochs."""
 RUNS = (0, 1)
 LOOKED_AT_EVERY_S = 0.1
 LONGEST_SILENCE_S = 60.0
@@ -153,20 +160,27 @@ def rehearse(tasks: Sequence[Task]) -> str | None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    learned = Learned()
+    learned, idle_s = Learned(), 0.0
     with threadpool_limits(1):
         for task in tasks:
+            before, kept_before = time.process_time(), sum(map(is_kept, kernel_names()))
             with suppress(Exception):
                 case = _first_epochs(task.case)
                 if isinstance(task, BoundTask):
                     case_bound(case, task.seed, learned)
                 else:
                     simulate_block(case, task.seed, RUNS, learned=learned)
+            in_vain = sum(map(is_kept, kernel_names())) == kept_before
+            idle_s = idle_s + time.process_time() - before if in_vain else 0.0
+            if idle_s > LONGEST_IDLE_S:
+                break
     return folder.trouble()
 
 
 def _first_epochs(case: Case) -> Case:
     clock = case.config.clock
-    duration_s = clock.step_s * min(EPOCHS, clock.epochs - 1)
+    step_s = 1e-6 * len(RUNS) * max(map(filter_cost_us, case.config.filters.values()))
+    epochs = min(EPOCHS, max(FEWEST_EPOCHS, int(FILTER_SECONDS / step_s)), clock.epochs - 1)
+    duration_s = clock.step_s * epochs
     clock = clock.model_copy(update={"duration_s": duration_s, "store_every_s": clock.step_s})
     return replace(case, config=case.config.model_copy(update={"clock": clock}))

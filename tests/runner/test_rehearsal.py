@@ -98,10 +98,11 @@ def test_nothing_is_rehearsed_where_nothing_can_be_kept_and_it_is_said(tmp_path,
 
 
 def test_a_rehearsal_ends_after_the_first_epochs(tmp_path):
-    (case, _) = campaign(
-        tmp_path, ("duration_s: 40", "duration_s: 4000"), ("store_every_s: 4", "store_every_s: 8")
-    ).cases
+    longer = (("duration_s: 40", "duration_s: 4000"), ("store_every_s: 4", "store_every_s: 8"))
+    case = campaign(tmp_path, *longer).cases[0]
     short = rehearsal._first_epochs(case).config.clock
     assert (short.epochs, short.stored, short.step_s) == (rehearsal.EPOCHS + 1,) * 2 + (1,)
     brief = replace(case, config=case.config.model_copy(update={"clock": short.model_copy(update={"duration_s": 40})}))
     assert rehearsal._first_epochs(brief).config.clock.epochs == 41
+    many = campaign(tmp_path, *longer, ("ekf: {kind: ekf}", "pf: {kind: particle, particles: 100000}")).cases[0]
+    assert rehearsal._first_epochs(many).config.clock.epochs == rehearsal.FEWEST_EPOCHS + 1
