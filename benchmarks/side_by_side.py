@@ -6,10 +6,12 @@ whether the script works, not what is fast) and `--docs` (write the result into 
 script's section).
 """
 
+import io
 import json
 import os
 import subprocess
 import sys
+import tarfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -120,19 +122,21 @@ def publish(section: str, text: str) -> None:
 
 
 def baseline() -> Path | None:
-    """Return a checkout of the commit that a campaign's time is compared with, or None without its history."""
-    tree = ROOT / "build" / f"baseline-{BASELINE}"
+    """Return a copy of relnav at the commit that it is compared with, or None without the history."""
+    tree = ROOT / "build" / f"relnav-{BASELINE}"
     if not tree.exists():
-        command = ["git", "-C", str(ROOT), "worktree", "add", "--force", "--detach", str(tree), BASELINE]
-        made = subprocess.run(command, capture_output=True, text=True)
-        if made.returncode:
-            print(f"no baseline: {made.stderr.strip()}", file=sys.stderr)
+        packed = subprocess.run(["git", "-C", str(ROOT), "archive", BASELINE], capture_output=True)
+        if packed.returncode:
+            print(f"no baseline: {packed.stderr.decode().strip()}", file=sys.stderr)
             return None
+        tree.mkdir(parents=True)
+        with tarfile.open(fileobj=io.BytesIO(packed.stdout)) as archive:
+            archive.extractall(tree, filter="data")
     return tree
 
 
-def in_checkout(tree: Path, script: str, *arguments: str) -> Any:
-    """Return what a script prints as JSON when it imports relnav from a checkout."""
+def in_tree(tree: Path, script: str, *arguments: str) -> Any:
+    """Return what a script prints as JSON when it imports relnav from that folder."""
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     command = [sys.executable, "-c", script, *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tree)

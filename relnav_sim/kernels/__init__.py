@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import linear as linear
