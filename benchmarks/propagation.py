@@ -1,17 +1,15 @@
-"""CPU time per trajectory: relnav's batched propagation beside scipy (and heyoka where installed), in one run.
+"""CPU time per trajectory: relnav's batched propagation beside scipy, heyoka and brahe.
 
-1000 dispersed low orbits over 6000 s with a state every second, under J2 to J4 and drag. scipy and heyoka take one
-trajectory at a time, so they get fewer. One core, one BLAS thread. The rounds take turns and the smallest time of each
-counts, so that a busy machine does not favour anyone; the first round also pays for the first use of memory.
+1000 dispersed low orbits over 6000 s with a state every second, under J2 to J4 and drag. The others take one trajectory
+at a time, so they get fewer. The first of scipy's tolerances is the one that is timed.
 
-    python benchmarks/propagation.py
+    python benchmarks/propagation.py [--quick] [--docs]
 """
 
-import os
+import side_by_side as bench  # keeps NumPy to one thread, so it comes first
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"
+# isort: split
 
-import time
 from math import exp, sqrt
 
 import numpy as np
@@ -21,7 +19,7 @@ from relnav_sim import ExponentialAtmosphere, ForceModel, propagate
 from relnav_sim.astro import constants
 from relnav_sim.astro.orbits import Elements, state_from_elements
 
-ROWS, PEER_ROWS, ROUNDS = 1000, 5, 4
+ROWS, PEER_ROWS = (20, 2) if bench.QUICK else (1000, 5)
 TIMES = np.arange(6001.0)
 BALLISTIC = 0.011
 MU, RADIUS, TURN = constants.MU_M3_S2, constants.RADIUS_M, constants.ROTATION_RAD_S
@@ -98,28 +96,74 @@ def heyoka_each():
     return run
 
 
+def brahe_each():
+    """Return the propagation of states by brahe with its own constants of the Earth, and the force with these."""
+    import brahe as bh
+
+    bh.set_global_eop_provider(bh.StaticEOPProvider.from_zero())
+    air = bh.AtmosphericModel.exponential(AIR.scale_height_m, AIR.density_kg_m3, AIR.base_altitude_m)
+    area, factor = bh.ParameterSource.value(1.0), bh.ParameterSource.value(BALLISTIC)
+    forces = bh.ForceModelConfig(
+        gravity=bh.GravityConfiguration.earth_zonal(bh.ZonalHarmonicsDegree.J4),
+        drag=bh.DragConfiguration(model=air, area=area, cd=factor),
+        mass=bh.ParameterSource.value(1.0),
+        frame_transform=bh.FrameTransformationModel.EARTH_ROTATION_ONLY,
+    )
+    steps = bh.NumericalPropagationConfig.with_method(bh.IntegrationMethod.RKF78)
+    steps = steps.with_abs_tol(1e-9).with_rel_tol(1e-12).with_store_accelerations(True)
+    steps = steps.with_interpolation_method(bh.InterpolationMethod.HERMITE_QUINTIC)
+    start = bh.Epoch.from_datetime(2026, 1, 1, 0, 0, 0.0, 0.0, bh.TimeSystem.UTC)
+    moments = [start + float(t) for t in TIMES]
+
+    def run(states):
+        paths = []
+        for state in states:
+            propagator = bh.NumericalOrbitPropagator(start, state, steps, forces)
+            propagator.propagate_to(moments[-1])
+            paths.append([propagator.state(moment) for moment in moments])
+        return np.array(paths)
+
+    return run, ForceModel(bh.GM_EARTH, bh.R_EARTH, (bh.J2_EARTH, bh.J3_EARTH, bh.J4_EARTH), AIR)
+
+
 def main():
+    bench.keep_to_one_core()
     states = dispersed_states()
-    tools = {"relnav, 1000 at once": (relnav, ROWS), "scipy solve_ivp DOP853": (scipy_each, PEER_ROWS)}
+    few, some = states[:PEER_ROWS], states[: 10 * PEER_ROWS]
+    contenders = {
+        "relnav": bench.Contender(lambda: relnav(states), ROWS),
+        "SciPy `solve_ivp`, DOP853": bench.Contender(lambda: scipy_each(few), PEER_ROWS),
+    }
+    notes, others = [], {}
     try:
-        tools["heyoka taylor_adaptive"] = (heyoka_each(), 200)
-    except ImportError:
-        print("heyoka is not installed: left out")
-    reference = scipy_each(states[:PEER_ROWS], rtol=3e-14)
-    spent = {name: [] for name in tools}
-    error = {}
-    for _ in range(ROUNDS):
-        for name, (run, rows) in tools.items():
-            began = time.process_time()
-            paths = run(states[:rows])
-            spent[name].append((time.process_time() - began) / rows)
-            error[name] = np.abs(paths[:PEER_ROWS] - reference)[..., :3].max()
-            del paths
-    print(f"{'':24}  ms per trajectory (first round)   largest difference from scipy at rtol 3e-14")
-    for name, seconds in spent.items():
-        print(f"{name:24}  {min(seconds) * 1e3:6.3f}  ({seconds[0] * 1e3:.3f}) {error[name]:26.1e} m")
-    ratio = min(spent["scipy solve_ivp DOP853"]) / min(spent["relnav, 1000 at once"])
-    print(f"relnav is {ratio:.0f} times faster than scipy")
+        each = heyoka_each()
+        contenders["heyoka `taylor_adaptive`"] = bench.Contender(lambda: each(some), len(some))
+    except ImportError as error:
+        notes.append(bench.missing(error))
+    try:
+        run, force = brahe_each()
+        contenders["brahe, RKF78"] = bench.Contender(lambda: run(some), len(some))
+        others["brahe, RKF78"] = propagate(few, TIMES, force, BALLISTIC)
+    except ImportError as error:
+        notes.append(bench.missing(error))
+    timings = bench.take_turns(contenders, rounds=4)
+    reference = scipy_each(few, rtol=3e-14)
+
+    def error(paths, reference):
+        return np.abs(paths[:PEER_ROWS] - reference)[..., :3].max()
+
+    rows = []
+    for name, timing in timings.items():
+        apart = f"{error(timing.result, others.get(name, reference)):.0e} m"
+        if name != "relnav":
+            pair = {"relnav": timings["relnav"], name: timing}
+            rows += bench.beside("truth, 6000 s, per trajectory", pair, lambda *_, apart=apart: apart, "ms")
+    notes.append(
+        f"Agreement of relnav itself: {error(timings['relnav'].result, reference):.0e} m from SciPy with a relative "
+        "tolerance of 3e-14, as are the others' figures. brahe has its own constants of the Earth, so it is compared "
+        "with relnav's path under these."
+    )
+    bench.publish("propagation", "\n\n".join([bench.side_by_side_table(rows, "ms"), *notes]))
 
 
 if __name__ == "__main__":

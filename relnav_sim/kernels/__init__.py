@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
     from relnav_sim.kernels import frame_error as frame_error
+    from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import iterated as iterated
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood

@@ -6,21 +6,16 @@ one Cholesky factor and one set of kernel values serve them all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 
 # Noise variance over signal variance. With less, the Cholesky factor of a smooth kernel has no correct digits left.
 LEAST_NOISE = 1e-11
-# Points whose kernel values stay in a core's cache while they are worked on.
-_POINTS_AT_ONCE = 256
-# The triangular inverse of the factor is applied in this many blocks, each without most of its zeros.
-_BLOCKS = 4
 
 
 @dataclass(frozen=True)
@@ -65,7 +60,7 @@ class GaussianProcess:
         kernel: The kernel.
         inputs: Training inputs in lengths, (S, d).
         weights: (C + noise_ratio I)^-1 Y, (S, q), with C the correlation and Y the standardised outputs.
-        whitener: L^-T, (S, S), upper triangular, L L^T = C + noise_ratio I.
+        whitener: L^-1, (S, S), lower triangular, L L^T = C + noise_ratio I.
     """
 
     kernel: Kernel
@@ -75,77 +70,45 @@ class GaussianProcess:
 
     def predict(self, points: Array) -> Array:
         """Return the outputs' means (runs, N, q) at points (runs, N, d)."""
-        mean = np.empty((*points.shape[:2], self.weights.shape[1]))
-        for part, correlation in self._correlations(points):
-            np.matmul(correlation, self.weights, out=mean[part])
-        return self._in_units(mean)
+        mean, _ = self._predicted(points, with_variance=False)
+        return mean
 
     def predict_with_variance(self, points: Array) -> tuple[Array, Array]:
         """Return the means (runs, N, q), and the variance of a standardised noisy output, (runs, N)."""
-        mean = np.empty((*points.shape[:2], self.weights.shape[1]))
-        explained = np.empty(points.shape[:2])
-        for part, correlation in self._correlations(points):
-            np.matmul(correlation, self.weights, out=mean[part])
-            explained[part] = self._explained(correlation)
-        return self._in_units(mean), self._variance(explained)
+        return self._predicted(points)
 
     def variance(self, points: Array) -> Array:
         """Return the variance of a standardised noisy output at points (runs, N, d): (runs, N)."""
-        explained = np.empty(points.shape[:2])
-        for part, correlation in self._correlations(points):
-            explained[part] = self._explained(correlation)
-        return self._variance(explained)
+        _, variance = self._predicted(points, with_mean=False)
+        return variance
 
     def jacobian(self, points: Array) -> Array:
         """Return the derivatives of the means with respect to the inputs, (runs, q, d), at points (runs, d)."""
-        slopes = np.empty((*points.shape[:1], self.weights.shape[1], points.shape[1]))
-        for (runs, _), correlation in self._correlations(points[:, None]):
-            # d c_s / d x = c_s (X_s - x) in lengths
-            offsets = self.inputs - self.kernel.scaled(points[runs])[:, None]
-            slopes[runs] = (self.weights.T * correlation) @ offsets
-        return slopes * (self.kernel.output_scale[:, None] / self.kernel.length)
+        kernel = self.kernel
+        slopes = kernels.gp.slopes(
+            np.ascontiguousarray(points), kernel.input_mean, kernel.length, self.inputs, self.weights
+        )
+        return slopes * (kernel.output_scale[:, None] / kernel.length)
 
-    def _in_units(self, mean: Array) -> Array:
-        mean *= self.kernel.output_scale
-        mean += self.kernel.output_mean
-        return mean
-
-    def _variance(self, explained: Array) -> Array:
+    def _predicted(self, points: Array, with_mean: bool = True, with_variance: bool = True) -> tuple[Array, Array]:
+        """Return means and variances as `predict_with_variance`; those not asked for mean nothing."""
+        kernel, (runs, N, d) = self.kernel, points.shape
+        mean, explained = kernels.gp.predict(
+            np.ascontiguousarray(points).reshape(runs * N, d),
+            kernel.input_mean,
+            kernel.length,
+            self.inputs,
+            self.weights,
+            self.whitener,
+            with_mean,
+            with_variance,
+        )
+        mean *= kernel.output_scale
+        mean += kernel.output_mean
         # Next to a training point rounding can leave less than nothing.
         left = np.maximum(1 - explained, 0)
-        return np.asarray(self.kernel.signal_variance * (left + self.kernel.noise_ratio))
-
-    def _explained(self, correlation: Array) -> Array:
-        """Return |L^-1 c|^2, the share of the variance that the training data explain, (runs, points)."""
-        S = len(self.inputs)
-        edges = [S * block // _BLOCKS for block in range(_BLOCKS + 1)]
-        explained = np.zeros(correlation.shape[:2])
-        for first, last in pairwise(edges):
-            white = correlation[..., :last] @ self.whitener[:last, first:last]
-            explained += np.einsum("bps,bps->bp", white, white)
-        return explained
-
-    def _correlations(self, points: Array) -> Iterator[tuple[tuple[slice, slice], Array]]:
-        """Yield parts of the points' two axes with their correlations to the training points, (runs, points, S).
-
-        All products are one matrix product per run, of a size that depends on N alone, so that a run's bits do not
-        depend on the others of its block.
-        """
-        runs, N, _ = points.shape
-        runs_at_once = max(1, _POINTS_AT_ONCE // max(N, 1))
-        squares = np.square(self.inputs).sum(axis=1)
-        towards = -2 * np.ascontiguousarray(self.inputs.T)
-        for run in range(0, runs, runs_at_once):
-            for point in range(0, N, _POINTS_AT_ONCE):
-                part = (slice(run, run + runs_at_once), slice(point, point + _POINTS_AT_ONCE))
-                scaled = np.ascontiguousarray(self.kernel.scaled(points[part]))
-                correlation = scaled @ towards
-                correlation += squares
-                correlation += np.einsum("bpd,bpd->bp", scaled, scaled)[..., None]
-                np.maximum(correlation, 0, out=correlation)
-                correlation *= -0.5
-                np.exp(correlation, out=correlation)
-                yield part, correlation
+        variance = kernel.signal_variance * (left + kernel.noise_ratio)
+        return mean.reshape(runs, N, -1), variance.reshape(runs, N)
 
 
 def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
@@ -158,7 +121,7 @@ def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
     L = np.linalg.cholesky(kernel.correlation(scaled) + kernel.noise_ratio * np.eye(len(scaled)))
     standardised = (outputs - kernel.output_mean) / kernel.output_scale
     weights = solve_triangular(L.T, solve_triangular(L, standardised, lower=True))
-    whitener = solve_triangular(L, np.eye(len(L)), lower=True).T
+    whitener = solve_triangular(L, np.eye(len(L)), lower=True)
     return GaussianProcess(kernel, scaled, np.ascontiguousarray(weights), np.ascontiguousarray(whitener))
 
 
