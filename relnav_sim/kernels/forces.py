@@ -55,7 +55,7 @@ def derivative(y: Array, used: int, forces: Forces, ballistic: Array, thrust: Ar
         out: Where it goes.
     """
     for i in range(3):
-        for b in range(used):
+        for b in range(LANES):
             out[i, b] = y[3 + i, b]
     a = out[3:]
     pull(y, used, forces.mu, forces.radius, forces.J, room, a)
@@ -70,12 +70,12 @@ def derivative(y: Array, used: int, forces: Forces, ballistic: Array, thrust: Ar
 def add_drag(y: Array, used: int, forces: Forces, ballistic: Array, room: Array, a: Array) -> None:
     """Add -1/2 Cd A/m rho |u| u, u being the velocity past air that turns with the body (Vallado, section 8.6)."""
     drag = room[0]
-    for b in range(used):
+    for b in range(LANES):
         r = math.sqrt(y[0, b] * y[0, b] + y[1, b] * y[1, b] + y[2, b] * y[2, b])
         drag[b] = (forces.base - (r - forces.radius)) / forces.scale_height
     for b in range(used):
         drag[b] = math.exp(drag[b])
-    for b in range(used):
+    for b in range(LANES):
         x, y_, vx, vy, vz = y[0, b], y[1, b], y[3, b], y[4, b], y[5, b]
         ux, uy = vx + forces.rotation * y_, vy - forces.rotation * x
         k = -0.5 * ballistic[b] * (forces.density * drag[b]) * math.sqrt(ux * ux + uy * uy + vz * vz)

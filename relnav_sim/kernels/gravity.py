@@ -30,25 +30,25 @@ def pull(r: Array, used: int, mu: float, radius: float, J: Array, room: Array, a
         a: Where the acceleration goes.
     """
     central, inverse, before, W, radial, axial = room[0], room[1], room[2], room[3], room[4], room[5]
-    for b in range(used):
+    for b in range(LANES):
         r2 = r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b]
         inverse[b] = 1 / r2
         central[b] = -mu * inverse[b] / math.sqrt(r2)
-    for b in range(used):
+    for b in range(LANES):
         before[b], W[b], radial[b], axial[b] = 1.0, 3 * (radius * r[2, b] * inverse[b]), 0.0, 0.0
     for k in range(len(J)):
         n = k + 2
         ahead, back = (2 * n + 1) / n, (n + 1) / n
-        for b in range(used):
+        for b in range(LANES):
             p, q = radius * r[2, b] * inverse[b], radius * radius * inverse[b]
             after = ahead * p * W[b] - back * q * before[b]
             radial[b] += J[k] * after
             axial[b] += J[k] * W[b]
             before[b], W[b] = W[b], after
     for i in range(3):
-        for b in range(used):
+        for b in range(LANES):
             a[i, b] = central[b] * (1 - radial[b]) * r[i, b]
-    for b in range(used):
+    for b in range(LANES):
         a[2, b] += radius * central[b] * axial[b]
 
 

@@ -14,14 +14,16 @@ from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
     TERMS,
+    WIDTH,
     B,
     error_estimate,
     evaluate,
     interpolant,
-    stage,
+    length2,
+    stage_state,
     weighted_sum,
 )
-from relnav_sim.kernels.forces import FORCES, Forces, derivative
+from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
 from relnav_sim.kernels.lanes import LANES
 
 FINEST = -24
@@ -102,9 +104,12 @@ def fly(
     """
     n, T = len(flights.states), len(times)
     row = np.empty(LANES, dtype=np.int64)
-    y, carry, ends, thrust = np.empty((6, LANES)), np.empty((6, LANES)), np.empty((6, LANES)), np.empty((3, LANES))
-    h, until, ballistic, error = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
-    stages, terms, room = np.empty((ALL_STAGES, 6, LANES)), np.empty((TERMS, 6, LANES)), np.empty((12, LANES))
+    stage_lanes, at_lanes = np.zeros((ALL_STAGES, 6, LANES)), np.empty((6, LANES))
+    stages, at = stage_lanes.reshape(ALL_STAGES, WIDTH), at_lanes.reshape(WIDTH)
+    y, carry, h, ends = np.ones(WIDTH), np.zeros(WIDTH), np.zeros(WIDTH), np.empty(WIDTH)
+    terms = np.empty((TERMS, WIDTH))
+    until, ballistic, error = np.empty(LANES), np.zeros(LANES), np.empty(LANES)
+    thrust, room = np.zeros((3, LANES)), np.empty((ROOM, LANES))
     used = waiting = 0
     while True:
         # Whoever has arrived makes room for the next.
@@ -113,7 +118,7 @@ def fly(
             if b < used and goes_on(flights, row[b], place, T):
                 b += 1
             elif waiting < n:
-                recall(flights, waiting, flights.terms.shape[1], times, place, room, out)
+                recall(flights, waiting, flights.terms.shape[1], times, place, out)
                 row[b] = waiting
                 used = max(used, b + 1)
                 waiting += 1
@@ -124,25 +129,26 @@ def fly(
             break
         for b in range(used):
             i = row[b]
+            until[b], step = next_step(flights, i)
             for c in range(6):
-                y[c, b], carry[c, b], stages[0, c, b] = flights.states[i, c], flights.carry[i, c], flights.slope[i, c]
+                k = c * LANES + b
+                y[k], carry[k], stages[0, k] = flights.states[i, c], flights.carry[i, c], flights.slope[i, c]
+                h[k] = step
             for c in range(3):
                 thrust[c, b] = flights.thrust[i, c]
             ballistic[b] = flights.ballistic[i]
-            until[b], h[b] = next_step(flights, i)
         for s in range(1, STAGES):
-            stage(s, y, h, used, forces, ballistic, thrust, room, stages)
-        weighted_sum(B, stages, used, ends)
-        for c in range(6):
-            for b in range(used):
-                step = h[b] * ends[c, b] + carry[c, b]
-                # The rounded sum and its rounding error (Knuth, TAOCP 2, 4.2.2, theorem B). Carrying that into the
-                # next step keeps the rounding of thousands of steps from adding up.
-                total = y[c, b] + step
-                part = total - y[c, b]
-                carry[c, b] = (y[c, b] - (total - part)) + (step - part)
-                ends[c, b] = total
-        error_estimate(y, used, forces.mu, stages, room, error)
+            stage_state(s, y, h, stages, at)
+            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+        weighted_sum(B, stages, ends)
+        for k in range(WIDTH):
+            step = h[k] * ends[k] + carry[k]
+            # The rounded sum and its rounding error (Knuth, TAOCP 2, 4.2.2, theorem B). Carrying that into the next
+            # step keeps the rounding of thousands of steps from adding up.
+            ends[k] = y[k] + step
+            part = ends[k] - y[k]
+            carry[k] = (y[k] - (ends[k] - part)) + (step - part)
+        error_estimate(y, forces.mu, stages, error)
         good = False
         for b in range(used):
             if not error[b] <= rtol or not finite(ends, b):
@@ -150,10 +156,12 @@ def fly(
             else:
                 good = True
         if good:
-            derivative(ends, used, forces, ballistic, thrust, room, stages[STAGES])
+            at[:] = ends
+            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
-                stage(s, y, h, used, forces, ballistic, thrust, room, stages)
-            interpolant(y, ends, h, used, stages, terms)
+                stage_state(s, y, h, stages, at)
+                derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+            interpolant(y, ends, h, stages, terms)
         for b in range(used):
             i = row[b]
             if error[b] <= rtol:
@@ -161,7 +169,7 @@ def fly(
                 resize(flights, i, error[b], aim)
                 if not clears(terms, b, surface):
                     flights.doing[i] = NEAR_SURFACE
-                recall(flights, i, 1, times, place, room, out)
+                recall(flights, i, 1, times, place, out)
             else:
                 flights.level[i] -= 1
                 if flights.level[i] < FINEST:
@@ -197,7 +205,7 @@ def finite(ends: Array, b: int) -> bool:
     """Return whether all of lane b is."""
     found = True
     for c in range(6):
-        found &= math.isfinite(ends[c, b])
+        found &= math.isfinite(ends[c * LANES + b])
     return found
 
 
@@ -208,10 +216,10 @@ def accept(
     """Bring flight i to the end of the step that lane b has taken, and keep its dense output."""
     kept = flights.steps[i] % flights.terms.shape[1]
     for c in range(6):
-        flights.states[i, c], flights.carry[i, c], flights.slope[i, c] = ends[c, b], carry[c, b], slope[c, b]
-    for t in range(TERMS):
-        for c in range(6):
-            flights.terms[i, kept, t, c] = terms[t, c, b]
+        k = c * LANES + b
+        flights.states[i, c], flights.carry[i, c], flights.slope[i, c] = ends[k], carry[k], slope[k]
+        for t in range(TERMS):
+            flights.terms[i, kept, t, c] = terms[t, k]
     flights.spans[i, kept, 0], flights.spans[i, kept, 1], flights.spans[i, kept, 2] = flights.reached[i], until, h
     flights.reached[i] = until
     flights.steps[i] += 1
@@ -237,19 +245,16 @@ def clears(terms: Array, b: int, surface: float) -> bool:
     The chord's ends are r0 and r1 from the centre, so that it comes no nearer than sqrt(min(r0, r1)^2 - chord^2 / 4).
     The other terms of the dense output have weights of at most 1/4.
     """
-    start2 = end2 = chord2 = bend = 0.0
+    start2, chord2, bend, end2 = length2(terms[0], b), length2(terms[1], b), 0.0, 0.0
     for c in range(3):
-        start, chord = terms[0, c, b], terms[1, c, b]
-        start2 += start * start
-        chord2 += chord * chord
-        end2 += (start + chord) * (start + chord)
+        end2 += (terms[0, c * LANES + b] + terms[1, c * LANES + b]) ** 2
     for t in range(2, TERMS):
-        bend += math.sqrt(terms[t, 0, b] ** 2 + terms[t, 1, b] ** 2 + terms[t, 2, b] ** 2) / 4
+        bend += math.sqrt(length2(terms[t], b)) / 4
     return math.sqrt(max(min(start2, end2) - chord2 / 4, 0.0)) - bend >= surface
 
 
 @inner
-def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integers, room: Array, out: Array) -> None:
+def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integers, out: Array) -> None:
     """Write the states of flight i at the times, from its place on, that lie within its last steps."""
     T = len(times)
     for step in range(max(flights.steps[i] - last_steps, 0), flights.steps[i]):
@@ -261,5 +266,5 @@ def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integ
             while last < T and times[last] < flights.spans[i, at, 1]:
                 last += 1
             start, h = flights.spans[i, at, 0], flights.spans[i, at, 2]
-            evaluate(flights.terms[i, at], start, h, times, first, last, room, out[i])
+            evaluate(flights.terms[i, at], start, h, times, first, last, out[i])
             place[i] = last

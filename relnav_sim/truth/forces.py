@@ -18,6 +18,7 @@ from relnav_sim.astro.frames import PARALLEL
 if TYPE_CHECKING:
     from relnav_sim.kernels.forces import Forces
 
+
 @dataclass(frozen=True)
 class ExponentialAtmosphere:
     """Density rho = density exp(-(altitude - base altitude) / scale height); altitude is |r| minus the radius.

@@ -1,8 +1,8 @@
 """Orbits of a batch on their way, every one at its own time and with its own step.
 
 An orbit's steps follow from its own state, its own error estimate and rtol, so that its bits never depend on which
-others share the batch. Steps come from a coarse grid (a base with one of eight mantissas, times a power of two, starting
-at multiples of itself), so that neighbours take the same steps and their truncation errors are alike.
+others share the batch. Steps come from a coarse grid (a base with one of eight mantissas, times a power of two,
+starting at multiples of itself), so that neighbours take the same steps and their truncation errors are alike.
 
 Where an orbit's thrust changes, its step ends: the step is cut there, the velocity changes, and a new grid begins.
 """

@@ -7,7 +7,6 @@ from numpy.polynomial import polynomial
 
 from relnav_sim.arrays import Array
 
-
 TERMS = 8
 
 
