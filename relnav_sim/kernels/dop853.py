@@ -109,10 +109,10 @@ def evaluate(terms: Array, start: float, h: float, times: Array, first: int, las
 
     Side by side lie times here, so that one orbit alone is as fast.
     """
-    s, states = np.empty(LANES), np.empty((6, LANES))
+    s, states = np.zeros(LANES), np.empty((6, LANES))
     for begin in range(first, last, LANES):
         used = min(LANES, last - begin)
-        for k in range(LANES):
+        for k in range(used):
             s[k] = (times[begin + k] - start) / h
         for c in range(6):
             t0, t1, t2, t3 = terms[0, c], terms[1, c], terms[2, c], terms[3, c]

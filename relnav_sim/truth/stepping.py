@@ -17,7 +17,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.frames import inertial_from_own
 from relnav_sim.truth.forces import ForceModel
-from relnav_sim.truth.surface import first_below
+from relnav_sim.truth.surface import TERMS, first_below
 from relnav_sim.truth.thrust import Schedule
 
 # The error estimate of a step of s seconds on a circular orbit is (s n)^7 times this, measured; aim at half of rtol.
@@ -69,7 +69,7 @@ class Batch:
             level=np.empty(n, dtype=np.int64),
             doing=np.empty(n, dtype=np.int64),
             steps=np.empty(n, dtype=np.int64),
-            terms=np.empty((n, kept_steps, kernels.orbits.TERMS, 6)),
+            terms=np.empty((n, kept_steps, TERMS, 6)),
             spans=np.empty((n, kept_steps, 3)),
         )
         self._start(np.arange(n))

@@ -8,6 +8,7 @@ from numpy.polynomial import polynomial
 from relnav_sim.arrays import Array
 
 TERMS = 8
+"""Of the dense output of a step: the state at its start, the change over it and six more."""
 
 
 def first_below(terms: Array, radius_m: float) -> Array:
