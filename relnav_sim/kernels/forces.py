@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel, number, written
+from relnav_sim.kernels.compiling import given, inner, kernel, number, types, written
+from relnav_sim.kernels.elementary import exp
 from relnav_sim.kernels.gravity import pull
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 
@@ -58,27 +58,23 @@ def derivative(y: Array, used: int, forces: Forces, ballistic: Array, thrust: Ar
         for b in range(LANES):
             out[i, b] = y[3 + i, b]
     a = out[3:]
-    pull(y, used, forces.mu, forces.radius, forces.J, room, a)
+    pull(y, forces.mu, forces.radius, forces.J, room, a)
     if forces.density > 0:
-        add_drag(y, used, forces, ballistic, room, a)
+        add_drag(y, forces, ballistic, a)
     for b in range(used):
         if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
             add_thrust(y, b, thrust, a)
 
 
 @inner
-def add_drag(y: Array, used: int, forces: Forces, ballistic: Array, room: Array, a: Array) -> None:
+def add_drag(y: Array, forces: Forces, ballistic: Array, a: Array) -> None:
     """Add -1/2 Cd A/m rho |u| u, u being the velocity past air that turns with the body (Vallado, section 8.6)."""
-    drag = room[0]
     for b in range(LANES):
         r = math.sqrt(y[0, b] * y[0, b] + y[1, b] * y[1, b] + y[2, b] * y[2, b])
-        drag[b] = (forces.base - (r - forces.radius)) / forces.scale_height
-    for b in range(used):
-        drag[b] = math.exp(drag[b])
-    for b in range(LANES):
+        density = forces.density * exp((forces.base - (r - forces.radius)) / forces.scale_height)
         x, y_, vx, vy, vz = y[0, b], y[1, b], y[3, b], y[4, b], y[5, b]
         ux, uy = vx + forces.rotation * y_, vy - forces.rotation * x
-        k = -0.5 * ballistic[b] * (forces.density * drag[b]) * math.sqrt(ux * ux + uy * uy + vz * vz)
+        k = -0.5 * ballistic[b] * density * math.sqrt(ux * ux + uy * uy + vz * vz)
         a[0, b] += k * ux
         a[1, b] += k * uy
         a[2, b] += k * vz
@@ -108,7 +104,8 @@ def acceleration(forces: Forces, states: Array, ballistic: Array) -> Array:
     for first in range(0, n, LANES):
         used = min(LANES, n - first)
         load_vectors(states, first, used, y)
-        of_lanes[:used] = ballistic[first : first + used]
+        for b in range(used):
+            of_lanes[b] = ballistic[first + b]
         derivative(y, used, forces, of_lanes, idle, room, out)
         store_vectors(out[3:], first, used, found)
     return found

@@ -12,7 +12,7 @@ from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 
 
 @inner
-def pull(r: Array, used: int, mu: float, radius: float, J: Array, room: Array, a: Array) -> None:
+def pull(r: Array, mu: float, radius: float, J: Array, room: Array, a: Array) -> None:
     """Set a (3,) to the acceleration at positions r (3,), m/s^2.
 
     The gradient of the potential mu/r (1 - sum J_n (R/r)^n P_n(s)), s = z/r (Vallado, 4th ed., section 8.6), collected
@@ -21,8 +21,7 @@ def pull(r: Array, used: int, mu: float, radius: float, J: Array, room: Array, a
     n W_{n+1} = (2n+1) p W_n - (n+1) q W_{n-1} with p = R z / r^2 and q = (R / r)^2.
 
     Args:
-        r: Positions, m; rows after the third, the velocity, are not looked at.
-        used: How many lanes count.
+        r: Positions, m; rows after the third, the velocity, are not looked at. Lanes that nobody uses are computed all the same.
         mu: Gravitational parameter, m^3/s^2.
         radius: R, the radius that the harmonics refer to, m.
         J: Unnormalised J_2, J_3, ...; any number of them, none for a point mass.
@@ -61,6 +60,6 @@ def acceleration(positions: Array, mu: float, radius: float, J: Array) -> Array:
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
         load_vectors(positions, first, used, r)
-        pull(r, used, mu, radius, J, room, a)
+        pull(r, mu, radius, J, room, a)
         store_vectors(a, first, used, found)
     return found

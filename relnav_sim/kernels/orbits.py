@@ -6,10 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, written
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, types, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
