@@ -36,7 +36,7 @@ class Forces(NamedTuple):
     rotation: float
 
 
-FORCES = types.NamedTuple([number, number, written(1), number, number, number, number], Forces)  # type: ignore[no-untyped-call]  # numba has no types
+FORCES = types.NamedTuple([number, number, written(1), number, number, number, number], Forces)
 ROOM = 6
 """Rows of lanes that the forces need to work in."""
 

@@ -21,7 +21,7 @@ def pull(r: Array, mu: float, radius: float, J: Array, room: Array, a: Array) ->
     n W_{n+1} = (2n+1) p W_n - (n+1) q W_{n-1} with p = R z / r^2 and q = (R / r)^2.
 
     Args:
-        r: Positions, m; rows after the third, the velocity, are not looked at. Lanes that nobody uses are computed all the same.
+        r: Positions, m, in all lanes, used or not; rows after the third, the velocity, are not looked at.
         mu: Gravitational parameter, m^3/s^2.
         radius: R, the radius that the harmonics refer to, m.
         J: Unnormalised J_2, J_3, ...; any number of them, none for a point mass.

@@ -75,7 +75,7 @@ class Flights(NamedTuple):
 
 
 _OF_FLIGHTS = [written(2), written(2), written(2), written(1), written(2)] + [written(1)] * 4
-FLIGHTS = types.NamedTuple([*_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3)], Flights)  # type: ignore[no-untyped-call]  # numba has no types
+FLIGHTS = types.NamedTuple([*_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3)], Flights)
 
 
 @kernel(FORCES, FLIGHTS, number, number, number, given(1), written(1, integer), written(3))
