@@ -25,14 +25,17 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import gp as gp
+    from relnav_sim.kernels import gravity as gravity
     from relnav_sim.kernels import iterated as iterated
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import linear as linear
     from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import normals as normals
+    from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
     from relnav_sim.kernels import ranging as ranging

@@ -34,7 +34,7 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
         replace(force, rotation_rad_s=-force.rotation_rad_s),
         -ballistic,
         rtol=1e-12,
-        kept_bytes=0,
+        kept_steps=1,
         surface_m=force.radius_m,
     )
     turned = np.empty((2, 1, 6))

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.constants import J2, J3, J4, ROTATION_RAD_S
 from relnav_sim.astro.frames import PARALLEL
+
+if TYPE_CHECKING:
+    from relnav_sim.kernels.forces import Forces
 
 
 @dataclass(frozen=True)
@@ -77,10 +83,9 @@ class ForceModel:
         """
         states, ballistic = np.asarray(states, dtype=float), np.asarray(ballistic_m2_kg, dtype=float)
         leading = np.broadcast_shapes(states.shape[:-1], ballistic.shape)
-        components = np.ascontiguousarray(np.broadcast_to(states, (*leading, 6)).reshape(-1, 6).T)
-        acceleration = np.empty((3, components.shape[1]))
-        self.accelerate(components, np.broadcast_to(ballistic, leading).ravel(), acceleration)
-        return np.ascontiguousarray(acceleration.T).reshape(*leading, 3)
+        flat = np.ascontiguousarray(np.broadcast_to(states, (*leading, 6))).reshape(-1, 6)
+        of_each = np.ascontiguousarray(np.broadcast_to(ballistic, leading)).ravel()
+        return kernels.forces.acceleration(self.compiled, flat, of_each).reshape(*leading, 3)
 
     def normal_acceleration(self, states: ArrayLike, ballistic_m2_kg: ArrayLike = 0.0) -> Array:
         """Return the acceleration along the orbit normal r x v, (...) in m/s^2: what turns the orbit plane.
@@ -102,53 +107,19 @@ class ForceModel:
         normal: Array = (ax * nx + ay * ny + az * nz) / h
         return normal
 
-    def accelerate(self, components: Array, ballistic_m2_kg: Array, out: Array) -> None:
-        """Write the acceleration of the states `components` (6, n) into `out` (3, n); ballistic (n,).
-
-        Components come first and every operation is elementwise, so that a state's bits do not depend on the
-        other states in the array.
-        """
-        x, y, z, vx, vy, vz = components
-        r2 = x * x + y * y + z * z
-        r = np.sqrt(r2)
-        inverse_r2 = 1 / r2
-        pull = (-self.mu_m3_s2 * inverse_r2) / r
-        if self.zonals:
-            radial, axial = self._zonal_sums(z, inverse_r2)
-            central = pull * (1 - radial)
-            np.multiply(central, x, out=out[0])
-            np.multiply(central, y, out=out[1])
-            np.add(central * z, (self.radius_m * pull) * axial, out=out[2])
-        else:
-            np.multiply(components[:3], pull, out=out)
-        if self.atmosphere is not None:
-            ux, uy = vx + self.rotation_rad_s * y, vy - self.rotation_rad_s * x
-            speed = np.sqrt(ux * ux + uy * uy + vz * vz)
-            density = self.atmosphere.density(r - self.radius_m)
-            drag = (-0.5 * ballistic_m2_kg) * density * speed
-            out[0] += drag * ux
-            out[1] += drag * uy
-            out[2] += drag * vz
-
-    def _zonal_sums(self, z: Array, inverse_r2: Array) -> tuple[Array, Array]:
-        """Return sum J_n W_{n+1} and sum J_n W_n, where W_n = (R/r)^(n-1) P_n'(z/r).
-
-        The gradient of the potential mu/r (1 - sum J_n (R/r)^n P_n(s)), s = z/r (Vallado, 4th ed., section 8.6),
-        collected along the radius and the axis with (n+1) P_n + s P_n' = P_{n+1}', is
-        -(mu/r^3) [r (1 - sum J_n W_{n+1}) + R e_z sum J_n W_n].
-        W follows from n P_{n+1}' = (2n+1) s P_n' - (n+1) P_{n-1}'.
-        """
-        p = (self.radius_m * z) * inverse_r2
-        q2 = (self.radius_m * self.radius_m) * inverse_r2
-        before, current = np.ones(()), 3 * p
-        for n, j in enumerate(self.zonals, start=2):
-            after = ((2 * n + 1) / n * p) * current - ((n + 1) / n * q2) * before
-            if n == 2:
-                radial, axial = j * after, j * current
-            else:
-                radial, axial = radial + j * after, axial + j * current
-            before, current = current, after
-        return radial, axial
+    @cached_property
+    def compiled(self) -> Forces:
+        """The same as the kernels take it."""
+        air = self.atmosphere or ExponentialAtmosphere(0.0, 1.0, 1.0)
+        return kernels.forces.Forces(
+            float(self.mu_m3_s2),
+            float(self.radius_m),
+            np.array(self.zonals, dtype=float),
+            float(air.density_kg_m3) if self.atmosphere else 0.0,
+            float(air.base_altitude_m),
+            float(air.scale_height_m),
+            float(self.rotation_rad_s),
+        )
 
 
 def _require_positive(model: object, *names: str) -> None:

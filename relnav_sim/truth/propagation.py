@@ -12,10 +12,8 @@ from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.stepping import Batch, Ending
 from relnav_sim.truth.thrust import Schedule
 
-# Rows stepped together: large enough to hide NumPy's overhead, small enough for the stages to stay in the cache.
-ROWS_TOGETHER = 1024
-# Interpolants kept: a revolution of 100 runs. More would cost a page fault for every page of each new step.
-KEPT_BYTES = 8_000_000
+# Steps kept of all orbits together: two revolutions of 100 runs, in 8 MB.
+KEPT_STEPS = 20_000
 # Below this the rounding of the error estimate itself comes near the tolerance.
 SMALLEST_RTOL = 1e-14
 
@@ -93,22 +91,14 @@ class DenseTrajectory:
             raise ValueError("ballistic_m2_kg must hold finite numbers of at least 0")
         if not SMALLEST_RTOL <= rtol <= 1e-3:
             raise ValueError(f"rtol is {rtol}; it must be between {SMALLEST_RTOL} and 1e-3")
-        ballistic = np.broadcast_to(ballistic, len(states))
-        self.failures: dict[int, Ending] = {}
         self._rows = len(states)
-        kept = KEPT_BYTES * ROWS_TOGETHER // max(ROWS_TOGETHER, self._rows)
-        self._batches = [
-            Batch(
-                states[i : i + ROWS_TOGETHER],
-                force,
-                ballistic[i : i + ROWS_TOGETHER],
-                rtol,
-                kept,
-                None if schedule is None else schedule.rows(slice(i, i + ROWS_TOGETHER)),
-                surface_m,
-            )
-            for i in range(0, self._rows, ROWS_TOGETHER)
-        ]
+        kept = max(KEPT_STEPS // max(self._rows, 1), 2)
+        self._batch = Batch(states, force, np.broadcast_to(ballistic, self._rows), rtol, kept, schedule, surface_m)
+
+    @property
+    def failures(self) -> dict[int, Ending]:
+        """Where an orbit could not be continued, by its row in the batch."""
+        return self._batch.failures
 
     def at(self, times_s: ArrayLike) -> Array:
         """Return the states (B, T, 6) at times (T,), increasing and not negative.
@@ -126,9 +116,6 @@ class DenseTrajectory:
         if (np.diff(times) < 0).any():
             raise ValueError("times_s must increase")
         states = np.empty((self._rows, len(times), 6))
-        if len(times):
-            for i, batch in enumerate(self._batches):
-                first = i * ROWS_TOGETHER
-                batch.write(times, states[first : first + ROWS_TOGETHER])
-                self.failures |= {first + row: ending for row, ending in batch.failures.items()}
+        if states.size:
+            self._batch.write(np.ascontiguousarray(times), states)
         return states

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from relnav_sim.arrays import Array
-from relnav_sim.truth import dop853
+
+TERMS = 8
+"""Of the dense output of a step: the state at its start, the change over it and six more."""
 
 
 def first_below(terms: Array, radius_m: float) -> Array:
@@ -16,29 +18,11 @@ def first_below(terms: Array, radius_m: float) -> Array:
     that a look at these and at the step's ends misses no dip, however long the step and however short the dip.
 
     Args:
-        terms: Dense output of one step of each orbit (n, 8, 6), as `dop853.interpolant` returns it; none of them
-            starts below the radius.
+        terms: Dense output of one step of each orbit (n, 8, 6), as the kernels keep it; none of them starts below the
+            radius.
         radius_m: The surface, m from the centre.
     """
-    found = np.full(len(terms), np.inf)
-    for row in np.flatnonzero(~(_least_radius2(terms) >= radius_m * radius_m)):
-        found[row] = _first_below(terms[row, :, :3], radius_m)
-    return found
-
-
-def _least_radius2(terms: Array) -> Array:
-    """Return a lower bound (n,) of the squared radius over the step, cheap and sharp enough for orbits well above.
-
-    The chord's ends are r0 and r1 from the centre, so that it comes no nearer than sqrt(min(r0, r1)^2 - chord^2 / 4).
-    The other terms of the dense output have weights of at most 1/4.
-    """
-    position = terms[:, :, :3]
-    ends = position[:, 0] + position[:, 1]
-    start2, chord2, *rest = np.einsum("nkc,nkc->kn", position, position)
-    nearer2 = np.minimum(start2, np.einsum("nc,nc->n", ends, ends)) - chord2 / 4
-    bend = np.sqrt(rest).sum(axis=0) / 4
-    least: Array = np.maximum(np.sqrt(np.maximum(nearer2, 0.0)) - bend, 0.0) ** 2
-    return least
+    return np.array([_first_below(each[:, :3], radius_m) for each in terms])
 
 
 def _first_below(position: Array, radius_m: float) -> float:
@@ -62,10 +46,10 @@ def _first_below(position: Array, radius_m: float) -> float:
 
 
 def _powers_of_weights() -> Array:
-    """Return the coefficients (8, 8) of `dop853.weights` as polynomials of the fraction, lowest power first."""
-    coefficients = np.zeros((dop853.COEFFICIENTS, dop853.COEFFICIENTS))
+    """Return the coefficients (8, 8) of the terms' weights as polynomials of the fraction, lowest power first."""
+    coefficients = np.zeros((TERMS, TERMS))
     weight: Array = np.ones(1)
-    for i in range(dop853.COEFFICIENTS):
+    for i in range(TERMS):
         if i:
             weight = np.convolve(weight, [1.0, -1.0] if i % 2 == 0 else [0.0, 1.0])
         coefficients[i, : len(weight)] = weight

@@ -1,0 +1,269 @@
+"""Orbits on their way, each at its own time and with its own step, up to `LANES` of them side by side."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Integers
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, types, written
+from relnav_sim.kernels.dop853 import (
+    ALL_STAGES,
+    STAGES,
+    TERMS,
+    WIDTH,
+    B,
+    error_estimate,
+    evaluate,
+    interpolant,
+    length2,
+    stage_state,
+    weighted_sum,
+)
+from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
+from relnav_sim.kernels.lanes import LANES
+
+FINEST = -24
+"""Times are counted in ticks of 2^FINEST base steps; an orbit that needs shorter steps falls into a singularity."""
+COARSEST = 16
+"""Steps may grow to 2^COARSEST base steps: an escaping orbit needs ever longer ones."""
+ERROR_RATIO_OF_DOUBLING = 2.0**7
+"""The estimate per unit time grows with the seventh power of the step."""
+
+FLIES, EVENT_DUE, NEAR_SURFACE, STUCK, ENDED = range(5)
+"""What a flight is doing. Only one that flies goes on; of the others its owner has to decide."""
+
+
+class Flights(NamedTuple):
+    """Where n orbits are, and their last `kept` steps.
+
+    Attributes:
+        states: (n, 6) at time `reached`, m and m/s.
+        carry: Rounding errors of the states (n, 6), to be added to the next step.
+        slope: Derivative of the states (n, 6).
+        ballistic: Cd A / m, (n,), m^2/kg.
+        thrust: Acceleration (n, 3) in the RTN axes of each craft's own orbit, m/s^2.
+        reached: Time (n,), s.
+        event: Time (n,) at which the thrust changes next, s; infinity for never.
+        origin: Time (n,) at which the grid of steps begins, s.
+        base: Base step of the grid (n,), s, with few significant bits.
+        ticks: Ticks (n,) since the origin.
+        level: The next step is 2^level (n,) base steps.
+        doing: (n,), one of `FLIES` to `ENDED`.
+        steps: Number of steps taken, (n,).
+        terms: Dense output of the last steps (n, kept, 8, 6); step i is in place i modulo kept.
+        spans: Their starts, ends and lengths, (n, kept, 3), s.
+    """
+
+    states: Array
+    carry: Array
+    slope: Array
+    ballistic: Array
+    thrust: Array
+    reached: Array
+    event: Array
+    origin: Array
+    base: Array
+    ticks: Integers
+    level: Integers
+    doing: Integers
+    steps: Integers
+    terms: Array
+    spans: Array
+
+
+_OF_FLIGHTS = [written(2), written(2), written(2), written(1), written(2)] + [written(1)] * 4
+FLIGHTS = types.NamedTuple([*_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3)], Flights)
+
+
+@kernel(FORCES, FLIGHTS, number, number, number, given(1), written(1, integer), written(3))
+def fly(
+    forces: Forces,
+    flights: Flights,
+    rtol: float,
+    aim: float,
+    surface: float,
+    times: Array,
+    place: Integers,
+    out: Array,
+) -> None:
+    """Let the flights go on until they are past the last of the times, or something else than a step is due.
+
+    Args:
+        forces: The environment.
+        flights: n orbits; brought up to date.
+        rtol: Largest error of a step, as `error_estimate` counts it.
+        aim: The next step may be longer if its error is expected to stay below this.
+        surface: A flight stops after a step that may have come nearer to the centre than this, m.
+        times: (T,), s, increasing.
+        place: For each flight, the first time that is not written yet, (n,); brought up to date.
+        out: States (n, T, 6) at the times.
+    """
+    n, T = len(flights.states), len(times)
+    row = np.empty(LANES, dtype=np.int64)
+    stage_lanes, at_lanes = np.zeros((ALL_STAGES, 6, LANES)), np.empty((6, LANES))
+    stages, at = stage_lanes.reshape(ALL_STAGES, WIDTH), at_lanes.reshape(WIDTH)
+    y, carry, h, ends = np.ones(WIDTH), np.zeros(WIDTH), np.zeros(WIDTH), np.empty(WIDTH)
+    terms = np.empty((TERMS, WIDTH))
+    until, ballistic, error = np.empty(LANES), np.zeros(LANES), np.empty(LANES)
+    thrust, room = np.zeros((3, LANES)), np.empty((ROOM, LANES))
+    used = waiting = 0
+    while True:
+        # Whoever has arrived makes room for the next.
+        b = 0
+        while b < used or (used < LANES and waiting < n):
+            if b < used and goes_on(flights, row[b], place, T):
+                b += 1
+            elif waiting < n:
+                recall(flights, waiting, flights.terms.shape[1], times, place, out)
+                row[b] = waiting
+                used = max(used, b + 1)
+                waiting += 1
+            else:
+                used -= 1
+                row[b] = row[used]
+        if used == 0:
+            break
+        for b in range(used):
+            i = row[b]
+            until[b], step = next_step(flights, i)
+            for c in range(6):
+                k = c * LANES + b
+                y[k], carry[k], stages[0, k] = flights.states[i, c], flights.carry[i, c], flights.slope[i, c]
+                h[k] = step
+            for c in range(3):
+                thrust[c, b] = flights.thrust[i, c]
+            ballistic[b] = flights.ballistic[i]
+        for s in range(1, STAGES):
+            stage_state(s, y, h, stages, at)
+            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+        weighted_sum(B, stages, ends)
+        for k in range(WIDTH):
+            step = h[k] * ends[k] + carry[k]
+            # The rounded sum and its rounding error (Knuth, TAOCP 2, 4.2.2, theorem B). Carrying that into the next
+            # step keeps the rounding of thousands of steps from adding up.
+            ends[k] = y[k] + step
+            part = ends[k] - y[k]
+            carry[k] = (y[k] - (ends[k] - part)) + (step - part)
+        error_estimate(y, forces.mu, stages, error)
+        good = False
+        for b in range(used):
+            if not error[b] <= rtol or not finite(ends, b):
+                error[b] = math.inf
+            else:
+                good = True
+        if good:
+            at[:] = ends
+            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
+            for s in range(STAGES + 1, ALL_STAGES):
+                stage_state(s, y, h, stages, at)
+                derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+            interpolant(y, ends, h, stages, terms)
+        for b in range(used):
+            i = row[b]
+            if error[b] <= rtol:
+                accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
+                resize(flights, i, error[b], aim)
+                if not clears(terms, b, surface):
+                    flights.doing[i] = NEAR_SURFACE
+                recall(flights, i, 1, times, place, out)
+            else:
+                flights.level[i] -= 1
+                if flights.level[i] < FINEST:
+                    flights.doing[i] = STUCK
+
+
+@inner
+def goes_on(flights: Flights, i: int, place: Integers, T: int) -> bool:
+    """Return whether flight i has another step to take, and note where an event is due instead."""
+    if place[i] == T or flights.doing[i] != FLIES:
+        return False
+    if flights.reached[i] >= flights.event[i]:
+        flights.doing[i] = EVENT_DUE
+    return flights.doing[i] == FLIES
+
+
+@inner
+def next_step(flights: Flights, i: int) -> tuple[float, float]:
+    """Return where the next step of flight i ends, and its length, s.
+
+    The product with the ticks is exact: the base has four significant bits, so a double holds it up to 2^49 ticks (3e7
+    base steps). A sum with the same origin and ticks rounds alike, so that one step ends where the next begins.
+    """
+    ticks = flights.ticks[i] + (1 << (flights.level[i] - FINEST))
+    until = flights.origin[i] + math.ldexp(flights.base[i], FINEST) * ticks
+    if until >= flights.event[i]:
+        return flights.event[i], flights.event[i] - flights.reached[i]
+    return until, math.ldexp(flights.base[i], flights.level[i])
+
+
+@inner
+def finite(ends: Array, b: int) -> bool:
+    """Return whether all of lane b is."""
+    found = True
+    for c in range(6):
+        found &= math.isfinite(ends[c * LANES + b])
+    return found
+
+
+@inner
+def accept(
+    flights: Flights, i: int, b: int, ends: Array, carry: Array, slope: Array, until: float, h: float, terms: Array
+) -> None:
+    """Bring flight i to the end of the step that lane b has taken, and keep its dense output."""
+    kept = flights.steps[i] % flights.terms.shape[1]
+    for c in range(6):
+        k = c * LANES + b
+        flights.states[i, c], flights.carry[i, c], flights.slope[i, c] = ends[k], carry[k], slope[k]
+        for t in range(TERMS):
+            flights.terms[i, kept, t, c] = terms[t, k]
+    flights.spans[i, kept, 0], flights.spans[i, kept, 1], flights.spans[i, kept, 2] = flights.reached[i], until, h
+    flights.reached[i] = until
+    flights.steps[i] += 1
+
+
+@inner
+def resize(flights: Flights, i: int, error: float, aim: float) -> None:
+    """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
+
+    A double step must start at a multiple of itself, or orbits would drift apart on the grid.
+    """
+    level = flights.level[i]
+    flights.ticks[i] += 1 << (level - FINEST)
+    aligned = flights.ticks[i] & ((2 << (level - FINEST)) - 1) == 0
+    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST:
+        flights.level[i] += 1
+
+
+@inner
+def clears(terms: Array, b: int, surface: float) -> bool:
+    """Return whether lane b is above the surface throughout its step, for certain.
+
+    The chord's ends are r0 and r1 from the centre, so that it comes no nearer than sqrt(min(r0, r1)^2 - chord^2 / 4).
+    The other terms of the dense output have weights of at most 1/4.
+    """
+    start2, chord2, bend, end2 = length2(terms[0], b), length2(terms[1], b), 0.0, 0.0
+    for c in range(3):
+        end2 += (terms[0, c * LANES + b] + terms[1, c * LANES + b]) ** 2
+    for t in range(2, TERMS):
+        bend += math.sqrt(length2(terms[t], b)) / 4
+    return math.sqrt(max(min(start2, end2) - chord2 / 4, 0.0)) - bend >= surface
+
+
+@inner
+def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integers, out: Array) -> None:
+    """Write the states of flight i at the times, from its place on, that lie within its last steps."""
+    T = len(times)
+    for step in range(max(flights.steps[i] - last_steps, 0), flights.steps[i]):
+        first, at = place[i], step % flights.terms.shape[1]
+        if first == T:
+            break
+        if times[first] < flights.spans[i, at, 1]:
+            last = first + 1
+            while last < T and times[last] < flights.spans[i, at, 1]:
+                last += 1
+            start, h = flights.spans[i, at, 0], flights.spans[i, at, 2]
+            evaluate(flights.terms[i, at], start, h, times, first, last, out[i])
+            place[i] = last
