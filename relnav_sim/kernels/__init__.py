@@ -21,6 +21,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
+    from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
     from relnav_sim.kernels import roots as roots
     from relnav_sim.kernels import sampling as sampling
