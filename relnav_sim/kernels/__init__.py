@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
+    from relnav_sim.kernels import quadratic_map as quadratic_map
     from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
     from relnav_sim.kernels import roots as roots

@@ -45,10 +45,8 @@ def walk(state: Array, steps: int, tableau: Array, sweeps: int, parts: int, h: f
 
 
 @kernel(given(2), given(2), integer, integer, number, given(1))
-def legs(
-    chief: Array, tableau: Array, sweeps: int, parts: int, h: float, field: Array
-) -> tuple[Array, Array]:
-    """Return frames (states, 24) and nodes (states, 6 s parts), as `relative_flow` has them, from states (states, 6)."""
+def legs(chief: Array, tableau: Array, sweeps: int, parts: int, h: float, field: Array) -> tuple[Array, Array]:
+    """Return frames (states, 24) and nodes (states, 6 s parts) of the steps from states (states, 6)."""
     count, s = len(chief), len(tableau) - 2
     frames, nodes = np.empty((count, 24)), np.empty((count, 6 * s * parts))
     x, path, f = np.empty((6, LANES)), np.empty((s, 3, LANES)), np.empty((s, 3, LANES))
@@ -114,10 +112,15 @@ def follow(
             0, 3): none at all.
         after: The same where it ends.
         started: Whether a step leads to the first of the epochs; else the prior is there.
-        m: Estimates (runs, 6) before, and P their covariances (runs, 6, 6).
+        m: Estimates before, (runs, 6).
+        P: Their covariances (runs, 6, 6).
         Q: Process noise of a step (6, 6).
         R: Variances of a fix (6,).
-        tableau: How a step is integrated, as the rest.
+        tableau: How a step is integrated, as `sweeps`, `parts`, `h` and `field`.
+        sweeps: See there.
+        parts: See there.
+        h: See there.
+        field: See there.
     """
     runs, K, _ = fixes.shape
     s, kicked = len(tableau) - 2, before.shape[1] > 0
