@@ -11,7 +11,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.collocation import finish, orbit_path, tangent
-from relnav_sim.kernels.compiling import flag, given, inlined, integer, kernel, number
+from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel, number
 from relnav_sim.kernels.lanes import (
     LANES,
     back,
@@ -122,14 +122,14 @@ def follow(
         h: See there.
         field: See there.
     """
-    runs, K, _ = fixes.shape
+    runs, K, n = fixes.shape
     s, kicked = len(tableau) - 2, before.shape[1] > 0
-    estimates, covariance = np.empty((runs, K, 6)), np.empty((runs, 6, 6))
+    estimates, covariance = np.empty((runs, K, n)), np.empty((runs, n, n))
     x, path, f = np.empty((6, LANES)), np.empty((s, 3, LANES)), np.empty((s, 3, LANES))
-    F, Fpath, Ff = np.empty((6, 6, LANES)), np.empty((s, 18, LANES)), np.empty((s, 18, LANES))
-    G, p, FP = np.empty((s, 3, 3, LANES)), np.empty((6, 6, LANES)), np.empty((6, 6, LANES))
-    L, W, present = np.zeros((6, 6, LANES)), np.empty((6, 6, LANES)), np.empty(LANES, dtype=np.bool_)
-    axes, Y, r, v = np.empty((3, 3, LANES)), F.reshape(36, LANES), x[:3], x[3:]
+    F, Fpath, Ff = np.empty((n, n, LANES)), np.empty((s, 18, LANES)), np.empty((s, 18, LANES))
+    G, p, FP = np.empty((s, 3, 3, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
+    L, W, present = np.zeros((n, n, LANES)), np.empty((n, n, LANES)), np.empty(LANES, dtype=np.bool_)
+    axes, Y, r, v = np.empty((3, 3, LANES)), F.reshape(n * n, LANES), x[:3], x[3:]
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(m, first, used, x)
@@ -139,7 +139,7 @@ def follow(
                 if kicked:
                     kick(before, first, k, used, axes, r, v)
                 Y[:] = 0.0
-                for i in range(6):
+                for i in range(n):
                     F[i, i] = 1.0
                 for _ in range(parts):
                     orbit_path(tableau, sweeps, h, field, r, v, used, path, f)
@@ -149,7 +149,7 @@ def follow(
                     tangent(tableau, sweeps, h, G, used, Y[:18], Y[18:], Fpath, Ff)
                 product(F, p, used, FP)
                 product_by_transpose(FP, F, used, p)
-                for i in range(6):
+                for i in range(n):
                     for j in range(i + 1):
                         for b in range(used):
                             p[i, j, b] = p[j, i, b] = (p[i, j, b] + p[j, i, b]) / 2 + Q[i, j]
@@ -157,47 +157,48 @@ def follow(
                     kick(after, first, k, used, axes, r, v)
             for b in range(used):
                 present[b] = True
-                for i in range(6):
+                for i in range(n):
                     present[b] &= not math.isnan(fixes[first + b, k, i])
             correct(fixes, first, k, R, present, used, x, p, L, W)
             for b in range(used):
-                for i in range(6):
+                for i in range(n):
                     estimates[first + b, k, i] = x[i, b]
         store_symmetric(p, first, used, covariance)
     return estimates, covariance
 
 
-@inlined
+@inner
 def correct(
     fixes: Array, first: int, k: int, R: Array, present: Mask, used: int, x: Array, P: Array, L: Array, W: Array
 ) -> None:
     """Correct x (6,) and P (6, 6) by the fixes of epoch k where they are present; W becomes (P + R)^-1 P = K^T."""
-    for i in range(6):
-        for j in range(6):
+    n = len(R)
+    for i in range(n):
+        for j in range(n):
             for b in range(used):
                 W[i, j, b] = P[i, j, b]
         for b in range(used):
             W[i, i, b] += R[i]
     factor(W, used, L)
-    for i in range(6):
+    for i in range(n):
         for b in range(used):
             W[i, i, b] = P[i, i, b]
     forward(L, used, W)
     back(L, used, W)
     for b in range(used):
         if present[b]:
-            for i in range(6):
+            for i in range(n):
                 move = 0.0
-                for j in range(6):
+                for j in range(n):
                     move += W[j, i, b] * (fixes[first + b, k, j] - x[j, b])
                 L[i, 0, b] = move
-            for i in range(6):
+            for i in range(n):
                 x[i, b] += L[i, 0, b]
                 for j in range(i + 1):
                     P[i, j, b] = P[j, i, b] = (W[j, i, b] * R[j] + W[i, j, b] * R[i]) / 2
 
 
-@inlined
+@inner
 def kick(kicks: Array, first: int, k: int, used: int, axes: Array, r: Array, v: Array) -> None:
     """Change v (3,) by the kicks of epoch k; where they are zero not a bit of it changes."""
     orbit_axes(r, v, used, axes)
@@ -210,7 +211,7 @@ def kick(kicks: Array, first: int, k: int, used: int, axes: Array, r: Array, v: 
                 v[i, b] += radial * axes[0, i, b] + along * axes[1, i, b] + normal * axes[2, i, b]
 
 
-@inlined
+@inner
 def orbit_axes(r: Array, v: Array, used: int, axes: Array) -> None:
     """Set axes (3, 3) to the unit vectors R, T and N of an orbit."""
     for b in range(used):
@@ -223,7 +224,7 @@ def orbit_axes(r: Array, v: Array, used: int, axes: Array) -> None:
         axes[2, 0, b], axes[2, 1, b], axes[2, 2, b] = hx, hy, hz
 
 
-@inlined
+@inner
 def orbit_frame(field: Array, r: Array, v: Array, used: int, a: Array, frame: Array) -> None:
     """Set frame (4, 3) to the unit vectors R, T, N of an orbit and the frame's rates about them; a (3,) is room.
 
