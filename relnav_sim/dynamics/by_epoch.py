@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CHUNK_EPOCHS
-from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.interface import Step, linear_images
 
 T = TypeVar("T")
 
@@ -56,8 +56,7 @@ class LinearByEpoch:
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
-        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
-        return moved
+        return linear_images(self.transition(states, step), states)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""

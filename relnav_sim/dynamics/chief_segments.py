@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
@@ -13,12 +14,10 @@ from relnav_sim.astro.kepler import initial_state
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.dynamics.by_epoch import PerChunk
 from relnav_sim.dynamics.orbit_filter import OrbitFilter
-from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame
-from relnav_sim.dynamics.relative_flow import Division, Segment, divide, turning_frame
-from relnav_sim.linalg import runs_last
+from relnav_sim.dynamics.relative_flow import Division, Legs, Segment, divide
 
 TOGETHER = 1024
-"""States whose segments are computed together: enough to spread NumPy's overhead thin, few enough for the cache."""
+"""States whose segments are computed together: few enough for the cache."""
 
 
 class ChiefSegments:
@@ -39,7 +38,7 @@ class ChiefSegments:
         self._chief, self._first_epoch = chief, first_epoch
         self._division, self._gravity = division, gravity
         self._together = max(TOGETHER // max(len(chief), 1), 1)
-        self._stacks: dict[int, Segment] = {}
+        self._stacks: dict[int, Legs] = {}
 
     def segment(self, epoch: int) -> Segment:
         """Return the segment of the step that ends at an epoch."""
@@ -57,21 +56,18 @@ class ChiefSegments:
             states = self._chief[:, first : first + self._together]
             self._stacks[stack] = chief_segments(states, self._division, self._gravity)
             self.cpu_s += time.process_time() - begin
-        return self._stacks[stack][within]
+        return self._stacks[stack], within
 
 
-def chief_segments(chief: Array, division: Division, gravity: Gravity) -> Segment:
-    """Return what the chief does over one step from each of its states (b, K, 6), ECI: K segments, stacked."""
+def chief_segments(chief: Array, division: Division, gravity: Gravity) -> Legs:
+    """Return what the chief does over one step from each of its states (b, K, 6), ECI: K legs."""
     runs, K, _ = chief.shape
-    start = runs_last(chief.swapaxes(0, 1).reshape(-1, 6))
-    enter, _ = turning_frame(*orbit_frame(start, gravity))
-    end, nodes = advance_orbit(start, division, gravity)
-    _, leave = turning_frame(*orbit_frame(end, gravity))
-
-    def stacked(columns: Array) -> Array:
-        return np.ascontiguousarray(np.moveaxis(columns.reshape(*columns.shape[:-1], K, runs), -2, 0))
-
-    return Segment(stacked(enter), stacked(leave), gravity.anchor(stacked(nodes)))
+    states = np.ascontiguousarray(chief.swapaxes(0, 1), dtype=float).reshape(-1, 6)
+    rule = division.rule
+    frames, nodes = kernels.chief_orbit.legs(
+        states, rule.tableau, rule.sweeps, division.parts, division.part_s, gravity.field
+    )
+    return Legs(frames.reshape(K, runs, -1), nodes.reshape(K, runs, -1))
 
 
 class ChiefFollower:
@@ -137,40 +133,36 @@ class NominalChief:
         self._division = divide(orbit, step_s)
         self._gravity = Gravity.of(orbit)
         self._chunks = PerChunk(self._segments)
-        self._starts = [initial_state(orbit)[:, None]]
+        self._starts = [initial_state(orbit)]
 
     def at(self, epoch: int) -> Array:
         """Return the state at an epoch from 0 on; at -1 it is one step before, ECI, (1, 6)."""
         if epoch < 0:
-            backwards = Division(self._division.rule, self._division.parts, -self._division.part_s)
-            return advance_orbit(self._starts[0], backwards, self._gravity)[0].T
+            return self._walk(self._starts[0], 1, -self._division.part_s)[1:]
         (states, _), place = self._chunks.at(epoch)
         return states[place]
 
     def segment(self, epoch: int) -> Segment:
         """Return the segment of the step that ends at an epoch, from 0 on."""
         if epoch < 1:
-            return chief_segments(self.at(epoch - 1)[None], self._division, self._gravity)[0]
-        (_, segments), place = self._chunks.at(epoch - 1)
-        return segments[place]
+            return chief_segments(self.at(epoch - 1)[None], self._division, self._gravity), 0
+        (_, legs), place = self._chunks.at(epoch - 1)
+        return legs, place
 
-    def _segments(self, epochs: Array) -> tuple[Array, Segment]:
-        """Return the states of a chunk, (CHUNK_EPOCHS, 1, 6), and the segments that begin there."""
+    def _segments(self, epochs: Array) -> tuple[Array, Legs]:
+        """Return the states of a chunk, (CHUNK_EPOCHS, 1, 6), and the legs that begin there."""
         begin = time.process_time()
         chunk = int(epochs[0]) // CHUNK_EPOCHS
         while len(self._starts) <= chunk:
-            self._starts.append(self._walk(self._starts[-1])[1])
-        states, following = self._walk(self._starts[chunk])
-        if len(self._starts) == chunk + 1:
-            self._starts.append(following)
-        segments = chief_segments(states.swapaxes(0, 1), self._division, self._gravity)
+            self._starts.append(self._walk(self._starts[-1], CHUNK_EPOCHS, self._division.part_s)[-1])
+        states = self._walk(self._starts[chunk], CHUNK_EPOCHS - 1, self._division.part_s)
+        legs = chief_segments(states[None], self._division, self._gravity)
         self.cpu_s += time.process_time() - begin
-        return states, segments
+        return states[:, None], legs
 
-    def _walk(self, state: Array) -> tuple[Array, Array]:
-        """Return the states of a chunk from its first one (6, 1), (CHUNK_EPOCHS, 1, 6), and the first one after it."""
-        states = np.empty((CHUNK_EPOCHS, 1, 6))
-        for place in states:
-            place[:] = state.T
-            state, _ = advance_orbit(state, self._division, self._gravity)
-        return states, state
+    def _walk(self, state: Array, steps: int, part_s: float) -> Array:
+        """Return the states from one (6,) on, (steps + 1, 6)."""
+        rule = self._division.rule
+        return kernels.chief_orbit.walk(
+            state, steps, rule.tableau, rule.sweeps, self._division.parts, part_s, self._gravity.field
+        )

@@ -1,21 +1,19 @@
-"""Integration of r'' = f(t, r) over one step by Gauss collocation, solved by fixed-point iteration.
+"""Rules for the integration of r'' = f(t, r) over one step by Gauss collocation, solved by fixed-point iteration.
 
 Gauss's implicit Runge-Kutta methods (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2nd ed.,
 sections II.7 and II.14), in Nystroem's form. Orbits are smooth and steps short, so a few sweeps of the fixed-point
-iteration reach rounding error; one evaluation of f serves all nodes, which suits arrays with many runs.
+iteration reach rounding error. `relnav_sim.kernels.collocation` is what integrates.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import factorial
 
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.linalg import product
 
 PRECISION = 1e-16
 """Truncation of one step, relative to the state."""
@@ -38,6 +36,18 @@ class Rule:
     position: Array
     velocity: Array
     sweeps: int
+
+    @cached_property
+    def tableau(self) -> Array:
+        """Nodes and weights in one array (s + 2, s + 1): a row for each node, one for position and one for velocity."""
+        table = np.zeros((len(self.nodes) + 2, len(self.nodes) + 1))
+        table[:-2, 0], table[:-2, 1:], table[-2, 1:], table[-1, 1:] = (
+            self.nodes,
+            self.inner,
+            self.position,
+            self.velocity,
+        )
+        return table
 
 
 def rule_for(turn: float) -> Rule:
@@ -67,46 +77,3 @@ def gauss_rule(size: int, sweeps: int) -> Rule:
     )
     once = integrals @ np.linalg.inv(values)
     return Rule(nodes, once @ once, velocity * (1 - nodes), velocity, sweeps)
-
-
-@dataclass(frozen=True)
-class Path:
-    """One step of r'' = f.
-
-    Attributes:
-        nodes: r at the nodes, (s, ..., N).
-        position: r at the end, (..., N).
-        velocity: r' at the end, (..., N).
-    """
-
-    nodes: Array
-    position: Array
-    velocity: Array
-
-
-def integrate(rule: Rule, slope: Callable[[Array], Array], position: Array, velocity: Array, step_s: float) -> Path:
-    """Return the path over one step.
-
-    Args:
-        rule: From `rule_for`.
-        slope: f at the nodes: maps r (s, ..., N) to r'' of the same shape. A column's bits must not depend on the
-            others.
-        position: r at the start, (..., N).
-        velocity: r' at the start, (..., N).
-        step_s: Length of the step.
-    """
-    shape = position.shape
-    r, v = position.reshape(1, 1, -1), velocity.reshape(1, 1, -1)
-    inner, last = (step_s * step_s) * rule.inner[..., None], (step_s * step_s) * rule.position[None, :, None]
-    line = r + (step_s * rule.nodes)[:, None, None] * v
-    nodes = line
-    for _ in range(rule.sweeps - 1):
-        nodes = line + product(inner, _flat(slope(nodes.reshape(-1, *shape))))
-    acceleration = _flat(slope(nodes.reshape(-1, *shape)))
-    end = r + step_s * v + product(last, acceleration)
-    speed = v + product(step_s * rule.velocity[None, :, None], acceleration)
-    return Path(nodes.reshape(-1, *shape), end.reshape(shape), speed.reshape(shape))
-
-
-def _flat(values: Array) -> Array:
-    return values.reshape(len(values), 1, -1)

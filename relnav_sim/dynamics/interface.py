@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.given_arrays import covariances, finite, numbers
 
@@ -80,8 +81,7 @@ class LinearDynamics:
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
-        moved: Array = np.einsum("ij,...j->...i", self.transition(states, step), states)
-        return moved
+        return linear_images(self.transition(states, step), states)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return F of this epoch, (n, n)."""
@@ -90,6 +90,12 @@ class LinearDynamics:
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q of this epoch, (n, n)."""
         return _of_epoch(self._Q, "process_noise", step)
+
+
+def linear_images(F: Array, states: Array) -> Array:
+    """Return F x for every state (runs, ..., n), F (n, n)."""
+    points = np.ascontiguousarray(states, dtype=float).reshape(-1, F.shape[1])
+    return kernels.linear.images(np.ascontiguousarray(F, dtype=float), points).reshape(states.shape)
 
 
 def _of_epoch(matrices: Array, name: str, step: Step) -> Array:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.dynamics.known_thrust import kicks_of
-from relnav_sim.dynamics.orbit_flow import advance_orbit, orbit_frame, orbit_transition
 from relnav_sim.dynamics.relative_flow import divide
-from relnav_sim.linalg import back, factor, forward, product, runs_last, symmetric_last
 from relnav_sim.options import Options
 
 _LEFT_OUT_PSD, _DRAG_PSD = 1e-7, 1e-8
 _PRIOR_SIGMAS = np.repeat([1e5, 1e2], 3)
 """Prior about the nominal orbit, m and m/s: so wide that the first fix decides."""
+_NO_KICKS = np.empty((1, 0, 3))
 
 
 class OrbitFilterOptions(Options):
@@ -52,20 +52,20 @@ class OrbitFilter:
         self._step_s = step_s
         self._division = divide(orbit, step_s)
         self._gravity = Gravity.of(orbit)
-        self._R = np.diag(np.square(fix_sigmas))[..., None]
+        self._R = np.square(fix_sigmas)
         growth = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
         psd = options.acceleration_psd_m2_s3
         if psd is None:
             psd = _DRAG_PSD if orbit.j4 else _LEFT_OUT_PSD
-        self._Q = psd * np.kron(growth, np.eye(3))[..., None]
-        self._mean = np.repeat(initial_state(orbit)[:, None], runs, axis=1)
-        self._P = np.repeat(np.diag(np.square(_PRIOR_SIGMAS))[..., None], runs, axis=2)
+        self._Q = psd * np.kron(growth, np.eye(3))
+        self._mean = np.repeat(initial_state(orbit)[None], runs, axis=0)
+        self._P = np.repeat(np.diag(np.square(_PRIOR_SIGMAS))[None], runs, axis=0)
         self._started = False
 
     @property
     def covariance(self) -> Array:
         """Covariance at the latest epoch, (runs, 6, 6)."""
-        return self._P.transpose(2, 0, 1).copy()
+        return self._P.copy()
 
     def advance(self, fixes: Array, forces: Array | None = None) -> Array:
         """Return the estimates at the next K epochs, (runs, K, 6), ECI, m and m/s.
@@ -75,39 +75,25 @@ class OrbitFilter:
             forces: Known thrust in the steps that end there, the two means of `KnownThrust.take`, (runs or 1, K, 2, 3),
                 m/s^2, RTN; default: none.
         """
-        estimates = np.empty(fixes.shape)
-        before, after = (None, None) if forces is None else kicks_of(forces, self._step_s)
-        for k in range(fixes.shape[1]):
-            if self._started:
-                if before is not None:
-                    self._kick(before[:, k])
-                self._predict()
-                if after is not None:
-                    self._kick(after[:, k])
-            self._started = True
-            self._update(runs_last(fixes[:, k]))
-            estimates[:, k] = self._mean.T
+        before, after = (_NO_KICKS, _NO_KICKS) if forces is None else kicks_of(forces, self._step_s)
+        if not (before.any() or after.any()):
+            before = after = _NO_KICKS
+        rule = self._division.rule
+        estimates, self._P = kernels.chief_orbit.follow(
+            np.ascontiguousarray(fixes),
+            np.ascontiguousarray(before),
+            np.ascontiguousarray(after),
+            self._started,
+            self._mean,
+            self._P,
+            self._Q,
+            self._R,
+            rule.tableau,
+            rule.sweeps,
+            self._division.parts,
+            self._division.part_s,
+            self._gravity.field,
+        )
+        if fixes.shape[1]:
+            self._mean, self._started = estimates[:, -1].copy(), True
         return estimates
-
-    def _predict(self) -> None:
-        self._mean, nodes = advance_orbit(self._mean, self._division, self._gravity)
-        F = orbit_transition(nodes, self._division, self._gravity)
-        self._P = symmetric_last(product(F, product(F, self._P).swapaxes(0, 1)) + self._Q)
-
-    def _kick(self, change: Array) -> None:
-        """Change the velocity by (runs or 1, 3), m/s, RTN; nothing changes, not a bit, where that is zero."""
-        if change.any():
-            axes, _ = orbit_frame(self._mean, self._gravity)
-            R, T, N = axes
-            c = runs_last(change)
-            self._mean = np.concatenate([self._mean[:3], self._mean[3:] + (c[0] * R + c[1] * T + c[2] * N)])
-
-    def _update(self, fix: Array) -> None:
-        """Correct with fixes (6, runs). H is the identity, so that P - K P = K R, which keeps its digits."""
-        present = ~np.isnan(fix).any(axis=0)
-        residual = np.where(present, fix - self._mean, 0.0)
-        L = factor(self._P + self._R)
-        gain = back(L, forward(L, self._P)).swapaxes(0, 1)
-        P = product(gain, self._R)
-        self._mean = self._mean + product(gain, residual[:, None])[:, 0]
-        self._P = np.where(present, symmetric_last(P), self._P)

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
@@ -16,7 +17,6 @@ from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
-from relnav_sim.linalg import product, runs_first, runs_last
 
 _NODES = 8
 """Gauss nodes over a step: rounding error for steps up to a tenth of a revolution."""
@@ -105,23 +105,16 @@ class CwSecondOrderDynamics:
             after = cw_transition(n, float(1 - node) * step_s)[:, 3:]
             D += weight * step_s * np.einsum("mk,kij,ia,jb->mab", after, a2, before, before)
         self._Q = process_noise
-        self._F = F[..., None]
-        self._D = D.reshape(36, 6, 1)
-        # The products of two states, each once, follow the states themselves.
-        self._first, self._second = np.triu_indices(6)
-        once = D[:, self._first, self._second] * np.where(self._first == self._second, 1, 2)
-        self._map = np.concatenate([F, once], axis=1)[..., None]
+        self._F, self._D = F, D
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x + x^T D x for every state, (runs, ..., 6)."""
-        X = runs_last(states.reshape(-1, 6))
-        terms = np.concatenate([X, X[self._first] * X[self._second]])
-        return runs_first(product(self._map, terms[:, None])[:, 0]).reshape(states.shape)
+        points = np.ascontiguousarray(states, dtype=float).reshape(-1, 6)
+        return kernels.quadratic_map.images(self._F, self._D, points).reshape(states.shape)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return the Jacobian F + 2 D x at `mean` (runs, 6): (runs, 6, 6)."""
-        bend = product(self._D, runs_last(mean)[:, None]).reshape(6, 6, -1)
-        return runs_first(self._F + 2 * bend)
+        return kernels.quadratic_map.jacobians(self._F, self._D, np.ascontiguousarray(mean, dtype=float))
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (6, 6)."""

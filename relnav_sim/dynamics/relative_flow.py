@@ -12,11 +12,11 @@ from math import ceil, sqrt
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.gravity import Anchor, Gravity
-from relnav_sim.dynamics.collocation import Path, Rule, integrate, rule_for
-from relnav_sim.linalg import product, runs_first, runs_last
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.dynamics.collocation import Rule, rule_for
 
 LONGEST_TURN = 0.5
 """Step times the fastest rate of relative motion, rad, beyond which a step is divided."""
@@ -55,85 +55,42 @@ def divide(orbit: ChiefOrbit, step_s: float) -> Division:
 
 
 @dataclass(frozen=True)
-class Segment:
-    """What the chief does during one step; b is the number of runs, or 1 where they share it.
+class Legs:
+    """What the chief does during K steps, each for b runs, or b = 1 where they share it.
 
     Attributes:
-        enter: From RTN at the start to relative states in the axes that do not turn, (6, 6, b).
-        leave: From there to RTN at the end, (6, 6, b).
-        nodes: The chief at the nodes, (parts, s, 3, b), in the same axes.
-
-    Several segments are stacked along a leading axis of every array.
+        frames: Its orbit frame at start and end, (K, b, 24), flat of (2, 4, 3): the unit vectors R, T and N in axes
+            that do not turn, and the frame's rates about them, rad/s.
+        nodes: The chief at the nodes in the same axes, (K, b, 6 s parts), flat of (parts, s, 2, 3): its position, m,
+            and the acceleration there by what is no point mass, m/s^2.
     """
 
-    enter: Array
-    leave: Array
-    nodes: Anchor
-
-    def __getitem__(self, place: int) -> Segment:
-        """Return one of several segments."""
-        return Segment(self.enter[place], self.leave[place], self.nodes[place])
+    frames: Array
+    nodes: Array
 
 
-def turning_frame(axes: Array, rates: Array) -> tuple[Array, Array]:
-    """Return the matrices out of and into an orbit frame, both (6, 6, b).
-
-    Args:
-        axes: Its unit vectors R, T and N as rows, (3, 3, b).
-        rates: Its angular velocity about R, T and N, (3, b), rad/s.
-    """
-    spin = np.zeros((3, 3, rates.shape[-1]))
-    spin[0, 1], spin[0, 2], spin[1, 2] = -rates[2], rates[1], -rates[0]
-    spin[1, 0], spin[2, 0], spin[2, 1] = rates[2], -rates[1], rates[0]
-    out, into = np.zeros((6, 6, axes.shape[-1])), np.zeros((6, 6, axes.shape[-1]))
-    back = axes.swapaxes(0, 1)
-    out[:3, :3], out[3:, 3:] = back, back
-    out[3:, :3] = product(back, spin)
-    into[:3, :3], into[3:, 3:] = axes, axes
-    into[3:, :3] = -product(spin, axes)
-    return out, into
+Segment = tuple[Legs, int]
+"""One step among several: the legs, and its place in them."""
 
 
 def flow(states: Array, segment: Segment, division: Division, gravity: Gravity) -> Array:
     """Return RTN states (runs, ..., 6) after one step."""
-    X = product(segment.enter, runs_last(states.reshape(len(states), -1, 6).swapaxes(1, 2)))
-    position, velocity = X[:3], X[3:]
-    for part in range(division.parts):
-        path = _offset_path(segment.nodes[part].for_columns(), position, velocity, division, gravity)
-        position, velocity = path.position, path.velocity
-    end = product(segment.leave, np.concatenate([position, velocity]))
-    return runs_first(end).swapaxes(1, 2).reshape(states.shape)
+    points = np.ascontiguousarray(states, dtype=float).reshape(-1, 6)
+    return kernels.relative_flow.flow(points, *_step(len(states), segment, division, gravity)).reshape(states.shape)
 
 
 def linear_flow(mean: Array, segment: Segment, division: Division, gravity: Gravity) -> tuple[Array, Array]:
     """Return `flow` at `mean` (runs, 6), bit by bit, and its Jacobian (runs, 6, 6) by the variational equations."""
-    X = product(segment.enter, runs_last(mean)[:, None])
-    position, velocity = X[:3, 0], X[3:, 0]
-    Y = np.broadcast_to(segment.enter, (6, 6, len(mean)))
-    for part in range(division.parts):
-        chief = segment.nodes[part]
-        path = _offset_path(chief, position, velocity, division, gravity)
-        Y = tangent(Y, gravity.gradient(chief.position + path.nodes), division)
-        position, velocity = path.position, path.velocity
-    end = product(segment.leave, np.concatenate([position, velocity])[:, None])
-    return runs_first(end[:, 0]), runs_first(product(segment.leave, Y))
+    points = np.ascontiguousarray(mean, dtype=float)
+    return kernels.relative_flow.linear_flow(points, *_step(len(mean), segment, division, gravity))
 
 
-def _offset_path(chief: Anchor, position: Array, velocity: Array, division: Division, gravity: Gravity) -> Path:
-    """Return how the deputy moves relative to the chief in one part of a step, in axes that do not turn."""
-    return integrate(
-        division.rule, lambda offset: gravity.difference(chief, offset), position, velocity, division.part_s
-    )
-
-
-def tangent(Y: Array, gradient: Array, division: Division) -> Array:
-    """Return Y (6, p, runs) after one part of a step, Y'' = G Y with G (3, 3, s, runs) at the nodes."""
-    s, runs = gradient.shape[2:]
-    G = gradient.reshape(3, 3, -1)
-
-    def slope(nodes: Array) -> Array:
-        columns = nodes.transpose(1, 2, 0, 3).reshape(3, -1, s * runs)
-        return product(G, columns).reshape(3, -1, s, runs).transpose(2, 0, 1, 3)
-
-    path = integrate(division.rule, slope, Y[:3], Y[3:], division.part_s)
-    return np.concatenate([path.position, path.velocity])
+def _step(
+    runs: int, segment: Segment, division: Division, gravity: Gravity
+) -> tuple[Array, Array, int, Array, int, float, Array]:
+    """Return what the kernels take of a step."""
+    legs, place = segment
+    if legs.frames.shape[1] not in (1, runs):
+        raise ValueError(f"there are states of {runs} runs, but the chief's of {legs.frames.shape[1]}")
+    rule = division.rule
+    return legs.frames, legs.nodes, place, rule.tableau, rule.sweeps, division.part_s, gravity.field

@@ -18,7 +18,7 @@ from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix, white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
-from relnav_sim.dynamics.relative_flow import Segment, divide, flow, linear_flow, turning_frame
+from relnav_sim.dynamics.relative_flow import Legs, divide, flow, linear_flow
 
 
 @register_dynamics("nonlinear")
@@ -85,26 +85,22 @@ class NonlinearDynamics:
         self._step_s = step_s
         self._division = divide(orbit, step_s)
         self._gravity = Gravity(orbit.mu_m3_s2)
-        self._segments = PerChunk(self._legs_of)
+        self._legs = PerChunk(self._legs_of)
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., 6) after the step that ends at its epoch."""
-        return flow(states, self._segment(step.epoch), self._division, self._gravity)
+        return flow(states, self._legs.at(step.epoch), self._division, self._gravity)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return the Jacobian (runs, 6, 6) of `propagate` at `mean` (runs, 6), by the variational equations."""
-        return linear_flow(mean, self._segment(step.epoch), self._division, self._gravity)[1]
+        return linear_flow(mean, self._legs.at(step.epoch), self._division, self._gravity)[1]
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (6, 6)."""
         return self._Q
 
-    def _segment(self, epoch: int) -> Segment:
-        segments, place = self._segments.at(epoch)
-        return segments[place]
-
-    def _legs_of(self, epochs: Array) -> Segment:
-        """Return the segments of the steps that end at `epochs`, stacked along a leading axis, shared by all runs.
+    def _legs_of(self, epochs: Array) -> Legs:
+        """Return the legs of the steps that end at `epochs`, shared by all runs.
 
         The axes that do not turn are the chief's own at the start of each step.
         """
@@ -112,21 +108,17 @@ class NonlinearDynamics:
         offsets = np.append(division.node_times_s, self._step_s)
         along = arc(self._orbit, (epochs - 1) * self._step_s, offsets)
         c, s = np.cos(along.sweep_rad), np.sin(along.sweep_rad)
-        nodes = along.radius_m * np.stack([c, s, np.zeros_like(c)])
-        axes = np.zeros((2, 3, 3, K))
-        axes[0] = np.eye(3)[..., None]
-        axes[1, 0, 0] = axes[1, 1, 1] = c[:, -1]
-        axes[1, 0, 1], axes[1, 1, 0] = s[:, -1], -s[:, -1]
-        axes[1, 2, 2] = 1.0
-        rates = np.zeros((2, 3, K))
-        rates[:, 2] = self._areal_rate / np.square([along.start_radius_m, along.radius_m[:, -1]])
-        enter, leave = turning_frame(axes[0], rates[0])[0], turning_frame(axes[1], rates[1])[1]
-        shape = (3, K, division.parts, -1, 1)
-        return Segment(
-            np.ascontiguousarray(enter.transpose(2, 0, 1))[..., None],
-            np.ascontiguousarray(leave.transpose(2, 0, 1))[..., None],
-            self._gravity.anchor(np.ascontiguousarray(nodes[..., :-1].reshape(shape).transpose(1, 2, 3, 0, 4))),
+        nodes = np.zeros((K, division.node_times_s.size, 2, 3))
+        nodes[:, :, 0, 0], nodes[:, :, 0, 1] = (along.radius_m * c)[:, :-1], (along.radius_m * s)[:, :-1]
+        frames = np.zeros((K, 2, 4, 3))
+        frames[:, 0, :3] = np.eye(3)
+        frames[:, 1, 0, 0] = frames[:, 1, 1, 1] = c[:, -1]
+        frames[:, 1, 0, 1], frames[:, 1, 1, 0] = s[:, -1], -s[:, -1]
+        frames[:, 1, 2, 2] = 1.0
+        frames[:, :, 3, 2] = self._areal_rate / np.square(
+            np.stack([along.start_radius_m, along.radius_m[:, -1]], axis=-1)
         )
+        return Legs(frames.reshape(K, 1, -1), nodes.reshape(K, 1, -1))
 
     @property
     def _areal_rate(self) -> float:

@@ -21,6 +21,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar
     from relnav_sim.kernels import deputy as deputy
@@ -38,7 +39,9 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
+    from relnav_sim.kernels import quadratic_map as quadratic_map
     from relnav_sim.kernels import ranging as ranging
+    from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
     from relnav_sim.kernels import reweighting as reweighting
     from relnav_sim.kernels import roots as roots

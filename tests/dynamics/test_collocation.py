@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from relnav_sim.dynamics.collocation import gauss_rule, integrate, rule_for
+from relnav_sim.dynamics.collocation import gauss_rule, rule_for
+from relnav_sim.kernels import collocation
 
 
 def test_two_nodes_are_hammer_and_hollingsworths_method():
@@ -15,10 +16,15 @@ def test_two_nodes_are_hammer_and_hollingsworths_method():
 
 @pytest.mark.parametrize("turn", [1e-4, 1e-3, 0.03, 0.1, 0.5])
 def test_growth_and_oscillation_to_rounding_error(turn):
-    rate = np.array([turn**2, -(turn**2)])[:, None]
-    r, v = np.array([[1.0], [1.0]]), np.array([[turn], [turn]])
-    path = integrate(rule_for(turn), lambda nodes: rate * nodes, r, v, 1.0)
-    expected = np.array([[np.exp(turn)], [np.cos(turn) + np.sin(turn)]])
-    slope = turn * np.array([[np.exp(turn)], [np.cos(turn) - np.sin(turn)]])
-    np.testing.assert_allclose(path.position, expected, rtol=4e-16)
-    np.testing.assert_allclose(path.velocity, slope, rtol=1e-15)
+    rule = rule_for(turn)
+    s = len(rule.nodes)
+    rate = np.array([turn**2, -(turn**2)])
+    r, v, nodes, f = np.ones((1, 2)), np.full((1, 2), turn), np.empty((s, 1, 2)), np.empty((s, 1, 2))
+    for sweep in range(rule.sweeps):
+        collocation.place_nodes(rule.tableau, 1.0, r, v, f, sweep, 2, nodes)
+        f[:] = rate * nodes
+    collocation.finish(rule.tableau, 1.0, f, 2, r, v, nodes)
+    expected = np.array([[np.exp(turn), np.cos(turn) + np.sin(turn)]])
+    slope = turn * np.array([[np.exp(turn), np.cos(turn) - np.sin(turn)]])
+    np.testing.assert_allclose(r, expected, rtol=4e-16)
+    np.testing.assert_allclose(v, slope, rtol=1e-15)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from gravity_in_lanes import difference
 from scipy.integrate import solve_ivp
 
 from relnav_sim.astro.constants import MU_M3_S2
@@ -17,8 +18,7 @@ RATE = np.sqrt(MU_M3_S2 / RADIUS**3)
 def remainder(position):
     """Return the acceleration beyond Clohessy and Wiltshire's."""
     chief = np.array([RADIUS, 0, 0])[None, :, None]
-    gravity = Gravity(MU_M3_S2)
-    full = gravity.difference(gravity.anchor(chief), np.array(position, dtype=float)[None, :, None])[0, :, 0]
+    full = difference(Gravity(MU_M3_S2), chief, np.array(position, dtype=float)[None, :, None])[0, :, 0]
     return full - RATE**2 * np.array([2.0, -1.0, -1.0]) * position
 
 

@@ -60,6 +60,8 @@ class AugmentedDynamics:
         if any(not 0 <= place < e for place in considered):
             raise ValueError(f"considered {tuple(considered)} does not fit {e} augmented states")
         self.considered = tuple(n + place for place in considered)
+        self._known: tuple[Array | None, Array] = None, self._noise
+        """The latest constant Q of the base, and what `process_noise` makes of it."""
         self._inputs: Callable[[Step], Array] | None
         if inputs is None or callable(inputs):
             self._inputs = inputs
@@ -86,11 +88,12 @@ class AugmentedDynamics:
         """Return [[F, G], [0, D]], (n + e, n + e) or (runs, n + e, n + e)."""
         n = self._n
         F = self.base.transition(mean[..., :n], step)
-        G = np.zeros((n, len(self._D))) if self._inputs is None else self._inputs(step)
-        runs = np.broadcast_shapes(F.shape[:-2], G.shape[:-2])
+        G = None if self._inputs is None else self._inputs(step)
+        runs = F.shape[:-2] if G is None else np.broadcast_shapes(F.shape[:-2], G.shape[:-2])
         whole = np.zeros((*runs, self.dimension, self.dimension))
         whole[..., :n, :n] = F
-        whole[..., :n, n:] = G
+        if G is not None:
+            whole[..., :n, n:] = G
         whole[..., n:, n:] = self._D
         return whole
 
@@ -98,9 +101,14 @@ class AugmentedDynamics:
         """Return blockdiag(Q, noise), (n + e, n + e), or (runs, ..., n + e, n + e) where Q depends on the state."""
         n = self._n
         Q = self.base.process_noise(states[..., :n], step)
+        if Q is self._known[0]:
+            return self._known[1]
         whole = np.zeros((*Q.shape[:-2], self.dimension, self.dimension))
         whole[..., :n, :n] = Q
         whole[..., n:, n:] = self._noise
+        if Q.base is None and not Q.flags.writeable:  # a constant, which comes again
+            whole.setflags(write=False)
+            self._known = Q, whole
         return whole
 
 
