@@ -27,7 +27,7 @@ KINDS = sorted(name for name, kind in filter_kinds().items() if not kind.learned
 def readings():
     """The same errors as azimuth and elevation and as turns across the line of sight."""
     v = np.random.default_rng(31).normal(size=(RUNS, EPOCHS, 3)) * SIGMAS
-    sight = OWN.of(np.broadcast_to(PLACE, (EPOCHS, 6)))
+    sight = tuple(np.moveaxis(np.broadcast_to(PLACE, (EPOCHS, 6))[..., :3] @ OWN.sensor_from_rtn.T, -1, 0))
     spherical = v + np.stack(spherical_of(sight), axis=-1)
     tangent = spherical.copy()
     _, tangent[..., 1], tangent[..., 2] = spherical_of(deflected(unit(sight), v[..., 1], v[..., 2]))
