@@ -40,11 +40,6 @@ def runs_last(A: Array) -> Array:
     return A.transpose(*range(1, A.ndim), 0).copy()
 
 
-def matrices_last(A: Array) -> Array:
-    """Return matrices (runs, p, q), or one (p, q) that all runs share, as (p, q, runs or 1)."""
-    return runs_last(A) if A.ndim == 3 else A[..., None]
-
-
 def runs_first(A: Array) -> Array:
     """Return a contiguous copy (runs, ...) of A (..., runs), the inverse of `runs_last`."""
     return A.transpose(-1, *range(A.ndim - 1)).copy()
