@@ -1,6 +1,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+BENCH := .venv-bench
+BENCHMARKS := filters filters_particle filters_alpha learned propagation scaling machine campaigns
 # Small matrices are slower on many BLAS threads, and two workers share the cores.
 export OPENBLAS_NUM_THREADS ?= 1
 
@@ -41,13 +43,18 @@ check-slow: setup  ## Run the long checks
 	$(BIN)/python -m relnav_sim.kernels
 	$(BIN)/python -m pytest -m slow
 
-bench: setup  ## Measure the published speed figures beside other libraries
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
+$(BENCH)/installed: pyproject.toml
+	$(PYTHON) -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	touch $@
+
+bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 20 minutes on a quiet machine
+	mkdir -p build
+	for script in $(BENCHMARKS); do $(BENCH)/bin/python benchmarks/$$script.py --docs $(BENCH_OPTIONS) || exit 1; done
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models
 	$(BIN)/relnav schema --out campaigns/schema.json --overwrite
 	$(BIN)/python -m relnav_sim.campaign.reference docs/campaign-file.md
 
 clean:  ## Remove the virtual environment and caches, keep results
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) build .mypy_cache .ruff_cache .pytest_cache .hypothesis
