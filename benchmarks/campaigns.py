@@ -27,7 +27,7 @@ SHORT = {"alpha_kf_gaussian": (300, 100), "limit": (300, 100)}
 if bench.QUICK:
     SHORT = dict.fromkeys(SHORT, (20, 10))
 RUNS = 4 if bench.QUICK else 100
-PARTS = ("truth", "sensors", "the chief's own orbit", "filters", "statistics", "storing, starting")
+PARTS = ("truth", "sensors", "filters", "statistics", "storing, starting")
 BUILD = bench.ROOT / "build"
 
 
@@ -147,7 +147,7 @@ def shares(names):
     watched.watch(TruthTrajectory, "at", "truth")
     watched.watch(SensorSuite, "measure", "sensors")
     watched.watch(chunks, "filter_inputs", "sensors")
-    watched.watch(HostOrbits, "advance", "the chief's own orbit")
+    watched.watch(HostOrbits, "advance", "sensors")
     watched.watch(block.FilterTrack, "__init__", "filters")
     watched.watch(block.FilterTrack, "add", "statistics")
     watched.watch(block.FilterTrack, "result", "statistics")
