@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable
 from contextlib import nullcontext
 from functools import cache
+from inspect import Parameter, Signature, signature
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -54,7 +55,7 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Calla
     with nullcontext() if is_kept(name) else alone(name):
         kernel.compile(tuple(kind(numba.types) for kind in arguments))
     kernel.disable_compile()
-    return kernel  # type: ignore[no-any-return]  # numba has no types
+    return kernel
 
 
 def _jit(function: Callable[..., Any], **options: Any) -> Any:
@@ -63,20 +64,24 @@ def _jit(function: Callable[..., Any], **options: Any) -> Any:
 
 def _as_compiled(name: str, value: Any) -> Any:
     """Return what numba compiles in place of a plain function that kernels call."""
-    return _part(value) if isinstance(value, FunctionType) and value in PARTS else value
+    return part(value) if isinstance(value, FunctionType) and value in PARTS else value
 
 
 @cache
-def _part(function: Callable[..., Any]) -> Any:
+def part(function: Callable[..., Any]) -> Any:
+    """Return what numba compiles, as a part of kernels, for a function that they call."""
     how = PARTS[function]
-    return _intrinsic(how) if isinstance(how, Instruction) else _jit(function, **how)
+    return _intrinsic(function, how) if isinstance(how, Instruction) else _jit(function, **how)
 
 
-def _intrinsic(how: Instruction) -> Any:
+def _intrinsic(function: Callable[..., Any], how: Instruction) -> Any:
     def typed(typing: Any, *values: Any) -> Any:
-        signature = how.result(numba.types)(*(kind(numba.types) for kind in how.arguments))
-        return signature, lambda context, builder, signature, values: how.code(builder, *values)
+        types = how.result(numba.types)(*(kind(numba.types) for kind in how.arguments))
+        return types, lambda context, builder, types, values: how.code(builder, *values)
 
+    first = Parameter("typing", Parameter.POSITIONAL_ONLY)
+    others = [p.replace(kind=Parameter.POSITIONAL_ONLY) for p in signature(function).parameters.values()]
+    typed.__signature__ = Signature([first, *others])  # type: ignore[attr-defined]  # numba looks at how many there are
     return numba.extending.intrinsic(typed)
 
 

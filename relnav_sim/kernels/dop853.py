@@ -41,7 +41,7 @@ D = _weights(list(tableau.DENSE_ROWS))
 
 @inner
 def weighted_sum(weights: Array, stages: Array, out: Array) -> None:
-    """Set out (6 LANES,) to the sum of weights (16,) times stages (16, 6 LANES); those of weight zero are not looked at."""
+    """Set out (6 LANES,) to weights (16,) times stages (16, 6 LANES); those of weight zero are not looked at."""
     for k in range(6 * LANES):
         out[k] = weights[0] * stages[0, k]
     for i in range(1, ALL_STAGES):
@@ -58,7 +58,7 @@ def _weighted_sum(weights: Array, stages: Array, out: Array) -> None:
 
 @inner
 def stage_state(i: int, y: Array, h: Array, stages: Array, at: Array) -> None:
-    """Set at (6 LANES,) to where stage i of stages (16, 6 LANES) is taken, from those before it, y (6 LANES,) and steps h."""
+    """Set at (6 LANES,) to where stage i of stages (16, 6 LANES) is taken, from those before it, y and steps h."""
     weighted_sum(A[i], stages, at)
     for k in range(6 * LANES):
         at[k] = y[k] + h[k] * at[k]

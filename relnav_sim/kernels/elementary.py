@@ -54,7 +54,7 @@ def bits(x: float) -> int:
 @instruction(_number_of, float64, int64)
 def number(bits: int) -> float:
     """Return the number that has these bits."""
-    return np.frombuffer((bits & 0xFFFFFFFFFFFFFFFF).to_bytes(8, "little"), "<f8")[0]  # type: ignore[no-any-return]
+    return np.frombuffer((bits & 0xFFFFFFFFFFFFFFFF).to_bytes(8, "little"), "<f8")[0]
 
 
 _ROUNDER = 1.5 * 2.0**52
