@@ -5,7 +5,8 @@ compiled code after that. They take and return arrays that lead with the runs, i
 a run is an iteration of a loop, so its bits do not depend on which other runs are there. Inside, up to `LANES` runs
 lie side by side as the last axis, so that one instruction of the processor serves several.
 
-Nothing compiled is imported before a function of it is needed: `kernels.kalman.update(...)` is how to call one.
+A module of them is plain Python, and what compiles is imported at the first call that needs it. `kernels.kalman.update
+(...)` is how to call one; within `kernels.compiling.interpreted()` it runs as the plain Python that it is.
 
 Examples:
     >>> import numpy as np
@@ -57,12 +58,7 @@ class CompilerError(ImportError):
 
 
 def __getattr__(name: str) -> Any:
-    """Import a theme on its first use; it then is an attribute of the package.
-
-    Raises:
-        CompilerError: What compiles can't be imported.
-    """
-    importlib.import_module("relnav_sim.kernels.compiling")  # before a theme imports numba itself
+    """Import a theme on its first use; it then is an attribute of the package."""
     try:
         return importlib.import_module(f"relnav_sim.kernels.{name}")
     except ModuleNotFoundError as error:
