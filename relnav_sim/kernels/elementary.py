@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
@@ -117,6 +118,12 @@ def log(x: float) -> float:
     result = x if x == math.inf else result
     result = -math.inf if x == 0.0 else result
     return result if x >= 0.0 else math.nan
+
+
+@inlined
+def wrapped(angle: float) -> float:
+    """Return an angle, or a difference of two, within [-pi, pi]."""
+    return angle - 2 * math.pi * np.rint(angle / (2 * math.pi))
 
 
 @inlined

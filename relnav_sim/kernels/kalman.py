@@ -34,23 +34,24 @@ _LOG_TWO_PI = math.log(2 * math.pi)
 
 @kernel(given(3), given(3), given(3))
 def predict(P: Array, F: Array, Q: Array) -> Array:
-    """Return F P F^T + Q, (runs, n, n), symmetric to the bit.
+    """Return F P F^T + Q, (runs, m, m), symmetric to the bit.
 
     Args:
         P: Covariances (runs, n, n), symmetric.
-        F: (runs, n, n), or (1, n, n) for all runs, as Q.
-        Q: Covariance of the process noise.
+        F: (runs, m, n), or (1, m, n) for all runs, as Q; also a Jacobian H, m channels of a reading by n states.
+        Q: Covariance of the process noise, or of the reading's, (runs, m, m).
     """
     runs, n, _ = P.shape
-    predicted = np.empty((runs, n, n))
-    p, f, q, fp = np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
+    m = F.shape[1]
+    predicted = np.empty((runs, m, m))
+    p, f, q, fp = np.empty((n, n, LANES)), np.empty((m, n, LANES)), np.empty((m, m, LANES)), np.empty((m, n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
         load(F, first, used, f)
         load(Q, first, used, q)
         product(f, p, used, fp)
-        for i in range(n):
+        for i in range(m):
             for j in range(i + 1):
                 for k in range(n):
                     for b in range(used):

@@ -2,25 +2,21 @@
 
 import numpy as np
 import pytest
+from checks import assert_close, check_runs_are_alone, covariances
 
 from relnav_sim import kernels
 
 SIZES = [(1, 1, 1), (2, 1, 3), (6, 3, 1), (6, 3, 50), (8, 3, 33), (9, 6, 32), (12, 12, 5), (6, 3, 1000)]
 
 
-def spread(rng, runs, n, width=1.0):
-    A = width * rng.normal(size=(runs, n, n))
-    return A @ A.swapaxes(1, 2) + 0.1 * np.eye(n)
-
-
 def problem(n, m, runs, seed=1):
     rng = np.random.default_rng(seed)
     return {
         "m": rng.normal(size=(runs, n)),
-        "P": spread(rng, runs, n),
+        "P": covariances(rng, runs, n),
         "nu": rng.normal(size=(runs, m)),
         "H": rng.normal(size=(runs, m, n)),
-        "R": spread(rng, runs, m),
+        "R": covariances(rng, runs, m),
     }
 
 
@@ -39,12 +35,6 @@ def plain_update(m, P, nu, H, R):
     return map(np.array, (mean, covariance, nis, log_likelihood))
 
 
-def assert_close(found, expected):
-    """Equal to 1e-12 of the largest entry of the run."""
-    scale = np.abs(expected).reshape(len(expected), -1).max(axis=1).reshape(-1, *[1] * (expected.ndim - 1))
-    np.testing.assert_array_less(np.abs(found - expected), 1e-12 * np.maximum(scale, 1.0) * np.ones(expected.shape))
-
-
 @pytest.mark.parametrize(("n", "m", "runs"), SIZES)
 def test_update_against_plain_numpy(n, m, runs):
     given = problem(n, m, runs)
@@ -58,7 +48,7 @@ def test_update_against_plain_numpy(n, m, runs):
 @pytest.mark.parametrize(("n", "m", "runs"), SIZES)
 def test_prediction_against_plain_numpy(n, m, runs):
     rng = np.random.default_rng(2)
-    P, F, Q = spread(rng, runs, n), rng.normal(size=(runs, n, n)), spread(rng, runs, n)
+    P, F, Q = covariances(rng, runs, n), rng.normal(size=(runs, n, n)), covariances(rng, runs, n)
     found = kernels.kalman.predict(P, F, Q)
     assert_close(found, F @ P @ F.swapaxes(1, 2) + Q)
     assert (found == found.swapaxes(1, 2)).all()
@@ -66,6 +56,13 @@ def test_prediction_against_plain_numpy(n, m, runs):
         kernels.kalman.predict(P, F[:1], Q[:1]),
         kernels.kalman.predict(P, np.repeat(F[:1], runs, axis=0), np.repeat(Q[:1], runs, axis=0)),
     )
+
+
+def test_covariance_of_a_reading_against_plain_numpy():
+    given = problem(6, 3, 40)
+    P, H, R = (given[name] for name in ("P", "H", "R"))
+    assert_close(kernels.kalman.predict(P, H, R), H @ P @ H.swapaxes(1, 2) + R)
+    check_runs_are_alone(kernels.kalman.predict, (P, H, R))
 
 
 def test_update_by_moments_is_the_update_where_the_measurement_is_linear():
@@ -76,6 +73,8 @@ def test_update_by_moments_is_the_update_where_the_measurement_is_linear():
     found = kernels.kalman.update_by_moments(given["m"], given["P"], given["nu"], C, S, given["R"])
     for one, expected in zip(found[:4], plain_update(**given), strict=True):
         assert_close(one, expected)
+    moments = given["m"], given["P"], given["nu"], C, S
+    check_runs_are_alone(kernels.kalman.update_by_moments, moments, given["R"][:1])
 
 
 @pytest.mark.parametrize("share", [1.0, 1e-7, 1e-9])
@@ -122,7 +121,7 @@ def test_bits_do_not_depend_on_the_block(runs):
         part = kernels.kalman.update(*(one[first : first + runs] for one in given.values()))
         for one, expected in zip(part, whole, strict=True):
             np.testing.assert_array_equal(one, expected[first : first + runs])
-    S = spread(np.random.default_rng(3), 100, 3)
+    S = covariances(np.random.default_rng(3), 100, 3)
     whole = kernels.kalman.innovation(S, given["nu"])
     for one, expected in zip(kernels.kalman.innovation(S[9 : 9 + runs], given["nu"][9 : 9 + runs]), whole, strict=True):
         np.testing.assert_array_equal(one, expected[9 : 9 + runs])
@@ -131,7 +130,7 @@ def test_bits_do_not_depend_on_the_block(runs):
 def test_innovation_against_plain_numpy():
     for m, runs in ((1, 1), (3, 50), (12, 7)):
         rng = np.random.default_rng(m)
-        S, nu = spread(rng, runs, m), rng.normal(size=(runs, m))
+        S, nu = covariances(rng, runs, m), rng.normal(size=(runs, m))
         S[0, :, 0] = S[0, 0, :] = 0.0
         nis, log_likelihood, singular = kernels.kalman.innovation(S, nu)
         expected = np.einsum("bi,bi->b", nu[1:], np.linalg.solve(S[1:], nu[1:, :, None])[..., 0])
