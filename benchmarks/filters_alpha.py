@@ -1,7 +1,7 @@
 """Filters of the alpha-divergence family: CPU time per run-step, beside an earlier relnav and beside their draws alone.
 
 6 states, radar at 12 km, 5 Hz, 200 runs as one block (8 with 10000 samples); NIS, log-likelihood and effective sample
-size included. The first table is for docs/speed.md, the second, of all of the family, for docs/accuracy.md.
+size included.
 
     python benchmarks/filters_alpha.py [--quick] [--docs]
 """
@@ -136,7 +136,7 @@ def apart(relnav, told):
 
 
 def family():
-    """Return a row for each case of docs/accuracy.md."""
+    """Return a row for each case."""
     contenders = {}
     for kind, options, form, runs, steps in CASES:
         dynamics, measurement, z, mean0, cov0 = problem(form, runs, 3 if bench.QUICK else steps)
@@ -171,7 +171,7 @@ def main():
         "`alpha_kf`, 10000 random samples, 8 runs, per run-step", timings, lambda *_: "(a part of the filter)"
     )
     bench.publish("alpha filters", "\n\n".join([bench.side_by_side_table(rows, "us"), *notes]))
-    print(bench.table(["filter", "us per run-step", "times `ekf`"], family()))
+    bench.publish("alpha family", bench.table(["filter", "us per run-step", "times `ekf`"], family()))
 
 
 if __name__ == "__main__":

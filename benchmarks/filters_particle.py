@@ -65,7 +65,7 @@ def errors_of(problem):
     def errors(relnav, peer):
         rms = [
             np.sqrt(np.square(mean - problem.truth[: len(mean)])[..., :3].sum(axis=-1).mean())
-            for mean in (relnav, peer)
+            for mean in (relnav[: len(peer)], peer)
         ]
         return f"RMS errors {rms[0]:.2f} and {rms[1]:.2f} m"
 

@@ -1,6 +1,6 @@
 """Learned dynamics: what predicting costs beside scikit-learn, and what cheaper variances save and lose.
 
-500 training points of one revolution, mean and variance. The second table is for docs/accuracy.md.
+500 training points of one revolution, mean and variance.
 
     python benchmarks/learned.py [--quick] [--docs]
 """
@@ -107,7 +107,7 @@ def main():
     bench.publish("learned dynamics", bench.side_by_side_table(beside_scikit_learn(), "us"))
     errors = [f"RMS of `{kind}`, m, mm/s" for kind in ("gp_particle", "mf_upf", "gp_ukf")]
     header = ["`variance`", "mean and variance, us per particle", "`gp_particle`, us", "`mf_upf`, us", *errors]
-    print(bench.table(header, cheaper_variances()))
+    bench.publish("cheaper variances", bench.table(header, cheaper_variances()))
 
 
 if __name__ == "__main__":

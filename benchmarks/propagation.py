@@ -1,7 +1,7 @@
 """CPU time per trajectory: relnav's batched propagation beside scipy, heyoka and brahe.
 
 1000 dispersed low orbits over 6000 s with a state every second, under J2 to J4 and drag. The others take one trajectory
-at a time, so they get fewer. The first of scipy's tolerances is the one that is timed.
+at a time, so they get fewer.
 
     python benchmarks/propagation.py [--quick] [--docs]
 """
