@@ -161,12 +161,12 @@ def update(
         store(M[:m], first, used, S_root)
         store(M[m:], first, used, gain)
         store_vectors(w, first, used, white)
+        score(w, M[:m], first, used, nis, log_likelihood)
         for b in range(used):
             run = first + b
             for i in range(m):
                 dead[run] |= M[i, i, b] <= 16 * m * _EPS * (size[i, b] + reading[run, i])
             count += dead[run]
-            nis[run], log_likelihood[run] = score(w, M[:m], b)
             for i in range(n):
                 total = 0.0
                 for j in range(i + 1):

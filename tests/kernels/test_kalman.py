@@ -41,7 +41,7 @@ def test_update_against_plain_numpy(n, m, runs):
     *found, lost = kernels.kalman.update(*given.values())
     for one, expected in zip(found, plain_update(**given), strict=True):
         assert_close(one, expected)
-    assert not lost.any()
+    assert len(lost) == 0
     assert (found[1] == found[1].swapaxes(1, 2)).all()
 
 
@@ -52,6 +52,11 @@ def test_prediction_against_plain_numpy(n, m, runs):
     found = kernels.kalman.predict(P, F, Q)
     assert_close(found, F @ P @ F.swapaxes(1, 2) + Q)
     assert (found == found.swapaxes(1, 2)).all()
+    m = rng.normal(size=(runs, n))
+    mean, covariance = kernels.kalman.predict_linear(m, P, F, Q)
+    assert_close(mean, np.einsum("bij,bj->bi", F, m))
+    np.testing.assert_array_equal(covariance, found)
+    F[0] *= rng.random((n, n)) < 0.5  # zeros are passed over
     np.testing.assert_array_equal(
         kernels.kalman.predict(P, F[:1], Q[:1]),
         kernels.kalman.predict(P, np.repeat(F[:1], runs, axis=0), np.repeat(Q[:1], runs, axis=0)),
@@ -74,7 +79,7 @@ def test_update_by_moments_is_the_update_where_the_measurement_is_linear():
     for one, expected in zip(found[:4], plain_update(**given), strict=True):
         assert_close(one, expected)
     moments = given["m"], given["P"], given["nu"], C, S
-    check_runs_are_alone(kernels.kalman.update_by_moments, moments, given["R"][:1])
+    check_runs_are_alone(lambda *given: kernels.kalman.update_by_moments(*given)[:4], moments, given["R"][:1])
 
 
 @pytest.mark.parametrize("share", [1.0, 1e-7, 1e-9])
@@ -83,7 +88,7 @@ def test_precise_readings_keep_their_variance_with_a_wide_prior(share):
     given = problem(6, 3, 40)
     given["R"] = share * given["R"]
     _, covariance, _, _, lost = kernels.kalman.update(*given.values())
-    assert not lost.any()
+    assert len(lost) == 0
     for b in range(40):
         # The information form has no cancellation here.
         h, r = given["H"][b], given["R"][b]
@@ -97,7 +102,7 @@ def test_runs_without_digits_are_lost_and_no_others():
     given["R"][7] *= 1e-16
     given["R"][9], given["H"][9, 1] = 0.0, given["H"][9, 0]  # S is singular
     *_, lost = kernels.kalman.update(*given.values())
-    assert np.flatnonzero(lost).tolist() == [7, 9]
+    assert lost.tolist() == [7, 9]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1e3])
@@ -107,9 +112,10 @@ def test_a_run_that_is_no_covariance_stays_alone(bad):
     np.fill_diagonal(given["P"][5], bad)
     found = kernels.kalman.update(*given.values())
     others = np.arange(40) != 5
-    for one, expected in zip(found, sound, strict=True):
+    for one, expected in zip(found[:4], sound[:4], strict=True):
         np.testing.assert_array_equal(one[others], expected[others])
     assert not np.isfinite(found[3][5])
+    assert set(found[4].tolist()) <= {5}
 
 
 @pytest.mark.parametrize("runs", [1, 31, 32, 33, 64])
@@ -119,11 +125,12 @@ def test_bits_do_not_depend_on_the_block(runs):
     whole = kernels.kalman.update(*given.values())
     for first in (0, 17, 36):
         part = kernels.kalman.update(*(one[first : first + runs] for one in given.values()))
-        for one, expected in zip(part, whole, strict=True):
+        for one, expected in zip(part[:4], whole[:4], strict=True):
             np.testing.assert_array_equal(one, expected[first : first + runs])
     S = covariances(np.random.default_rng(3), 100, 3)
     whole = kernels.kalman.innovation(S, given["nu"])
-    for one, expected in zip(kernels.kalman.innovation(S[9 : 9 + runs], given["nu"][9 : 9 + runs]), whole, strict=True):
+    part = kernels.kalman.innovation(S[9 : 9 + runs], given["nu"][9 : 9 + runs])
+    for one, expected in zip(part[:2], whole[:2], strict=True):
         np.testing.assert_array_equal(one, expected[9 : 9 + runs])
 
 
@@ -137,4 +144,4 @@ def test_innovation_against_plain_numpy():
         np.testing.assert_allclose(nis[1:], expected, rtol=1e-12)
         constant = m * np.log(2 * np.pi) + np.linalg.slogdet(S[1:])[1]
         np.testing.assert_allclose(log_likelihood[1:], -0.5 * (expected + constant), rtol=1e-12, atol=1e-12)
-        assert singular.tolist() == [True] + [False] * (runs - 1)
+        assert singular.tolist() == [0]
