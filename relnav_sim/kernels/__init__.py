@@ -31,16 +31,15 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import gravity as gravity
-    from relnav_sim.kernels import iterated as iterated
+    from relnav_sim.kernels import iekf as iekf
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood
-    from relnav_sim.kernels import linear as linear
+    from relnav_sim.kernels import maps as maps
     from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
-    from relnav_sim.kernels import quadratic_map as quadratic_map
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
@@ -51,6 +50,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sigma_points as sigma_points
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
+    from relnav_sim.kernels import two_step as two_step
 
 
 class CompilerError(ImportError):

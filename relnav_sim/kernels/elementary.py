@@ -121,6 +121,12 @@ def log(x: float) -> float:
 
 
 @inlined
+def wrapped(angle: float) -> float:
+    """Return an angle, or a difference of two, within [-pi, pi]."""
+    return angle - 2 * math.pi * np.rint(angle / (2 * math.pi))
+
+
+@inlined
 def atan_rest(t: float) -> float:
     """Return atan t - t, |t| <= tan pi/8."""
     s = t * t

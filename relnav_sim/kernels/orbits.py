@@ -154,7 +154,8 @@ def fly(
             else:
                 good = True
         if good:
-            at[:] = ends
+            for k in range(WIDTH):
+                at[k] = ends[k]
             derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
                 stage_state(s, y, h, stages, at)

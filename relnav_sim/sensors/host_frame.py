@@ -12,7 +12,7 @@ from relnav_sim.astro.attitude import body_to_inertial, from_axes, in_axes, nadi
 from relnav_sim.astro.coast import coasted
 from relnav_sim.astro.frames import rtn_from_eci
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.astro.line_of_sight import Vector, dot
+from relnav_sim.astro.line_of_sight import Vector, components, dot
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,7 @@ class HostFrame:
         if self.gravity is None or self.gravity.is_central:
             return 0.0
         _, minus_normal, _ = nadir_axes(states)
-        pull = self.gravity.acceleration(np.moveaxis(states[..., :3], -1, 1))
-        return -dot((pull[:, 0], pull[:, 1], pull[:, 2]), minus_normal)
+        return -dot(components(self.gravity.acceleration(states[..., :3])), minus_normal)
 
     @property
     def body_to_orbit(self) -> Callable[[Vector], Vector] | None:

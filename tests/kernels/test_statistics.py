@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from checks import covariances
 
 from relnav_sim import kernels
 
 
 def estimates(runs, epochs, seed=4):
     rng = np.random.default_rng(seed)
-    A = rng.normal(size=(epochs, runs, 6, 6))
-    return rng.normal(size=(runs, epochs, 6)), A @ A.swapaxes(-1, -2) + 0.1 * np.eye(6)
+    return rng.normal(size=(runs, epochs, 6)), covariances(rng, epochs, runs, 6)
 
 
 @pytest.mark.parametrize(("runs", "epochs"), [(1, 1), (1, 40), (50, 7), (33, 33)])
@@ -61,3 +61,15 @@ def test_sliding_largest_as_numpy_has_it(window):
     x[1, 9] = np.inf
     windows = np.lib.stride_tricks.sliding_window_view(x, window, axis=1)
     np.testing.assert_array_equal(kernels.statistics.sliding_largest(x, window), windows.max(axis=-1))
+
+
+def test_a_run_is_its_own():
+    error, covariance = estimates(40, 9)
+    whole = kernels.statistics.normalised_errors(error, covariance)
+    largest = kernels.statistics.sliding_largest(whole[0][0], 4)
+    for run in (0, 17, 39):
+        own = slice(run, run + 1)
+        alone = kernels.statistics.normalised_errors(error[own], covariance[:, own].copy())
+        for one, many in zip(alone, whole, strict=True):
+            np.testing.assert_array_equal(one, many[..., own, :])
+        np.testing.assert_array_equal(kernels.statistics.sliding_largest(whole[0][0, own], 4)[0], largest[run])
