@@ -1,4 +1,7 @@
-"""A user's models get read-only arguments, so that one that writes into them is refused instead of believed."""
+"""A user's models get read-only arguments, so that one that writes into them is refused instead of believed.
+
+What they return, integers or float32 say, is made float64; what dynamics return, in C order too.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.given_arrays import numbers
 from relnav_sim.measurements.interface import one_by_one, squares_of_states
 from relnav_sim.read_only_call import called_read_only
 
@@ -49,13 +53,14 @@ class ReadOnlyDynamics:
     def _result(
         self, name: str, function: Callable[[Array, Any], Any], states: Array, step: Step, *shapes: tuple[int, ...]
     ) -> Array:
-        result = np.asarray(called_read_only(function, f"{name} of {self._name}", states, step))
+        where = f"{name} of {self._name}"
+        result = numbers(called_read_only(function, where, states, step), f"what {where} returned")
         if result.shape not in shapes:
             wanted = " or ".join(map(str, dict.fromkeys(shapes)))
             raise ValueError(
                 f"{name} of {self._name} returned shape {result.shape} for states {states.shape}; it must be {wanted}"
             )
-        return result
+        return np.ascontiguousarray(result)  # a filter keeps it, and sums in the order of memory
 
 
 class ReadOnlyMeasurement:
@@ -76,19 +81,23 @@ class ReadOnlyMeasurement:
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""
-        return np.asarray(called_read_only(self._base.predict, f"predict of {self._name}", states, epoch))
+        return self._numbers("predict", self._base.predict, states, epoch)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return dh/dx."""
-        return np.asarray(called_read_only(self._base.jacobian, f"jacobian of {self._name}", states, epoch))
+        return self._numbers("jacobian", self._base.jacobian, states, epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R."""
-        return np.asarray(called_read_only(self._base.noise, f"noise of {self._name}", mean, epoch))
+        return self._numbers("noise", self._base.noise, mean, epoch)
 
     def mixture(self, mean: Array, epoch: int) -> Any:
         """Return the components of the noise."""
         return called_read_only(self._base.mixture, f"mixture of {self._name}", mean, epoch)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return z - predicted."""
+        return numbers(self._base.residual(z, predicted), f"what residual of {self._name} returned")
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual, dh/dx and R by the functions above."""
@@ -97,6 +106,10 @@ class ReadOnlyMeasurement:
     def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
         """Return squared errors of samples by the functions above."""
         return squares_of_states(self, z, W, centre, root, e, epoch)
+
+    def _numbers(self, name: str, function: Callable[[Array, int], Any], states: Array, epoch: int) -> Array:
+        where = f"{name} of {self._name}"
+        return numbers(called_read_only(function, where, states, epoch), f"what {where} returned")
 
 
 def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:

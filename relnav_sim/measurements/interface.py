@@ -82,6 +82,18 @@ def wrap_angle(angle: Array) -> Array:
     return angle - 2 * np.pi * np.rint(angle / (2 * np.pi))
 
 
+_PARTS = {
+    "linearised": ("predict", "jacobian", "noise", "residual"),
+    "squared_errors": ("predict", "jacobian", "residual"),
+}
+"""What a measurement may do in one go, and the functions that it then stands for."""
+
+
+def _depth(kind: type, name: str) -> int:
+    """Return how far up among the bases of a class a function is said."""
+    return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
+
+
 @lru_cache(maxsize=64)
 def _places(angles: tuple[int, ...]) -> Indices:
     return np.array(angles, dtype=np.int64)
@@ -102,6 +114,16 @@ class MeasurementDefaults:
     depends_on: tuple[int, ...] | None = None
     states: int | None = None
     whole: bool = False
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        """Let what a base does in one go follow from the parts again, where a class has other parts and says no more.
+
+        A subclass of a radar, say, that only changes `predict` would else still be linearised as the radar.
+        """
+        super().__init_subclass__(**arguments)
+        for whole, parts in _PARTS.items():
+            if any(_depth(cls, part) < _depth(cls, whole) for part in parts):
+                setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the readings (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
