@@ -17,17 +17,17 @@ LOG_TWO_PI = float(np.log(2 * np.pi))
 
 def by_run(A: Array) -> Array:
     """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
-    return np.ascontiguousarray(A if A.ndim == 3 else A[None])
+    return np.ascontiguousarray(A if A.ndim == 3 else A[None], dtype=np.float64)
 
 
 def in_rows(x: Array) -> Array:
     """Return vectors (..., n) as (points, n), in C order for a kernel."""
-    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]))
+    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]), dtype=np.float64)
 
 
 def matrices(A: Array) -> Array:
     """Return matrices (..., p, q) as (points, p, q), one (p, q) as (1, p, q), in C order for a kernel."""
-    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]))
+    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]), dtype=np.float64)
 
 
 def images(A: Array, x: Array) -> Array:

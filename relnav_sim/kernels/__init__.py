@@ -22,6 +22,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import angles as angles
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar

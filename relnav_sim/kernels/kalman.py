@@ -52,13 +52,16 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
     """Return the mean F m, (runs, n), and the covariance of `predict`; m (runs, n)."""
     runs, n = m.shape
     mean, predicted = np.empty((runs, n)), np.empty((runs, n, n))
-    for run in range(runs):
-        own = 0 if len(F) == 1 else run
+    x = np.empty((n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
         for i in range(n):
-            entry = 0.0
+            for b in range(used):
+                x[i, b] = 0.0
             for j in range(n):
-                entry += F[own, i, j] * m[run, j]
-            mean[run, i] = entry
+                for b in range(used):
+                    x[i, b] += F[0 if len(F) == 1 else first + b, i, j] * m[first + b, j]
+        store_vectors(x, first, used, mean)
     _carry(P, F, Q, predicted)
     return mean, predicted
 

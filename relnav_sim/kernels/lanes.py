@@ -35,12 +35,16 @@ def store_vectors(x: Array, first: int, used: int, out: Array) -> None:
 @inner
 def load(A: Array, first: int, used: int, out: Array) -> None:
     """Copy matrices (runs, p, q), or one (1, p, q) that all runs share, to lanes (p, q, LANES)."""
-    shared = len(A) == 1
-    for b in range(used):
-        run = 0 if shared else first + b
+    if len(A) == 1:
         for i in range(A.shape[1]):
             for j in range(A.shape[2]):
-                out[i, j, b] = A[run, i, j]
+                for b in range(used):
+                    out[i, j, b] = A[0, i, j]
+        return
+    for b in range(used):
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                out[i, j, b] = A[first + b, i, j]
 
 
 @inner

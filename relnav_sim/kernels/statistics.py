@@ -8,7 +8,10 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
+from relnav_sim.kernels.elementary import bits
 from relnav_sim.kernels.lanes import LANES
+
+_WITHOUT_SIGN, _INFINITY_BITS = 0x7FFFFFFFFFFFFFFF, 0x7FF0000000000000
 
 
 @kernel(given(3), given(4))
@@ -34,7 +37,7 @@ def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mas
         for b in range(used):
             k, run = (first + b) // runs, (first + b) % runs
             positive[b] = True
-            finite[run, k] = _all_finite(covariance[k, run])
+            finite[run, k] = _all_finite(covariance[k, run].reshape(-1))
             for j in range(6):
                 for i in range(j, 6):
                     whole[i, j, b] = covariance[k, run, i, j]
@@ -65,24 +68,24 @@ def doubtful(mean: Array, covariance: Array) -> Mask:
     """
     K, runs, n = mean.shape
     doubt = np.zeros(runs, dtype=np.bool_)
+    means, entries = mean.reshape(K * runs, n), covariance.reshape(K * runs, n * n)
     for k in range(K):
         for run in range(runs):
+            place = k * runs + run
             negative = False
             for i in range(n):
-                negative |= covariance[k, run, i, i] < 0
-            sound = _all_finite(mean[k, run : run + 1]) and _all_finite(covariance[k, run])
-            doubt[run] |= negative or not sound
+                negative |= entries[place, i * (n + 1)] < 0
+            doubt[run] |= negative or not (_all_finite(means[place]) and _all_finite(entries[place]))
     return doubt
 
 
 @inner
-def _all_finite(A: Array) -> bool:
-    """Return whether all entries of A (p, q) are finite."""
-    other = False
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            other |= not abs(A[i, j]) < math.inf
-    return not other
+def _all_finite(x: Array) -> bool:
+    """Return whether all entries of x (n,) are finite; integers are compared, because that vectorises."""
+    largest = 0
+    for i in range(len(x)):
+        largest = max(largest, bits(x[i]) & _WITHOUT_SIGN)
+    return largest < _INFINITY_BITS
 
 
 @inner
