@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import distortion as distortion
     from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
+    from relnav_sim.kernels import frames as frames
     from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import gravity as gravity
     from relnav_sim.kernels import iterated as iterated
