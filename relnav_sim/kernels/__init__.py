@@ -23,13 +23,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import angles as angles
+    from relnav_sim.kernels import bound as bound
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar
+    from relnav_sim.kernels import counting as counting
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
     from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
+    from relnav_sim.kernels import frames as frames
     from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import gravity as gravity
     from relnav_sim.kernels import iekf as iekf
