@@ -89,8 +89,10 @@ class Uncompiled:
         """
         from relnav_sim.kernels.compiler import compiled
 
-        function = compiled(self.function, self.arguments)
-        setattr(sys.modules[self.function.__module__], self.function.__name__, function)
+        module, name = sys.modules[self.function.__module__], self.function.__name__
+        if vars(module)[name] is self:
+            setattr(module, name, compiled(self.function, self.arguments))
+        function: Callable[..., Any] = vars(module)[name]
         return function
 
 
