@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone
 from scipy.spatial.transform import Rotation
 
 from relnav_sim import kernels
