@@ -33,6 +33,11 @@ def integer(types: Any) -> Any:
     return types.int64
 
 
+def count(types: Any) -> Any:
+    """Return the type of numbers that are counted up in large tables."""
+    return types.int32
+
+
 def flag(types: Any) -> Any:
     """Return the type of a truth value."""
     return types.boolean

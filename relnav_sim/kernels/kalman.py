@@ -104,7 +104,7 @@ def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
 
 @kernel(given(2), given(3), given(2), given(3), given(3))
 def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Array, Indices]:
-    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and the runs that are lost.
+    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and which runs are lost.
 
     One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
     covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
