@@ -155,6 +155,8 @@ class MeasurementDefaults:
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return z - predicted with the components in `angles` wrapped."""
+        if not self.angles:
+            return z - predicted
         longer = z if z.size > predicted.size else predicted
         if z.ndim == predicted.ndim and longer.flags.c_contiguous:
             of, to = (z[None], predicted[None]) if z.ndim == 2 else (z, predicted)
