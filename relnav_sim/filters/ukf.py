@@ -115,10 +115,10 @@ class UnscentedKalmanFilter(GaussianFilter):
         else:
             points, offsets = self._points(belief)
         images = self.measurement.predict(points, step.epoch)
-        deviations = self.measurement.residual(images[:, 1:], images[:, :1])
+        deviations = self.measurement.residual(images, images[:, :1])
         R = by_run(self.measurement.noise(belief.mean, step.epoch))
         expected, S, cross = kernels.sigma_points.moments(
-            np.ascontiguousarray(images[:, 0]),
+            np.ascontiguousarray(images),
             np.ascontiguousarray(deviations),
             np.ascontiguousarray(offsets),
             R,
@@ -140,7 +140,9 @@ class UnscentedKalmanFilter(GaussianFilter):
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
         H = jacobian_of_runs(self.measurement, belief.mean, step.epoch)[rows]
         reading = reading_size(prior, H) + np.abs(images[rows, 0]) + np.abs(z[rows])
-        exact = self._from_roots(prior, H, deviations[rows], offsets[rows], of_runs(R, rows), residual[rows], reading)
+        exact = self._from_roots(
+            prior, H, deviations[rows, 1:], offsets[rows], of_runs(R, rows), residual[rows], reading
+        )
         return replace_runs(rows, update, exact)
 
     def _from_roots(

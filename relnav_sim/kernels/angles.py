@@ -1,4 +1,4 @@
-"""Angles in differences of readings."""
+"""Differences of readings, with their angles."""
 
 from __future__ import annotations
 
@@ -7,20 +7,30 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.kernels.compiling import given, integer, kernel, written
+from relnav_sim.kernels.compiling import given, integer, kernel
 
 _TWO_PI = 2 * math.pi
 
 
-@kernel(written(2), given(1, integer))
-def wrap(difference: Array, angles: Indices) -> None:
-    """Bring angles into [-pi, pi], in place; one that is there already keeps its bits.
+@kernel(given(3), given(3), given(1, integer))
+def difference(z: Array, predicted: Array, angles: Indices) -> Array:
+    """Return z - predicted, (runs, points, m), with the angles in [-pi, pi]; one that is there anyway keeps its bits.
 
     Args:
-        difference: (points, m).
+        z: Readings (runs, points or 1, m).
+        predicted: Those that were expected, (runs, points or 1, m).
         angles: Which of the m components are angles, rad.
     """
-    for point in range(len(difference)):
-        for i in angles:
-            angle = difference[point, i]
-            difference[point, i] = angle - _TWO_PI * np.rint(angle / _TWO_PI)
+    runs, points, m = len(z), max(z.shape[1], predicted.shape[1]), z.shape[2]
+    found = np.empty((runs, points, m))
+    for run in range(runs):
+        for point in range(points):
+            of, to = min(point, z.shape[1] - 1), min(point, predicted.shape[1] - 1)
+            for i in range(m):
+                found[run, point, i] = z[run, of, i] - predicted[run, to, i]
+    for run in range(runs):
+        for point in range(points):
+            for i in angles:
+                angle = found[run, point, i]
+                found[run, point, i] = angle - _TWO_PI * np.rint(angle / _TWO_PI)
+    return found

@@ -41,7 +41,15 @@ def load(A: Array, first: int, used: int, out: Array) -> None:
                 for b in range(used):
                     out[i, j, b] = A[0, i, j]
         return
-    for b in range(used):
+    # Four runs at once: less of the time goes into counting.
+    whole = used - used % 4
+    for b in range(0, whole, 4):
+        run = first + b
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                out[i, j, b], out[i, j, b + 1] = A[run, i, j], A[run + 1, i, j]
+                out[i, j, b + 2], out[i, j, b + 3] = A[run + 2, i, j], A[run + 3, i, j]
+    for b in range(whole, used):
         for i in range(A.shape[1]):
             for j in range(A.shape[2]):
                 out[i, j, b] = A[first + b, i, j]

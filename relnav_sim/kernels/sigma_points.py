@@ -104,30 +104,33 @@ def predict(centre: Array, d: Array, Q: Array, weight: float, curvature: float) 
     return mean, covariance
 
 
-@kernel(given(2), given(3), given(3), given(3), number, number)
+@kernel(given(3), given(3), given(3), given(3), number, number)
 def moments(
-    centre: Array, d: Array, offsets: Array, R: Array, weight: float, curvature: float
+    readings: Array, d: Array, offsets: Array, R: Array, weight: float, curvature: float
 ) -> tuple[Array, Array, Array]:
     """Return the reading's mean (runs, k), covariance S (runs, k, k) and covariance C (runs, k, n) with the state.
 
     Args:
-        centre: Reading expected at the centre (runs, k).
-        d: Deviations of the others from it (runs, 2 n, k).
+        readings: Expected at the points, (runs, 2 n + 1, k), first at the centre.
+        d: Their deviations from the first, (runs, 2 n + 1, k).
         offsets: Of the points from the centre (runs, 2 n, n).
         R: Measurement noise (runs, k, k) or (1, k, k), part of S.
         weight: w.
         curvature: c.
     """
-    runs, points, k = d.shape
-    n = offsets.shape[2]
+    runs, _, k = d.shape
+    _, points, n = offsets.shape
     mean, covariance, cross = np.empty((runs, k)), np.empty((runs, k, k)), np.empty((runs, k, n))
-    z, deviations, x = np.empty((k, LANES)), np.empty((points, k, LANES)), np.empty((points, n, LANES))
+    z, both, x = np.empty((k, LANES)), np.empty((points + 1, k, LANES)), np.empty((points, n, LANES))
+    deviations = both[1:]
     s, t = np.empty((k, LANES)), np.empty((n, LANES))
     S, C = np.empty((k, k, LANES)), np.empty((k, n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        load_vectors(centre, first, used, z)
-        load(d, first, used, deviations)
+        for i in range(k):
+            for b in range(used):
+                z[i, b] = readings[first + b, 0, i]
+        load(d, first, used, both)
         load(offsets, first, used, x)
         load(R, first, used, S)
         _shift(deviations, weight, used, s)

@@ -11,7 +11,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.linalg import log_density, mixture_log_density
+from relnav_sim.linalg import log_density, matrices, mixture_log_density
 
 Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
@@ -155,12 +155,17 @@ class MeasurementDefaults:
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return z - predicted with the components in `angles` wrapped."""
-        difference: Array = np.subtract(z, predicted, dtype=np.float64)
         if not self.angles:
-            return difference
-        if difference.flags.c_contiguous:
-            kernels.angles.wrap(difference.reshape(-1, difference.shape[-1]), _places(tuple(self.angles)))
-            return difference
+            return z - predicted
+        longer = z if z.size > predicted.size else predicted
+        if z.ndim == predicted.ndim and longer.flags.c_contiguous:
+            of, to = (z[None], predicted[None]) if z.ndim == 2 else (z, predicted)
+            (p, *rest), (q, *others) = of.shape[1:], to.shape[1:]
+            if of.ndim == 3 and len(of) == len(to) and rest == others and (p == q or min(p, q) == 1):
+                found = kernels.angles.difference(matrices(of), matrices(to), _places(tuple(self.angles)))
+                return found.reshape(longer.shape)
+        # Of other shapes, or with the points of a run last in memory, where they stay for whoever sums along them.
+        difference: Array = z - predicted
         for component in self.angles:
             difference[..., component] = wrap_angle(difference[..., component])
         return difference
