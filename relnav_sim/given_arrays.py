@@ -44,6 +44,20 @@ def numbers(given: ArrayLike, name: str, masked_is_missing: bool = False) -> Arr
     return np.asarray(array, dtype=np.float64)
 
 
+def returned_numbers(given: ArrayLike, name: str) -> Array:
+    """Return what a user's function has returned, as float64 in C order, which kernels take alone.
+
+    Args:
+        given: What it returned.
+        name: What to call it in a message.
+
+    Raises:
+        ValueError: As `numbers`.
+    """
+    array = numbers(given, name)
+    return array if array.flags.c_contiguous else array.copy()
+
+
 def _with_masked_as_nan(given: object, name: str, allowed: bool) -> object:
     """Return the same with masked entries as NaN; NumPy itself drops the mask and keeps what is under it."""
     if isinstance(given, np.ma.MaskedArray):

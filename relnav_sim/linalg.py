@@ -17,22 +17,22 @@ LOG_TWO_PI = float(np.log(2 * np.pi))
 
 def by_run(A: Array) -> Array:
     """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
-    return np.ascontiguousarray(A if A.ndim == 3 else A[None])
+    return np.ascontiguousarray(A if A.ndim == 3 else A[None], dtype=np.float64)
 
 
 def in_rows(x: Array) -> Array:
     """Return vectors (..., n) as (points, n), in C order for a kernel."""
-    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]))
+    return np.ascontiguousarray(x if x.ndim == 2 else x.reshape(-1, x.shape[-1]), dtype=np.float64)
 
 
 def matrices(A: Array) -> Array:
     """Return matrices (..., p, q) as (points, p, q), one (p, q) as (1, p, q), in C order for a kernel."""
-    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]))
+    return np.ascontiguousarray(A if A.ndim == 3 else A.reshape(-1, *A.shape[-2:]), dtype=np.float64)
 
 
 def images(A: Array, x: Array) -> Array:
     """Return A x, (..., m), of vectors x (..., n) and one matrix A (m, n) in C order."""
-    return kernels.linear.images(A, in_rows(x)).reshape(*x.shape[:-1], len(A))
+    return kernels.maps.linear(A, in_rows(x)).reshape(*x.shape[:-1], len(A))
 
 
 def runs_last(A: Array) -> Array:
@@ -40,27 +40,11 @@ def runs_last(A: Array) -> Array:
     return A.transpose(*range(1, A.ndim), 0).copy()
 
 
-def runs_first(A: Array) -> Array:
-    """Return a contiguous copy (runs, ...) of A (..., runs), the inverse of `runs_last`."""
-    return A.transpose(-1, *range(A.ndim - 1)).copy()
-
-
-def product(A: Array, B: Array) -> Array:
-    """Return the matrix products A B, runs last: (p, q, runs or 1) times (q, r, runs or 1) is (p, r, runs).
-
-    The innermost loop runs over contiguous runs, so every sum is taken in the order of q whatever their number; and
-    it is faster than one call of BLAS per run while the matrices are small.
-    """
-    if A.shape[-1] == B.shape[-1] == 1:
-        # With a single run NumPy would loop over another axis inside and add in another order.
-        return np.einsum("pqb,qrb->prb", A.repeat(2, axis=-1), B)[..., :1]
-    return np.einsum("pqb,qrb->prb", A, B)
-
-
 def factor(A: Array) -> Array:
     """Return the Cholesky factor of A, runs last (n, n, runs); NaN where A is not positive definite.
 
-    Column by column, Golub and Van Loan, Matrix Computations, 4th ed., section 4.2.
+    Column by column, Golub and Van Loan, Matrix Computations, 4th ed., section 4.2. In NumPy, for what is given is
+    checked before anything is compiled.
     """
     L = np.zeros_like(A)
     left = A.copy()
@@ -73,25 +57,6 @@ def factor(A: Array) -> Array:
             for i in range(k + 1, n):
                 left[i, k + 1 : i + 1] -= L[i, k] * L[k + 1 : i + 1, k]
     return L
-
-
-def forward(L: Array, B: Array) -> Array:
-    """Return L^-1 B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
-    X, L = B.copy(), L if B.ndim == 2 else L[:, :, None]
-    for j in range(len(X)):
-        X[j] /= L[j, j]
-        X[j + 1 :] -= L[j + 1 :, j] * X[j]
-    return X
-
-
-def back(L: Array, B: Array) -> Array:
-    """Return L^-T B, runs last: L (m, m, runs), B (m, runs) or (m, p, runs)."""
-    X, L = B.copy(), L if B.ndim == 2 else L[:, :, None]
-    for i in reversed(range(len(X))):
-        for term in L[i + 1 :, i] * X[i + 1 :]:
-            X[i] -= term
-        X[i] /= L[i, i]
-    return X
 
 
 def cholesky(A: Array) -> Array:
@@ -153,11 +118,6 @@ def transpose(A: Array) -> Array:
 def symmetric(A: Array) -> Array:
     """Return the symmetric part of each matrix."""
     return (A + transpose(A)) / 2
-
-
-def symmetric_last(A: Array) -> Array:
-    """Return the symmetric part of each matrix, runs last (n, n, runs)."""
-    return (A + A.swapaxes(0, 1)) / 2
 
 
 def log_density(residual: Array, covariance: Array) -> Array:

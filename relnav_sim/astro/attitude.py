@@ -59,32 +59,3 @@ def quaternion_from_axes(axes: Axes) -> Quaternion:
     x, y, z, w = np.take_along_axis(products, largest[None, None], axis=0)[0]
     scale = np.copysign(1 / np.sqrt(x * x + y * y + z * z + w * w), w)
     return x * scale, y * scale, z * scale, w * scale
-
-
-def turned(quaternion: Quaternion, angles: Vector) -> Quaternion:
-    """Return the attitude after the body turns by a rotation vector in body axes, rad: C = (I - [angles x]) C_old."""
-    x, y, z, w = quaternion
-    angle = np.sqrt(dot(angles, angles))
-    half = np.sinc(angle / (2 * np.pi)) / 2
-    a, b, c = _scaled(angles, half)
-    d = np.cos(angle / 2)
-    # C(e q) = C(e) C(q) with e = (a, b, c, d).
-    return (
-        d * x + w * a - (b * z - c * y),
-        d * y + w * b - (c * x - a * z),
-        d * z + w * c - (a * y - b * x),
-        d * w - (a * x + b * y + c * z),
-    )
-
-
-def body_to_inertial(quaternion: Quaternion, vector: Vector) -> Vector:
-    """Return a body vector's ECI components, C(q)^T v."""
-    x, y, z, w = quaternion
-    axis = (x, y, z)
-    twice = _scaled(cross(axis, vector), np.array(2.0))
-    around = cross(axis, twice)
-    return (
-        vector[0] + w * twice[0] + around[0],
-        vector[1] + w * twice[1] + around[1],
-        vector[2] + w * twice[2] + around[2],
-    )

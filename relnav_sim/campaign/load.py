@@ -22,6 +22,7 @@ from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement, NisRequirement
+from relnav_sim.kernels.compiling import interpreted
 from relnav_sim.sensors import sensor_kinds
 
 
@@ -106,6 +107,11 @@ def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -
 
 def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | None = None) -> Campaign:
     """Return the campaign of a text; see `load_campaign`."""
+    with interpreted():  # models and sensors are tried with a few states
+        return _parsed(text, overrides, path)
+
+
+def _parsed(text: str, overrides: Sequence[str], path: FilePath | None) -> Campaign:
     document = load_document(text)
     source = Source(str(path or "campaign"), document)
     data, problems = apply_overrides(document.data, overrides, source)

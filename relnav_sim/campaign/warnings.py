@@ -26,6 +26,8 @@ MOST_GEOMETRIES = 12
 """Different trajectories and radars of a campaign that are looked at: each takes a propagation of two craft."""
 MOST_EPOCHS = 20_000
 """Epochs of a trajectory that are looked at, spread over the run."""
+ROUGH = 1e-9
+"""Relative error of such a trajectory: centimetres change nothing in what a sensor sees."""
 _LABEL_SHOWN = 120
 
 
@@ -83,7 +85,7 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
     clock, relative = config.clock, relative_sensors(config.sensors)
     every = min((steps_per_reading(each.period_s, clock.step_s) for each in relative.values()), default=1)
     every *= -(-clock.epochs // (every * MOST_EPOCHS))
-    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)))
+    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
     at_start = trajectory.at([0.0])
     truth = trajectory.at(np.arange(0, clock.epochs, every) * clock.step_s)
     ended = [

@@ -162,12 +162,17 @@ def _side_by_side(
             states = truth.relative_mean[epochs - 1]
             steps = [model.at(epochs, truth.chief[epochs - 1], states) for model in models]
             transitions, noises = (np.stack([step[i] for step in steps], axis=1) for i in (0, 1))
-            noise_roots, roots = matrix_root(noises), matrix_root(truth.information(own, epochs, extra))
-            for k, epoch in enumerate(epochs):
-                recursion.advance(transitions[k], noise_roots[k], roots[k])
-                if epoch % clock.store_every == 0:
-                    covariances[epoch // clock.store_every] = recursion.covariance
+            roots = matrix_root(truth.information(own, epochs, extra))
+            found = recursion.through(transitions, _noise_roots(noises), roots)
+            stored = epochs % clock.store_every == 0
+            covariances[epochs[stored] // clock.store_every] = found[stored]
     yield from _deviations(covariances[..., :6, :6]).swapaxes(0, 1)
+
+
+def _noise_roots(noises: Array) -> Array:
+    """Return roots of Q (K, models, n, n), which most often is the same at all epochs."""
+    same = bool((noises == noises[:1]).all())
+    return np.broadcast_to(matrix_root(noises[:1] if same else noises), noises.shape)
 
 
 def _deviations(covariance: Array) -> Array:

@@ -34,6 +34,9 @@ LEAST_SIGMA = 1e-3
 """Least sigma of the start that counts, as a share of the separation and of the speed at which the orbit turns it: a
 start that is known better than any reading could tell is no want of observability."""
 
+ROUGH = 1e-9
+"""Relative error of the truth: centimetres tell nothing of where there are readings."""
+
 
 def case_observability(config: CaseConfig) -> dict[str, Observability]:
     """Return what the readings of its sensors can tell each filter of a case, by name.
@@ -89,7 +92,8 @@ class _Looked:
         every = max(-(-(clock.epochs - 1) // MOST_STEPS), 1)
         step_s = every * clock.step_s
         times_s = np.asarray(np.arange((clock.epochs - 1) // every + 1) * step_s, dtype=np.float64)
-        truth = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,))).at(times_s)
+        whole = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
+        truth = whole.at(times_s)
         chances, fix, always = {}, {}, reading_at_every_epoch(config.sensors)
         for name, options in relative_sensors(config.sensors).items():
             # Whether a reading is due at just these epochs does not matter, but how many there are in each step.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.crlb.recursion import matrix_root
 
@@ -102,12 +103,10 @@ def observability(
     F = np.broadcast_to(np.asarray(transitions, dtype=float), M.shape)
     L = np.linalg.cholesky(P)
     # Rows W with W^T W = I + L^T N L; as a root, small eigenvalues are not lost beside large ones.
-    roots = np.empty(M.shape)
-    root, moved = np.eye(n), L
-    for k, (step, weight) in enumerate(zip(F, matrix_root(M), strict=True)):
-        moved = step @ moved
-        root = np.asarray(np.linalg.qr(np.concatenate([root, weight @ moved]), mode="r"))
-        roots[k] = root
+    moved = np.empty(M.shape)
+    for k, step in enumerate(F):
+        moved[k] = step @ (L if k == 0 else moved[k - 1])
+    roots = kernels.bound.information_roots(np.eye(n), matrix_root(M) @ moved)
     _, s, rows = np.linalg.svd(roots)
     # The posterior covariance is L V s^-2 V^T L^T, and L[:m] is [L_m 0]: in units of the prior, the first m rows count.
     posterior = rows.swapaxes(1, 2) / s[:, None, :]

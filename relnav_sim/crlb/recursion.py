@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.linalg import symmetric
 
@@ -29,27 +30,37 @@ class BoundRecursion:
     @property
     def covariance(self) -> Array:
         """J^-1 now, (models, n, n) or (n, n)."""
-        return symmetric(self._root.swapaxes(-1, -2) @ self._root)
+        return _squared(self._root)
 
     def advance(self, transition: Array, noise_root: Array, information_root: Array) -> None:
         """Go to the next epoch.
 
-        P's root R (R^T R = P), moved by F and joined by the noise's, is the root of Q + F P F^T with more rows. One
-        orthogonal triangularisation then takes the information W^T W in: [[I, 0], [R W^T, R]] = U [[., .], [0, R+]].
-
         Args:
             transition: F, (models, n, n) or (n, n).
             noise_root: A root of Q, Q = root^T root, (models, n, n) or (n, n).
-            information_root: W with M = W^T W, (models, m, n) or (m, n).
+            information_root: W with M = W^T W, (m, n).
         """
-        moved = self._root @ transition.swapaxes(-1, -2)
-        n, m = moved.shape[-1], information_root.shape[-2]
-        array = np.zeros((*moved.shape[:-2], m + 2 * n, m + n))
-        array[..., :m, :m] = np.eye(m)
-        array[..., m : m + n, m:] = moved
-        array[..., m + n :, m:] = noise_root
-        array[..., m:, :m] = array[..., m:, m:] @ information_root.swapaxes(-1, -2)
-        self._root = np.asarray(np.linalg.qr(array, mode="r"))[..., m:, m:]
+        self.through(transition[None], noise_root[None], information_root[None])
+
+    def through(self, transitions: Array, noise_roots: Array, information_roots: Array) -> Array:
+        """Go on through some epochs, and return J^-1 after each, (K, models, n, n) or (K, n, n).
+
+        Args:
+            transitions: F to each epoch, (K, models, n, n) or (K, n, n).
+            noise_roots: Roots of Q, (K, models, n, n) or (K, n, n).
+            information_roots: W of each epoch, (K, m, n).
+        """
+        K, n = len(information_roots), self._root.shape[-1]
+        F, Q = (np.ascontiguousarray(A).reshape(K, -1, n, n) for A in (transitions, noise_roots))
+        root = np.ascontiguousarray(self._root).reshape(-1, n, n)
+        roots = kernels.bound.covariance_roots(root, F, Q, np.ascontiguousarray(information_roots))
+        roots = roots.reshape(K, *self._root.shape)
+        self._root = roots[-1]
+        return _squared(roots)
+
+
+def _squared(root: Array) -> Array:
+    return symmetric(root.swapaxes(-1, -2) @ root)
 
 
 def matrix_root(A: ArrayLike) -> Array:
@@ -86,9 +97,4 @@ def posterior_cramer_rao(
         raise ValueError(
             f"transitions and process_noises must be (T, n, n) or (n, n) with T, n = {M.shape[:2]}"
         ) from None
-    recursion = BoundRecursion(covariance)
-    bounds = np.empty(M.shape)
-    for k, (transition, noise, information) in enumerate(zip(F, matrix_root(Q), matrix_root(M), strict=True)):
-        recursion.advance(transition, noise, information)
-        bounds[k] = recursion.covariance
-    return bounds
+    return BoundRecursion(covariance).through(F, matrix_root(Q), matrix_root(M))

@@ -95,7 +95,7 @@ class LinearDynamics:
 def linear_images(F: Array, states: Array) -> Array:
     """Return F x for every state (runs, ..., n), F (n, n)."""
     points = np.ascontiguousarray(states, dtype=float).reshape(-1, F.shape[1])
-    return kernels.linear.images(np.ascontiguousarray(F, dtype=float), points).reshape(states.shape)
+    return kernels.maps.linear(np.ascontiguousarray(F, dtype=float), points).reshape(states.shape)
 
 
 def _of_epoch(matrices: Array, name: str, step: Step) -> Array:

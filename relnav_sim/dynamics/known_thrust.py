@@ -14,11 +14,11 @@ from math import sqrt
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
+from relnav_sim.astro.attitude import from_axes, nadir_axes
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import PerChunk
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.measurements.seen_from_deputy import deputy_axes
 
 
 def kicks_of(forces: Array, step_s: float) -> tuple[Array, Array]:
@@ -147,12 +147,11 @@ class KnownThrust:
             kicked = (chief != 0).any(axis=-1, keepdims=True)
             states = np.where(kicked, _frame_change(chief, motion)(states), states)
         if self._deputy_thrusts[place]:
-            axes = deputy_axes(states, motion.radius_m, motion.rate_rad_s, motion.climb_m_s)
+            radial, along, normal = np.moveaxis(deputy, -1, 0)
+            kick = from_axes(nadir_axes(motion.inertial(states)), (along, -normal, -radial))
             states = states.copy()
             for i in range(3):
-                states[..., 3 + i] += (
-                    axes.radial[i] * deputy[..., 0] + axes.along[i] * deputy[..., 1] + axes.normal[i] * deputy[..., 2]
-                )
+                states[..., 3 + i] += kick[i]
         return states
 
 
@@ -163,6 +162,12 @@ class _Motion:
     radius_m: float
     rate_rad_s: float
     climb_m_s: float
+
+    def inertial(self, states: Array) -> Array:
+        """Return the deputy's position from the centre and its inertial velocity (..., 6), along the chief's axes."""
+        x, y, z, vx, vy, vz = np.moveaxis(states, -1, 0)
+        r, n = self.radius_m + x, self.rate_rad_s
+        return np.stack([r, y, z, self.climb_m_s + vx - n * y, vy + n * r, vz], axis=-1)
 
 
 def _motion(orbit: ChiefOrbit, times_s: Array) -> tuple[Array, Array, Array]:

@@ -110,11 +110,11 @@ class CwSecondOrderDynamics:
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x + x^T D x for every state, (runs, ..., 6)."""
         points = np.ascontiguousarray(states, dtype=float).reshape(-1, 6)
-        return kernels.quadratic_map.images(self._F, self._D, points).reshape(states.shape)
+        return kernels.maps.quadratic(self._F, self._D, points).reshape(states.shape)
 
     def transition(self, mean: Array, step: Step) -> Array:
         """Return the Jacobian F + 2 D x at `mean` (runs, 6): (runs, 6, 6)."""
-        return kernels.quadratic_map.jacobians(self._F, self._D, np.ascontiguousarray(mean, dtype=float))
+        return kernels.maps.quadratic_jacobians(self._F, self._D, np.ascontiguousarray(mean, dtype=float))
 
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (6, 6)."""

@@ -118,7 +118,7 @@ class AdaptiveAlphaFilter(GaussianFilter):
         if self._options.scheme == "student_t":
             posterior, innovation = self._student_update(belief, nu, H, R)
         else:
-            M = kernels.sampling.projected(P, by_run(H))
+            M = kernels.kalman.predict(P, by_run(H), np.zeros((1, nu.shape[1], nu.shape[1])))
             posterior, innovation = self._scaled_update(belief, z, nu, H, M, np.broadcast_to(R, M.shape), step.epoch)
         return posterior, replace(innovation, failed={**innovation.failed, **singular})
 

@@ -152,7 +152,8 @@ class AlphaKalmanFilter(SamplingFilter):
         options = self._options
         proposal = self._first_proposal(prior, belief, model, z, step)
         R = by_run(self._independent_noise(belief, model, step.epoch))
-        scale = kernels.sampling.whitener(R, options.alpha / 2)
+        # W with W^T W = (alpha / 2) R^-1
+        scale, *_ = kernels.roots.whiten(R, np.sqrt(options.alpha / 2) * np.eye(R.shape[-1])[None])
         smallest = np.full(len(z), np.nan)
         for _ in range(options.fixed_point):
             e = self._draw(prior)

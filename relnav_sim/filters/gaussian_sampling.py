@@ -143,7 +143,8 @@ class SamplingFilter(GaussianFilter):
     def linearise(self, belief: Gaussian, z: Array, epoch: int) -> Linearisation:
         """Return residual, H, R and H P H^T at the predicted mean."""
         residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
-        HPH = kernels.sampling.projected(np.ascontiguousarray(belief.covariance), by_run(H))
+        no_noise = np.zeros((1, H.shape[-2], H.shape[-2]))
+        HPH = kernels.kalman.predict(np.ascontiguousarray(belief.covariance), by_run(H), no_noise)
         return Linearisation(residual, np.abs(z) + np.abs(z - residual), H, R, HPH)
 
     def iterated_update(self, belief: Gaussian, z: Array, alpha: float, step: Step) -> tuple[Gaussian, Innovation]:

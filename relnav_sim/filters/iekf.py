@@ -55,7 +55,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
             H = jacobian_of_runs(measurement, m + deviation, epoch)
-            HP, S, nu = kernels.iterated.linearised_reading(H, P, by_run(R), deviation, residual)
+            HP, S, nu = kernels.iekf.linearised_reading(H, P, by_run(R), deviation, residual)
             w = semidefinite_solve(S, nu[:, :, None])[:, :, 0]
             goal = times(transpose(HP), w)
             if exact is not None:

@@ -58,9 +58,11 @@ class GaussianFilter:
 
     def predict(self, belief: Gaussian, step: Step) -> Gaussian:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
-        F, Q = self.dynamics.transition(belief.mean, step), self.dynamics.process_noise(belief.mean, step)
-        P = kernels.kalman.predict(np.ascontiguousarray(belief.covariance), by_run(F), by_run(Q))
-        return Gaussian(self.dynamics.propagate(belief.mean, step), P)
+        dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
+        F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
+        if dynamics.linear:
+            return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
+        return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
@@ -123,11 +125,10 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     """
     H, R = by_run(H), by_run(R)
     m, P, nu = map(np.ascontiguousarray, (belief.mean, belief.covariance, residual))
-    mean, P, nis, log_likelihood, lost = kernels.kalman.update(m, P, nu, H, R)
+    mean, P, nis, log_likelihood, rows = kernels.kalman.update(m, P, nu, H, R)
     update = Gaussian(mean, P), Innovation(nis, log_likelihood)
-    if not lost.any():
+    if len(rows) == 0:
         return update
-    rows = np.flatnonzero(lost)
     prior, h = Gaussian(belief.mean[rows], belief.covariance[rows]), of_runs(H, rows)
     X = semidefinite_root(prior.covariance)
     exact = square_root_update(prior, h, X, h @ X, of_runs(R, rows), residual[rows], reading_size(prior, h))
@@ -168,9 +169,8 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
         residual: (runs, m).
         reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
     """
-    nis, log_likelihood, singular = kernels.kalman.innovation(np.ascontiguousarray(S), np.ascontiguousarray(residual))
-    if singular.any():
-        rows = np.flatnonzero(singular)
+    nis, log_likelihood, rows = kernels.kalman.innovation(np.ascontiguousarray(S), np.ascontiguousarray(residual))
+    if len(rows):
         told = degenerate_innovation(S[rows], residual[rows], reading[rows])
         nis[rows], log_likelihood[rows] = told.nis, told.log_likelihood
     return Innovation(nis, log_likelihood)

@@ -110,7 +110,7 @@ def square_root(covariance: Array) -> Array:
         G[deficient], rank = _semidefinite_roots(Q[deficient])
         if covariance.ndim == 2 and deficient[0]:
             G = G[:, :, n - rank[0] :]
-    return G.reshape(*covariance.shape[:-1], -1)
+    return G.reshape(*covariance.shape[:-1], G.shape[2])
 
 
 def _semidefinite_roots(Q: Array) -> tuple[Array, Integers]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.measurements.interface import one_by_one, squares_of_states
+from relnav_sim.given_arrays import returned_numbers
+from relnav_sim.measurements.interface import Mixture, one_by_one, squares_of_states
 from relnav_sim.read_only_call import called_read_only
 
 
@@ -49,12 +48,11 @@ class ReadOnlyDynamics:
     def _result(
         self, name: str, function: Callable[[Array, Any], Any], states: Array, step: Step, *shapes: tuple[int, ...]
     ) -> Array:
-        result = np.asarray(called_read_only(function, f"{name} of {self._name}", states, step))
+        name = f"{name} of {self._name}"
+        result = returned_numbers(called_read_only(function, name, states, step), f"what {name} returned")
         if result.shape not in shapes:
             wanted = " or ".join(map(str, dict.fromkeys(shapes)))
-            raise ValueError(
-                f"{name} of {self._name} returned shape {result.shape} for states {states.shape}; it must be {wanted}"
-            )
+            raise ValueError(f"{name} returned shape {result.shape} for states {states.shape}; it must be {wanted}")
         return result
 
 
@@ -76,19 +74,29 @@ class ReadOnlyMeasurement:
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return h(states)."""
-        return np.asarray(called_read_only(self._base.predict, f"predict of {self._name}", states, epoch))
+        return self._result("predict", self._base.predict, states, epoch)
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return dh/dx."""
-        return np.asarray(called_read_only(self._base.jacobian, f"jacobian of {self._name}", states, epoch))
+        return self._result("jacobian", self._base.jacobian, states, epoch)
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R."""
-        return np.asarray(called_read_only(self._base.noise, f"noise of {self._name}", mean, epoch))
+        return self._result("noise", self._base.noise, mean, epoch)
 
     def mixture(self, mean: Array, epoch: int) -> Any:
         """Return the components of the noise."""
-        return called_read_only(self._base.mixture, f"mixture of {self._name}", mean, epoch)
+        name = f"mixture of {self._name}"
+        found = called_read_only(self._base.mixture, name, mean, epoch)
+        if found is None:
+            return None
+        weights = returned_numbers(found.weights, f"the weights that {name} returned")
+        covariances = returned_numbers(found.covariances, f"the covariances that {name} returned")
+        return Mixture(weights, covariances, found.shared)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return z - predicted."""
+        return returned_numbers(self._base.residual(z, predicted), f"what residual of {self._name} returned")
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual, dh/dx and R by the functions above."""
@@ -97,6 +105,10 @@ class ReadOnlyMeasurement:
     def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
         """Return squared errors of samples by the functions above."""
         return squares_of_states(self, z, W, centre, root, e, epoch)
+
+    def _result(self, name: str, function: Callable[[Array, Any], Any], states: Array, epoch: int) -> Array:
+        name = f"{name} of {self._name}"
+        return returned_numbers(called_read_only(function, name, states, epoch), f"what {name} returned")
 
 
 def read_only(model: Any, guarded: Callable[[Any], Any]) -> Any:

@@ -63,7 +63,7 @@ class Whitener:
 
 def squares(P: Whitener, v: Array, R: Whitener, r: Array) -> Array:
     """Return v^T P^-1 v + r^T R^-1 r, (runs,), for v (runs, n) in P's range and r (runs, m) in R's."""
-    return kernels.iterated.squares(P.root, np.ascontiguousarray(v), R.root, np.ascontiguousarray(r))
+    return kernels.roots.squares(P.root, np.ascontiguousarray(v), R.root, np.ascontiguousarray(r))
 
 
 class NoiseRoot:

@@ -210,7 +210,7 @@ def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
     n = belief.mean.shape[1]
     offset_x, offset_g = belief.offset[:, :n], belief.offset[:, n:]
     K = transpose(belief.regression)
-    B, scatter = kernels.iterated.turned(
+    B, scatter = kernels.two_step.turned(
         G - belief.jacobian, belief.regression, np.ascontiguousarray(K), belief.scatter
     )
     return OffManifold(
@@ -268,21 +268,21 @@ class _Fit:
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
             beyond = np.ascontiguousarray(beyond)
-            both, cost = kernels.iterated.misfit(G, y.regression, y.mean_x, deviation, beyond, W, U)
+            both, cost = kernels.two_step.misfit(G, y.regression, y.mean_x, deviation, beyond, W, U)
             return cost, both
 
         def find_step(deviation: Array, both: Array) -> tuple[Array, Array]:
             D = jacobian_of_runs(measurement, origin + deviation, epoch) - G
-            return kernels.iterated.step(D, y.regression, y.covariance, y.scatter, both, W, U)
+            return kernels.two_step.step(D, y.regression, y.covariance, y.scatter, both, W, U)
 
         return evaluate, find_step
 
     def at(self, D: Array) -> tuple[Array, Array, Array]:
         """Return Px = (F^T Py^-1 F)^-1 where dq/dx = D, and the regression and scatter of y beyond f(x) from there."""
         y, K = self._y, self._y.regression
-        E, EP, S = kernels.iterated.linearise(D, K, y.covariance, y.scatter)
+        E, EP, S = kernels.two_step.linearise(D, K, y.covariance, y.scatter)
         updated, _ = joseph_update(Gaussian(y.mean_x, y.covariance), y.mean_c, E, y.scatter)
         n = D.shape[2]
         P = kernels.kalman.predict(updated.covariance, np.eye(n) + K @ E, np.zeros((1, n, n)))
-        B, scatter = kernels.iterated.turned(D, K, kernels.roots.solve(S, y.scatter @ transpose(K) - EP)[0], S)
+        B, scatter = kernels.two_step.turned(D, K, kernels.roots.solve(S, y.scatter @ transpose(K) - EP)[0], S)
         return P, np.ascontiguousarray(transpose(B)), scatter

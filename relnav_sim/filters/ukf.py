@@ -126,7 +126,7 @@ class UnscentedKalmanFilter(GaussianFilter):
             self._curvature,
         )
         residual = self.measurement.residual(z, expected)
-        mean, P, nis, log_likelihood, wide = kernels.kalman.update_by_moments(
+        mean, P, nis, log_likelihood, rows = kernels.kalman.update_by_moments(
             np.ascontiguousarray(belief.mean),
             np.ascontiguousarray(belief.covariance),
             np.ascontiguousarray(residual),
@@ -135,9 +135,8 @@ class UnscentedKalmanFilter(GaussianFilter):
             R,
         )
         update = Gaussian(mean, P), Innovation(nis, log_likelihood)
-        if isinstance(belief, PropagatedPoints) or not wide.any():
+        if isinstance(belief, PropagatedPoints) or len(rows) == 0:
             return update
-        rows = np.flatnonzero(wide)
         prior = Gaussian(belief.mean[rows], belief.covariance[rows])
         H = jacobian_of_runs(self.measurement, belief.mean, step.epoch)[rows]
         reading = reading_size(prior, H) + np.abs(images[rows, 0]) + np.abs(z[rows])

@@ -5,7 +5,8 @@ compiled code after that. They take and return arrays that lead with the runs, i
 a run is an iteration of a loop, so its bits do not depend on which other runs are there. Inside, up to `LANES` runs
 lie side by side as the last axis, so that one instruction of the processor serves several.
 
-Nothing compiled is imported before a function of it is needed: `kernels.kalman.update(...)` is how to call one.
+A module of them is plain Python, and what compiles is imported at the first call that needs it. `kernels.kalman.update
+(...)` is how to call one; within `kernels.compiling.interpreted()` it runs as the plain Python that it is.
 
 Examples:
     >>> import numpy as np
@@ -21,25 +22,28 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels import angles as angles
+    from relnav_sim.kernels import bound as bound
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar
+    from relnav_sim.kernels import counting as counting
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
     from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
+    from relnav_sim.kernels import frames as frames
     from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import gravity as gravity
-    from relnav_sim.kernels import iterated as iterated
+    from relnav_sim.kernels import iekf as iekf
     from relnav_sim.kernels import kalman as kalman
     from relnav_sim.kernels import likelihood as likelihood
-    from relnav_sim.kernels import linear as linear
+    from relnav_sim.kernels import maps as maps
     from relnav_sim.kernels import merging as merging
     from relnav_sim.kernels import normals as normals
     from relnav_sim.kernels import orbits as orbits
     from relnav_sim.kernels import particles as particles
     from relnav_sim.kernels import proposal as proposal
-    from relnav_sim.kernels import quadratic_map as quadratic_map
     from relnav_sim.kernels import ranging as ranging
     from relnav_sim.kernels import relative_flow as relative_flow
     from relnav_sim.kernels import resampling as resampling
@@ -50,6 +54,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sigma_points as sigma_points
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
+    from relnav_sim.kernels import two_step as two_step
 
 
 class CompilerError(ImportError):
@@ -57,12 +62,7 @@ class CompilerError(ImportError):
 
 
 def __getattr__(name: str) -> Any:
-    """Import a theme on its first use; it then is an attribute of the package.
-
-    Raises:
-        CompilerError: What compiles can't be imported.
-    """
-    importlib.import_module("relnav_sim.kernels.compiling")  # before a theme imports numba itself
+    """Import a theme on its first use; it then is an attribute of the package."""
     try:
         return importlib.import_module(f"relnav_sim.kernels.{name}")
     except ModuleNotFoundError as error:

@@ -5,6 +5,7 @@ Prints the seconds of processor time that each takes; nothing of those that are 
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -12,6 +13,7 @@ from multiprocessing import get_context
 
 from relnav_sim.kernels import CompilerError
 from relnav_sim.kernels.code_folder import code_folder, is_kept, kernel_names, not_kept, not_writable
+from relnav_sim.kernels.compiling import compile_kernel
 
 
 def main() -> int:
@@ -20,7 +22,7 @@ def main() -> int:
         print(f"relnav: {not_kept(reason)}", file=sys.stderr)
         return 3
     try:
-        from relnav_sim.kernels.compiling import compile_kernel
+        importlib.import_module("relnav_sim.kernels.compiler")
     except CompilerError as error:
         print(f"relnav: {error}", file=sys.stderr)
         return 3

@@ -11,8 +11,10 @@ caller evaluates f there; after the last one `finish` moves r and v to the end o
 
 from __future__ import annotations
 
+import numpy as np
+
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import inlined
+from relnav_sim.kernels.compiling import inlined, short_for
 from relnav_sim.kernels.relative_gravity import acceleration, difference
 
 
@@ -106,3 +108,29 @@ def tangent(
                             + G[j, i, 2, b] * nodes[j, 2 * p + c, b]
                         )
     finish(tableau, h, f, used, r, v, nodes)
+
+
+@short_for(place_nodes)
+def _place_nodes(tableau: Array, h: float, r: Array, v: Array, f: Array, sweep: int, used: int, nodes: Array) -> None:
+    s, m, lanes = nodes.shape
+    nodes[...] = r + h * tableau[:s, 0, None, None] * v
+    if sweep > 0:
+        nodes += (h * h * tableau[:s, 1:] @ f.reshape(s, m * lanes)).reshape(nodes.shape)
+
+
+@short_for(finish)
+def _finish(tableau: Array, h: float, f: Array, used: int, r: Array, v: Array, nodes: Array) -> None:
+    bend, gain = (tableau[len(f) :, 1:] @ f.reshape(len(f), -1)).reshape(2, *r.shape)
+    r += h * v + h * h * bend
+    v += h * gain
+
+
+@short_for(tangent)
+def _tangent(
+    tableau: Array, sweeps: int, h: float, G: Array, used: int, r: Array, v: Array, nodes: Array, f: Array
+) -> None:
+    s, lanes = len(G), r.shape[-1]
+    for sweep in range(sweeps):
+        _place_nodes(tableau, h, r, v, f, sweep, used, nodes)
+        f[...] = np.einsum("sijb,sjpb->sipb", G, nodes.reshape(s, 3, -1, lanes)).reshape(f.shape)
+    _finish(tableau, h, f, used, r, v, nodes)

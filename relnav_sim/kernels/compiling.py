@@ -1,66 +1,59 @@
-"""How a function becomes a kernel: for which types it is compiled, by which rules of arithmetic, and what is kept."""
+"""How a function becomes a kernel: for which types it is compiled and by which rules of arithmetic.
+
+The modules of kernels hold plain Python functions until one of them is to be compiled. Only then is numba imported,
+and a function given to it sees, in place of the plain functions that it calls, those that numba compiles.
+"""
 
 from __future__ import annotations
 
 import importlib
-import os
-import pickle
 import sys
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
-from types import ModuleType
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from types import FunctionType
+from typing import Any, NamedTuple, TypeVar
 
-from relnav_sim.kernels import CompilerError
-from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, read_code, warn_not_kept
+import numpy as np
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-
-def _numba() -> ModuleType:
-    """Import numba without Intel's vector mathematics, which round differently in vectors and beside them.
-
-    Whether numba uses them is settled once in a process, by a variable of the environment that is read then. Other
-    code of the process does without them too: that costs it some speed and changes last digits. Where the program has
-    numba with them already, nothing that is compiled here is kept for others.
-    """
-    variable = "NUMBA_DISABLE_INTEL_SVML"
-    before = os.environ.get(variable)
-    os.environ[variable] = "1"
-    try:
-        import numba
-        import numba.core.caching
-        import numba.core.compiler
-        import numba.core.serialize
-    except Exception as error:  # of whatever kind: numba refuses versions, llvmlite loads a library
-        raise CompilerError(f"relnav needs numba, which can't be imported: {error}") from error
-    finally:
-        os.environ.pop(variable)
-        if before is not None:
-            os.environ[variable] = before
-    return numba
+Kind = Callable[[Any], Any]
+"""The type of an argument, from the module `numba.types`."""
 
 
-numba: Any = _numba()
-types = numba.types
-
-number = types.float64
-integer = types.int64
-flag = types.boolean
+def number(types: Any) -> Any:
+    """Return the type of a number."""
+    return types.float64
 
 
-def given(axes: int, of: Any = types.float64) -> Any:
+def integer(types: Any) -> Any:
+    """Return the type of an integer."""
+    return types.int64
+
+
+def flag(types: Any) -> Any:
+    """Return the type of a truth value."""
+    return types.boolean
+
+
+def given(axes: int, of: Kind = number) -> Kind:
     """Return the type of an argument that is read: an array in C order, whether it may be written to or not."""
-    return types.Array(of, axes, "C", readonly=True)
+    return lambda types: types.Array(of(types), axes, "C", readonly=True)
 
 
-def written(axes: int, of: Any = types.float64) -> Any:
+def written(axes: int, of: Kind = number) -> Kind:
     """Return the type of an argument that is written to, an array in C order."""
-    return types.Array(of, axes, "C")
+    return lambda types: types.Array(of(types), axes, "C")
 
 
-def kernel(*arguments: Any) -> Callable[[Function], Function]:
+def record(named_tuple: type, *kinds: Kind) -> Kind:
+    """Return the type of a named tuple whose fields are of these types."""
+    return lambda types: types.NamedTuple([kind(types) for kind in kinds], named_tuple)
+
+
+def kernel(*arguments: Kind) -> Callable[[Function], Function]:
     """Let a function be compiled, at its first call, for arguments of these types and no others.
 
     The machine code is kept on disk. A division by zero gives inf or NaN, as in NumPy. Sums are taken in the order that
@@ -72,26 +65,79 @@ def kernel(*arguments: Any) -> Callable[[Function], Function]:
 class Uncompiled:
     """A kernel before its first call, which puts what is compiled in its place in the module."""
 
-    def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
-        self._function, self._arguments = function, arguments
+    def __init__(self, function: Callable[..., Any], arguments: tuple[Kind, ...]) -> None:
+        self.function, self.arguments = function, arguments
 
     def __call__(self, *arguments: Any) -> Any:
-        """Compile it, and call what is compiled."""
+        """Compile it, and call what is compiled; or run it as it stands where kernels are `interpreted`."""
+        if _interpreting:
+            with suppress(ArithmeticError, ValueError), np.errstate(all="ignore"):
+                return _interpreted(self.function)(*arguments)
+            # Python gives up where compiled code goes on with NaN or inf.
         return self.compiled()(*arguments)
 
     def compiled(self) -> Callable[..., Any]:
-        """Return what is compiled, from the folder of compiled code where it is kept already."""
-        function = self._function
-        compiled = numba.njit(error_model="numpy")(function)
-        if compiled is not function:  # which it is where NUMBA_DISABLE_JIT is set
-            name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
-            if not numba.config.USING_SVML:
-                compiled._cache = _Kept(name)
-            with nullcontext() if is_kept(name) else alone(name):
-                compiled.compile(self._arguments)
-            compiled.disable_compile()
-        setattr(sys.modules[function.__module__], function.__name__, compiled)
-        return compiled
+        """Return what is compiled, from the folder of compiled code where it is kept already.
+
+        Raises:
+            CompilerError: What compiles can't be imported.
+        """
+        from relnav_sim.kernels.compiler import compiled
+
+        function = compiled(self.function, self.arguments)
+        setattr(sys.modules[self.function.__module__], self.function.__name__, function)
+        return function
+
+
+_interpreting = False
+
+
+@contextmanager
+def interpreted() -> Iterator[None]:
+    """Within this, let kernels that are not compiled yet in this process run as plain Python, with a single lane.
+
+    That is for a few numbers, at which it is faster than to load what compiles. Last digits may differ, as products
+    and sums are not fused.
+    """
+    global _interpreting
+    before, _interpreting = _interpreting, True
+    try:
+        yield
+    finally:
+        _interpreting = before
+
+
+@cache
+def _interpreted(function: Callable[..., Any]) -> FunctionType:
+    return in_terms_of(_SHORT.get(function, function), _as_interpreted)
+
+
+def _as_interpreted(name: str, value: Any) -> Any:
+    if name == "LANES":
+        return 1
+    return _interpreted(value) if isinstance(value, FunctionType) and value in PARTS else value
+
+
+_Seen = Callable[[str, Any], Any]
+_modules: dict[tuple[str, _Seen], dict[str, Any]] = {}
+
+
+def in_terms_of(function: Callable[..., Any], seen: _Seen) -> FunctionType:
+    """Return a copy of a function of this package, to which the names of its module stand for what `seen` says.
+
+    Args:
+        function: The function.
+        seen: From a name and its value to another value; always the same one.
+    """
+    assert isinstance(function, FunctionType)
+    module = function.__module__
+    if (module, seen) not in _modules:
+        names = _modules[module, seen] = dict(vars(sys.modules[module]))
+        for name, value in names.items():  # functions refer to one another by what is being filled here
+            names[name] = seen(name, value)
+    copy = FunctionType(function.__code__, _modules[module, seen], function.__name__, function.__defaults__)
+    copy.__qualname__ = function.__qualname__
+    return copy
 
 
 def compile_kernel(name: str) -> float:
@@ -104,61 +150,54 @@ def compile_kernel(name: str) -> float:
     return time.process_time() - before
 
 
-class _Kept(numba.core.caching.NullCache):  # type: ignore[misc]  # numba has no types
-    """Where numba looks for the code of a kernel and leaves it: what its own cache does, and more carefully.
-
-    That one asks a folder to be writable to read from it, believes what it reads, and does not see that a function of
-    another file has changed. Here whatever goes wrong means that the kernel is compiled in memory.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the compiled kernel; None where it is not kept, or is for another processor."""
-        code = read_code(self._name)
-        if code is None:
-            return None
-        try:
-            _initialise(target)
-            processor, content = pickle.loads(code)
-            if processor != target.codegen().magic_tuple():
-                return None
-            return numba.core.compiler.CompileResult._rebuild(target, *content)
-        except Exception:  # code of a numba that keeps it in another form
-            return None
-
-    def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep a kernel that has been compiled."""
-        try:
-            assert not compiled.library.has_dynamic_globals, f"{self._name} has addresses of this process in it"
-            code = numba.core.serialize.dumps((compiled.codegen.magic_tuple(), compiled._reduce()))
-        except Exception as error:  # a numba that keeps code in another form
-            warn_not_kept(str(error))
-        else:
-            keep_code(self._name, code)
-
-
-def _initialise(target: Any) -> None:
-    """Make a process ready for code that is loaded, which needs numba's memory management and nothing of its compiler.
-
-    That takes a third of the time of getting all ready, as newer versions of numba than those tried get it.
-    """
-    if numba.version_info.short <= LATEST_KNOWN:
-        numba.core.runtime.rtsys.initialize(target)
-    else:
-        target.refresh()
-
-
-LATEST_KNOWN = (0, 68)
-"""The latest version of numba with which loading has been tried."""
-
-
 def inner(function: Function) -> Function:
     """Compile a function that kernels call, as a part of each of them; a kernel itself is not called by others."""
-    return numba.njit(error_model="numpy")(function)
+    PARTS[function] = {}
+    return function
 
 
 def inlined(function: Function) -> Function:
     """Compile a function of single numbers as `inner` does, but into the loop that calls it, which then vectorises."""
-    return numba.njit(error_model="numpy", forceinline=True)(function)
+    PARTS[function] = {"forceinline": True}
+    return function
+
+
+def short_for(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Let a function in a few words of NumPy stand for one of loops where kernels are `interpreted`."""
+
+    def noted(short: Function) -> Function:
+        _SHORT[function] = short
+        return short
+
+    return noted
+
+
+_SHORT: dict[Callable[..., Any], Callable[..., Any]] = {}
+
+
+def instruction(code: Callable[..., Any], result: Kind, *arguments: Kind) -> Callable[[Function], Function]:
+    """Let a function be an instruction of the processor where it is compiled.
+
+    Args:
+        code: Takes LLVM's builder and the values, and returns the result.
+        result: Its type.
+        arguments: Types of the values.
+    """
+
+    def noted(function: Function) -> Function:
+        PARTS[function] = Instruction(code, result, arguments)
+        return function
+
+    return noted
+
+
+class Instruction(NamedTuple):
+    """How a function is compiled that is an instruction of the processor; see `instruction`."""
+
+    code: Callable[..., Any]
+    result: Kind
+    arguments: tuple[Kind, ...]
+
+
+PARTS: dict[Callable[..., Any], dict[str, Any] | Instruction] = {}
+"""The functions that kernels call, and how each is compiled: by which options of numba, or as what instruction."""

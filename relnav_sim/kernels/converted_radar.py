@@ -11,7 +11,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inner, kernel
-from relnav_sim.kernels.lanes import LANES
+from relnav_sim.kernels.lanes import LANES, load_vectors
+from relnav_sim.kernels.sight import seen
 from relnav_sim.kernels.tangent import across
 
 W, U, V, D, E = 0, 4, 6, 8, 12
@@ -35,13 +36,14 @@ def covariances(states: Array, M: Array, coefficients: Array, T: Array) -> Array
             1, 1 / q^2, q^2 / p^2 and 1 / p^2; u and v of 1 and 1 / q^2; d of p^2, p^2 / q^2, q^2 and 1; e of q^2 and 1.
         T: (6, 6), takes the products of r's components to the entries of [r x] P [r x]^T.
     """
-    runs, k = len(states), len(coefficients)
+    (runs, n), k = states.shape, len(coefficients)
     R = np.empty((runs, k, 3, 3))
-    r, s, products = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((6, LANES))
+    r, s, products = np.empty((n, LANES)), np.empty((3, LANES)), np.empty((6, LANES))
     a, attitude, entries = M[2], np.empty((6, LANES)), np.empty((6, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _positions(states, first, used, M, r, s)
+        load_vectors(states, first, used, r)
+        seen(states, first, used, M, s)
         _of_attitude(r, T, used, products, attitude)
         for component in range(k):
             _of_component(r, s, a, coefficients[component], used, entries)
@@ -57,14 +59,15 @@ def tangent_covariances(states: Array, M: Array, coefficients: Array, T: Array) 
     e_a and e_b are the axes across the line of sight (`kernels.tangent.across`). Arguments as above, but for the
     coefficients (k, 6): w of 1 and 1 / r^2, p and q of r^2 and 1 each.
     """
-    runs, k = len(states), len(coefficients)
+    (runs, n), k = states.shape, len(coefficients)
     R = np.empty((runs, k, 3, 3))
-    r, u, axes = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((2, 3, LANES))
+    r, u, axes = np.empty((n, LANES)), np.empty((3, LANES)), np.empty((2, 3, LANES))
     squared, products, attitude = np.empty(LANES), np.empty((6, LANES)), np.empty((6, LANES))
     entries, e = np.empty((6, LANES)), np.empty((2, 3))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _positions(states, first, used, M, r, u)
+        load_vectors(states, first, used, r)
+        seen(states, first, used, M, u)
         for b in range(used):
             squared[b] = r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b]
             length = math.sqrt(u[0, b] * u[0, b] + u[1, b] * u[1, b] + u[2, b] * u[2, b])
@@ -79,22 +82,11 @@ def tangent_covariances(states: Array, M: Array, coefficients: Array, T: Array) 
                 c = coefficients[component]
                 w = c[0] + c[1] / squared[b]
                 p, q = c[2] * squared[b] + c[3], c[4] * squared[b] + c[5]
-                for n in range(6):
-                    i, j = ROWS[n], COLUMNS[n]
-                    entries[n, b] = w * r[i, b] * r[j, b] + p * e[0, i] * e[0, j] + q * e[1, i] * e[1, j]
+                for entry in range(6):
+                    i, j = ROWS[entry], COLUMNS[entry]
+                    entries[entry, b] = w * r[i, b] * r[j, b] + p * e[0, i] * e[0, j] + q * e[1, i] * e[1, j]
                 _unfold(entries, attitude, b, R[first + b, component])
     return R
-
-
-@inner
-def _positions(states: Array, first: int, used: int, M: Array, r: Array, s: Array) -> None:
-    """Set r and s = M r, (3, LANES) both."""
-    for b in range(used):
-        for i in range(3):
-            r[i, b] = states[first + b, i]
-    for i in range(3):
-        for b in range(used):
-            s[i, b] = M[i, 0] * r[0, b] + M[i, 1] * r[1, b] + M[i, 2] * r[2, b]
 
 
 @inner

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number
+from relnav_sim.kernels.compiling import given, inner, kernel, number
 from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_vectors
 
 
@@ -65,19 +65,6 @@ def chief_seen_with_jacobian(states: Array, R: float, n: float) -> tuple[Array, 
         store_vectors(c, first, used, seen)
         store(J, first, used, by_state)
     return seen, by_state
-
-
-@kernel(given(3), given(3), integer)
-def by_states(by_position: Array, by_state: Array, n: int) -> Array:
-    """Return the derivatives (points, m, n) by the states of what has derivatives (points, m, 3) by `chief_seen`."""
-    points, m, _ = by_position.shape
-    H = np.zeros((points, m, n))
-    for point in range(points):
-        for i in range(m):
-            for j in range(6):
-                for k in range(3):
-                    H[point, i, j] += by_position[point, i, k] * by_state[point, k, j]
-    return H
 
 
 @inner

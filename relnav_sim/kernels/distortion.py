@@ -89,33 +89,6 @@ def by_both(predicted: Array, extra: Array, E: Array, M: Array, cartesian: bool)
     return by_predicted, by_extra
 
 
-@kernel(given(3), given(3), given(3))
-def chained(by_predicted: Array, H: Array, by_extra: Array) -> Array:
-    """Return the derivatives [by_predicted H, by_extra] by [x; b], (points, m, n + e).
-
-    Args:
-        by_predicted: (points, m, m).
-        H: Derivatives of the error-free reading by x, (points, m, n), or (1, m, n) for all points.
-        by_extra: (points, m, e), or (1, m, e) for all points.
-    """
-    points, m, _ = by_predicted.shape
-    e = by_extra.shape[2]
-    n = H.shape[2]
-    whole = np.empty((points, m, n + e))
-    for point in range(points):
-        A, B = by_predicted[point], H[0 if len(H) == 1 else point]
-        C = by_extra[0 if len(by_extra) == 1 else point]
-        for i in range(m):
-            for j in range(n):
-                entry = 0.0
-                for k in range(m):
-                    entry += A[i, k] * B[k, j]
-                whole[point, i, j] = entry
-            for j in range(e):
-                whole[point, i, n + j] = C[i, j]
-    return whole
-
-
 @inner
 def _free(predicted: Array, first: int, used: int, M: Array, cartesian: bool, s: Array, free: Array) -> None:
     """Set free to range, azimuth and elevation of the error-free reading, and s to its line of sight if cartesian."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels import dop853_tableau as tableau
-from relnav_sim.kernels.compiling import inner
+from relnav_sim.kernels.compiling import inner, short_for
 from relnav_sim.kernels.lanes import LANES
 
 STAGES = 12
@@ -24,7 +24,6 @@ ALL_STAGES = 16
 """The 12, the derivative at the end of the step, and three that only the dense output needs."""
 TERMS = 8
 """Of the dense output: the state and seven more."""
-WIDTH = 6 * LANES
 
 
 def _weights(rows: list[tableau.Row]) -> Array:
@@ -42,20 +41,26 @@ D = _weights(list(tableau.DENSE_ROWS))
 
 @inner
 def weighted_sum(weights: Array, stages: Array, out: Array) -> None:
-    """Set out (WIDTH,) to the sum of weights (16,) times stages (16, WIDTH); those of weight zero are not looked at."""
-    for k in range(WIDTH):
+    """Set out (6 LANES,) to weights (16,) times stages (16, 6 LANES); those of weight zero are not looked at."""
+    for k in range(6 * LANES):
         out[k] = weights[0] * stages[0, k]
     for i in range(1, ALL_STAGES):
         if weights[i] != 0:
-            for k in range(WIDTH):
+            for k in range(6 * LANES):
                 out[k] += weights[i] * stages[i, k]
+
+
+@short_for(weighted_sum)
+def _weighted_sum(weights: Array, stages: Array, out: Array) -> None:
+    known = np.flatnonzero(weights)
+    np.matmul(weights[known], stages[known], out=out)
 
 
 @inner
 def stage_state(i: int, y: Array, h: Array, stages: Array, at: Array) -> None:
-    """Set at (WIDTH,) to where stage i of stages (16, WIDTH) is taken, from those before it, y (WIDTH,) and steps h."""
+    """Set at (6 LANES,) to where stage i of stages (16, 6 LANES) is taken, from those before it, y and steps h."""
     weighted_sum(A[i], stages, at)
-    for k in range(WIDTH):
+    for k in range(6 * LANES):
         at[k] = y[k] + h[k] * at[k]
 
 
@@ -67,7 +72,7 @@ def error_estimate(y: Array, mu: float, stages: Array, error: Array) -> None:
     per unit time adds up to the same total whatever the step. The combination of both orders is that of Hairer et al.,
     section II.10.
     """
-    fifth, third = np.empty(WIDTH), np.empty(WIDTH)
+    fifth, third = np.empty(6 * LANES), np.empty(6 * LANES)
     weighted_sum(E5, stages, fifth)
     weighted_sum(E3, stages, third)
     for b in range(LANES):
@@ -88,15 +93,15 @@ def length2(vectors: Array, k: int) -> float:
 
 @inner
 def interpolant(y: Array, ends: Array, h: Array, stages: Array, terms: Array) -> None:
-    """Set terms (8, WIDTH) to the dense output of order 7 over a step from y to ends (WIDTH,), from all its stages.
+    """Set terms (8, 6 LANES) to the dense output of order 7 over a step from y to ends (6 LANES,), from all its stages.
 
     `evaluate` says what they mean.
     """
     for i in range(4, TERMS):
         weighted_sum(D[i - 4], stages, terms[i])
-        for k in range(WIDTH):
+        for k in range(6 * LANES):
             terms[i, k] *= h[k]
-    for k in range(WIDTH):
+    for k in range(6 * LANES):
         change, begins = ends[k] - y[k], h[k] * stages[0, k]
         terms[0, k], terms[1, k] = y[k], change
         terms[2, k] = begins - change
@@ -124,3 +129,11 @@ def evaluate(terms: Array, start: float, h: float, times: Array, first: int, las
         for k in range(used):
             for c in range(6):
                 out[begin + k, c] = states[c, k]
+
+
+@short_for(evaluate)
+def _evaluate(terms: Array, start: float, h: float, times: Array, first: int, last: int, out: Array) -> None:
+    s = (times[first:last, None] - start) / h
+    q = 1 - s
+    high = terms[4] + s * (terms[5] + q * (terms[6] + s * terms[7]))
+    out[first:last] = terms[0] + s * (terms[1] + q * (terms[2] + s * (terms[3] + q * high)))

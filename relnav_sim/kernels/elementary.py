@@ -8,13 +8,15 @@ polynomials are minimax by Remez's algorithm, relative to the function. Errors s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import struct
+from importlib import import_module
 from typing import Any
 
-from numba import types
-from numba.extending import intrinsic
+import numpy as np
 
-from relnav_sim.kernels.compiling import inlined
+from relnav_sim.kernels.compiling import inlined, instruction
+from relnav_sim.kernels.compiling import integer as int64
+from relnav_sim.kernels.compiling import number as float64
 
 _QUARTER_PI = math.pi / 4
 _QUARTER_PI_REST = 3.061616997868383e-17
@@ -26,35 +28,34 @@ _LOG_2_HEAD, _LOG_2_TAIL = 0.6931467056274414, 4.7493250390316726e-07
 _HUGE, _TINY, _SCALE = 2.0**1000, 2.0**-900, 2.0**100
 
 
-def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.fma(*arguments)
-
-    return types.float64(types.float64, types.float64, types.float64), code
+def _integer_of(builder: Any, x: Any) -> Any:
+    return builder.bitcast(x, import_module("llvmlite.ir").IntType(64))
 
 
-fused: Callable[[float, float, float], float] = intrinsic(_fused)  # type: ignore[assignment]  # as kernels see it
-"""``fused(a, b, c)`` -> a b + c with one rounding, as IEEE 754 defines it: the same bits on every machine."""
+def _number_of(builder: Any, bits: Any) -> Any:
+    return builder.bitcast(bits, import_module("llvmlite.ir").DoubleType())
 
 
-def _bits(typing: Any, x: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], context.get_value_type(types.int64))
+@instruction(lambda builder, a, b, c: builder.fma(a, b, c), float64, float64, float64, float64)
+def fused(a: float, b: float, c: float) -> float:
+    """Return a b + c with one rounding, as IEEE 754 defines it: the same bits on every machine.
 
-    return types.int64(types.float64), code
-
-
-def _number(typing: Any, bits: Any) -> Any:
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], context.get_value_type(types.float64))
-
-    return types.float64(types.int64), code
+    Where it is interpreted it rounds twice.
+    """
+    return a * b + c
 
 
-bits: Callable[[float], int] = intrinsic(_bits)  # type: ignore[assignment]  # as kernels see it
-"""``bits(x)`` -> the 64 bits of a number as an integer."""
-number: Callable[[int], float] = intrinsic(_number)  # type: ignore[assignment]  # as kernels see it
-"""``number(bits)`` -> the number that has these bits."""
+@instruction(_integer_of, int64, float64)
+def bits(x: float) -> int:
+    """Return the 64 bits of a number as an integer."""
+    return int.from_bytes(struct.pack("<d", x), "little", signed=True)
+
+
+@instruction(_number_of, float64, int64)
+def number(bits: int) -> float:
+    """Return the number that has these bits."""
+    return np.frombuffer((bits & 0xFFFFFFFFFFFFFFFF).to_bytes(8, "little"), "<f8")[0]
+
 
 _ROUNDER = 1.5 * 2.0**52
 """Added to a number below 2^51, it rounds that to an integer, which then stands in the lowest bits."""
@@ -117,6 +118,12 @@ def log(x: float) -> float:
     result = x if x == math.inf else result
     result = -math.inf if x == 0.0 else result
     return result if x >= 0.0 else math.nan
+
+
+@inlined
+def wrapped(angle: float) -> float:
+    """Return an angle, or a difference of two, within [-pi, pi]."""
+    return angle - 2 * math.pi * np.rint(angle / (2 * math.pi))
 
 
 @inlined

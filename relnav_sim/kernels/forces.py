@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel, number, types, written
+from relnav_sim.kernels.compiling import given, inner, kernel, number, record, written
 from relnav_sim.kernels.elementary import exp
 from relnav_sim.kernels.gravity import pull
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
@@ -36,7 +36,7 @@ class Forces(NamedTuple):
     rotation: float
 
 
-FORCES = types.NamedTuple([number, number, written(1), number, number, number, number], Forces)
+FORCES = record(Forces, number, number, written(1), number, number, number, number)
 ROOM = 6
 """Rows of lanes that the forces need to work in."""
 

@@ -30,7 +30,8 @@ def pull(r: Array, mu: float, radius: float, J: Array, room: Array, a: Array) ->
     """
     central, inverse, before, W, radial, axial = room[0], room[1], room[2], room[3], room[4], room[5]
     for b in range(LANES):
-        r2 = r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b]
+        x, y, z = float(r[0, b]), float(r[1, b]), float(r[2, b])
+        r2 = x * x + y * y + z * z
         inverse[b] = 1 / r2
         central[b] = -mu * inverse[b] / math.sqrt(r2)
     for b in range(LANES):

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Mask
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.elementary import log
 from relnav_sim.kernels.lanes import (
     LANES,
-    copy,
     factor,
     forward,
     forward_vectors,
@@ -34,34 +34,77 @@ _LOG_TWO_PI = math.log(2 * math.pi)
 
 @kernel(given(3), given(3), given(3))
 def predict(P: Array, F: Array, Q: Array) -> Array:
-    """Return F P F^T + Q, (runs, n, n), symmetric to the bit.
+    """Return F P F^T + Q, (runs, m, m), symmetric to the bit.
 
     Args:
         P: Covariances (runs, n, n), symmetric.
-        F: (runs, n, n), or (1, n, n) for all runs, as Q.
-        Q: Covariance of the process noise.
+        F: (runs, m, n), or (1, m, n) for all runs, as Q; also a Jacobian H, m channels of a reading by n states.
+        Q: Covariance of the process noise, or of the reading's, (runs, m, m).
     """
-    runs, n, _ = P.shape
-    predicted = np.empty((runs, n, n))
-    p, f, q, fp = np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
-    for first in range(0, runs, LANES):
-        used = min(LANES, runs - first)
-        load(P, first, used, p)
-        load(F, first, used, f)
-        load(Q, first, used, q)
-        product(f, p, used, fp)
-        for i in range(n):
-            for j in range(i + 1):
-                for k in range(n):
-                    for b in range(used):
-                        q[i, j, b] += fp[i, k, b] * f[j, k, b]
-        store_symmetric(q, first, used, predicted)
+    m = F.shape[1]
+    predicted = np.empty((len(P), m, m))
+    _carry(P, F, Q, predicted)
     return predicted
 
 
+@kernel(given(2), given(3), given(3), given(3))
+def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """Return the mean F m, (runs, n), and the covariance of `predict`; m (runs, n)."""
+    runs, n = m.shape
+    mean, predicted = np.empty((runs, n)), np.empty((runs, n, n))
+    x = np.empty((n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        for i in range(n):
+            for b in range(used):
+                x[i, b] = 0.0
+            for j in range(n):
+                for b in range(used):
+                    x[i, b] += F[0 if len(F) == 1 else first + b, i, j] * m[first + b, j]
+        store_vectors(x, first, used, mean)
+    _carry(P, F, Q, predicted)
+    return mean, predicted
+
+
+@inner
+def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
+    """Set out to F P F^T + Q of every run. Zeros of one F for all, often half of it, are passed over."""
+    runs, n, _ = P.shape
+    m = F.shape[1]
+    p, q = np.empty((n, n, LANES)), np.empty((m, m, LANES))
+    f, fp = np.empty((m, n, LANES)), np.empty((m, n, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(P, first, used, p)
+        if len(F) > 1:
+            load(F, first, used, f)
+            product(f, p, used, fp)
+        else:
+            for i in range(m):
+                for j in range(n):
+                    for b in range(used):
+                        fp[i, j, b] = 0.0
+                    for k in range(n):
+                        if F[0, i, k] != 0:
+                            for b in range(used):
+                                fp[i, j, b] += F[0, i, k] * p[k, j, b]
+        for i in range(m):
+            for j in range(i + 1):
+                for b in range(used):
+                    q[i, j, b] = Q[0 if len(Q) == 1 else first + b, i, j] + 0.0  # not -0, as no sum with it is
+                for k in range(n):
+                    if len(F) > 1:
+                        for b in range(used):
+                            q[i, j, b] += fp[i, k, b] * f[j, k, b]
+                    elif F[0, j, k] != 0:
+                        for b in range(used):
+                            q[i, j, b] += fp[i, k, b] * F[0, j, k]
+        store_symmetric(q, first, used, out)
+
+
 @kernel(given(2), given(3), given(2), given(3), given(3))
-def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Array, Mask]:
-    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and in which runs they are lost.
+def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Array, Indices]:
+    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and the runs in which they are lost.
 
     One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
     covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
@@ -80,9 +123,8 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
     mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
     nis, log_likelihood, lost = np.empty(runs), np.empty(runs), np.zeros(runs, dtype=np.bool_)
     x, p, h, r = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((k, n, LANES)), np.empty((k, k, LANES))
-    hp, S, L = np.empty((k, n, LANES)), np.empty((k, k, LANES)), np.zeros((k, k, LANES))
-    W, w, short = np.empty((k, n, LANES)), np.empty((k, LANES)), np.empty((n, n, LANES))
-    wide = np.empty(LANES, dtype=np.bool_)
+    S, L, W, w = np.empty((k, k, LANES)), np.zeros((k, k, LANES)), np.empty((k, n, LANES)), np.empty((k, LANES))
+    short = np.empty((n, n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(m, first, used, x)
@@ -90,35 +132,33 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
         load(H, first, used, h)
         load(R, first, used, r)
         load_vectors(nu, first, used, w)
-        product(h, p, used, hp)
-        product_by_transpose(hp, h, used, S)
+        product(h, p, used, W)
+        product_by_transpose(W, h, used, S)
         for i in range(k):
             for j in range(k):
                 for b in range(used):
                     S[i, j, b] += r[i, j, b]
         factor(S, used, L)
-        copy(hp, used, W)
         forward(L, used, W)
         forward_vectors(L, used, w)
         move(W, w, used, x)
-        for b in range(used):
-            nis[first + b], log_likelihood[first + b] = score(w, L, b)
-            wide[b] = exceeds(S, r, b, WIDE)
-            lost[first + b] = singular(S, L, b) or (wide[b] and exceeds(S, r, b, WIDEST))
-        copy(p, used, short)
-        subtract_square(W, used, short)
-        for b in range(used):
-            if wide[b] and not lost[first + b]:
-                lost[first + b] = _joseph(b, p, h, r, hp, L, W, short)
+        score(w, L, first, used, nis, log_likelihood)
+        subtract_square(p, W, used, short)
+        if doubtful(S, r, L, used):
+            for b in range(used):
+                if singular(S, L, b) or exceeds(S, r, b, WIDEST):
+                    lost[first + b] = True
+                elif exceeds(S, r, b, WIDE):
+                    lost[first + b] = _joseph(b, p, h, r, L, W, short)
         store_vectors(x, first, used, mean)
         store_symmetric(short, first, used, covariance)
-    return mean, covariance, nis, log_likelihood, lost
+    return mean, covariance, nis, log_likelihood, places(lost)
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), given(3))
 def update_by_moments(
     m: Array, P: Array, nu: Array, C: Array, S: Array, R: Array
-) -> tuple[Array, Array, Array, Array, Mask]:
+) -> tuple[Array, Array, Array, Array, Indices]:
     """Return the same as `update` from moments that sigma points give; lost are runs that are `WIDE` or singular.
 
     Args:
@@ -147,13 +187,14 @@ def update_by_moments(
         forward(L, used, W)
         forward_vectors(L, used, w)
         move(W, w, used, x)
-        subtract_square(W, used, p)
-        for b in range(used):
-            nis[first + b], log_likelihood[first + b] = score(w, L, b)
-            lost[first + b] = singular(s, L, b) or exceeds(s, r, b, WIDE)
+        subtract_square(p, W, used, p)
+        score(w, L, first, used, nis, log_likelihood)
+        if doubtful(s, r, L, used):
+            for b in range(used):
+                lost[first + b] = singular(s, L, b) or exceeds(s, r, b, WIDE)
         store_vectors(x, first, used, mean)
         store_symmetric(p, first, used, covariance)
-    return mean, covariance, nis, log_likelihood, lost
+    return mean, covariance, nis, log_likelihood, places(lost)
 
 
 @inner
@@ -166,23 +207,25 @@ def move(W: Array, w: Array, used: int, x: Array) -> None:
 
 
 @inner
-def subtract_square(W: Array, used: int, P: Array) -> None:
-    """Take W^T W, W (k, n), from the lower triangle of P (n, n)."""
+def subtract_square(P: Array, W: Array, used: int, out: Array) -> None:
+    """Set the lower triangle of out to that of P - W^T W, P (n, n), W (k, n)."""
     for i in range(len(P)):
         for j in range(i + 1):
-            for c in range(len(W)):
+            for b in range(used):
+                out[i, j, b] = P[i, j, b] - W[0, i, b] * W[0, j, b]
+            for c in range(1, len(W)):
                 for b in range(used):
-                    P[i, j, b] -= W[c, i, b] * W[c, j, b]
+                    out[i, j, b] -= W[c, i, b] * W[c, j, b]
 
 
 @kernel(given(3), given(2))
-def innovation(S: Array, nu: Array) -> tuple[Array, Array, Mask]:
+def innovation(S: Array, nu: Array) -> tuple[Array, Array, Indices]:
     """Return NIS and log-likelihood (runs,) of residuals (runs, k) by their covariances (runs, k, k).
 
-    The third array says where S is as good as singular, and the others don't count.
+    The third array has the runs in which S is as good as singular, and the others don't count.
     """
     runs, k = nu.shape
-    nis, log_likelihood, degenerate = np.empty(runs), np.empty(runs), np.empty(runs, dtype=np.bool_)
+    nis, log_likelihood, degenerate = np.empty(runs), np.empty(runs), np.zeros(runs, dtype=np.bool_)
     s, L, w = np.empty((k, k, LANES)), np.zeros((k, k, LANES)), np.empty((k, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
@@ -190,19 +233,40 @@ def innovation(S: Array, nu: Array) -> tuple[Array, Array, Mask]:
         load_vectors(nu, first, used, w)
         factor(s, used, L)
         forward_vectors(L, used, w)
+        score(w, L, first, used, nis, log_likelihood)
         for b in range(used):
-            nis[first + b], log_likelihood[first + b] = score(w, L, b)
             degenerate[first + b] = singular(s, L, b)
-    return nis, log_likelihood, degenerate
+    return nis, log_likelihood, places(degenerate)
 
 
 @inner
-def score(w: Array, L: Array, b: int) -> tuple[float, float]:
-    """Return NIS and log-likelihood of the whitened residual w = L^-1 nu of lane b."""
-    nis = 0.0
+def places(found: Mask) -> Indices:
+    """Return the places (few,) where something is found, in order."""
+    count = 0
+    for run in range(len(found)):
+        count += found[run]
+    rows = np.empty(count, dtype=np.int64)
+    count = 0
+    if len(rows) > 0:
+        for run in range(len(found)):
+            if found[run]:
+                rows[count] = run
+                count += 1
+    return rows
+
+
+@inner
+def score(w: Array, L: Array, first: int, used: int, nis: Array, log_likelihood: Array) -> None:
+    """Set NIS and log-likelihood of the runs from `first` on by their whitened residuals w = L^-1 nu, (k, LANES)."""
+    for b in range(used):
+        nis[first + b], log_likelihood[first + b] = 0.0, 0.0
     for i in range(len(w)):
-        nis += w[i, b] * w[i, b]
-    return nis, -0.5 * (nis + len(w) * _LOG_TWO_PI + log_determinant(L, b))
+        for b in range(used):
+            nis[first + b] += w[i, b] * w[i, b]
+        for b in range(used):
+            log_likelihood[first + b] += log(L[i, i, b])
+    for b in range(used):
+        log_likelihood[first + b] = -0.5 * (nis[first + b] + len(w) * _LOG_TWO_PI + 2 * log_likelihood[first + b])
 
 
 @inner
@@ -212,6 +276,17 @@ def log_determinant(L: Array, b: int) -> float:
     for i in range(len(L)):
         total += math.log(L[i, i, b])
     return 2 * total
+
+
+@inner
+def doubtful(S: Array, R: Array, L: Array, used: int) -> bool:
+    """Return whether any lane may be `singular`, or is `WIDE`; nearly always none is, and this is sooner told."""
+    found = False
+    for i in range(len(S)):
+        for b in range(used):
+            sound = L[i, i, b] * L[i, i, b] > SINGULAR * S[i, i, b]
+            found |= not (sound and S[i, i, b] <= WIDE * R[i, i, b])
+    return found
 
 
 @inner
@@ -236,14 +311,19 @@ def singular(S: Array, L: Array, b: int) -> bool:
 
 
 @inner
-def _joseph(b: int, P: Array, H: Array, R: Array, HP: Array, L: Array, W: Array, covariance: Array) -> bool:
+def _joseph(b: int, P: Array, H: Array, R: Array, L: Array, W: Array, covariance: Array) -> bool:
     """Set lane b of the covariance to (I - K H) P (I - K H)^T + K R K^T; return whether a variance is drowned.
 
-    With M = (I - K H) P that is M + (K R - M H^T) K^T. A variance is drowned when it is below the rounding of the
+    With M = (I - K H) P = P - K (H P) that is M + (K R - M H^T) K^T. A variance is drowned when it is below the rounding of the
     covariance that the update began with.
     """
     k, n = len(L), len(P)
-    K, M, G = np.empty((n, k)), np.empty((n, n)), np.empty((n, k))
+    K, M, G, HP = np.empty((n, k)), np.empty((n, n)), np.empty((n, k)), np.empty((k, n))
+    for c in range(k):
+        for j in range(n):
+            HP[c, j] = 0.0
+            for i in range(n):
+                HP[c, j] += H[c, i, b] * P[i, j, b]
     for i in range(n):  # K = W^T L^-1
         for j in range(k - 1, -1, -1):
             K[i, j] = W[j, i, b]
@@ -254,7 +334,7 @@ def _joseph(b: int, P: Array, H: Array, R: Array, HP: Array, L: Array, W: Array,
         for j in range(n):
             M[i, j] = P[max(i, j), min(i, j), b]
             for c in range(k):
-                M[i, j] -= K[i, c] * HP[c, j, b]
+                M[i, j] -= K[i, c] * HP[c, j]
     for i in range(n):
         for j in range(k):
             G[i, j] = 0.0

@@ -35,12 +35,16 @@ def store_vectors(x: Array, first: int, used: int, out: Array) -> None:
 @inner
 def load(A: Array, first: int, used: int, out: Array) -> None:
     """Copy matrices (runs, p, q), or one (1, p, q) that all runs share, to lanes (p, q, LANES)."""
-    shared = len(A) == 1
-    for b in range(used):
-        run = 0 if shared else first + b
+    if len(A) == 1:
         for i in range(A.shape[1]):
             for j in range(A.shape[2]):
-                out[i, j, b] = A[run, i, j]
+                for b in range(used):
+                    out[i, j, b] = A[0, i, j]
+        return
+    for b in range(used):
+        for i in range(A.shape[1]):
+            for j in range(A.shape[2]):
+                out[i, j, b] = A[first + b, i, j]
 
 
 @inner
@@ -92,6 +96,24 @@ def product_by_transpose(A: Array, B: Array, used: int, out: Array) -> None:
             for k in range(1, A.shape[1]):
                 for b in range(used):
                     out[i, j, b] += A[i, k, b] * B[j, k, b]
+
+
+@inner
+def add(A: Array, used: int, out: Array) -> None:
+    """Add A to out, (p, q) both."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            for b in range(used):
+                out[i, j, b] += A[i, j, b]
+
+
+@inner
+def add_image(A: Array, x: Array, used: int, y: Array) -> None:
+    """Add A x, A (p, q), to y (p,)."""
+    for i in range(len(A)):
+        for j in range(len(x)):
+            for b in range(used):
+                y[i, b] += A[i, j, b] * x[j, b]
 
 
 @inner
@@ -150,3 +172,36 @@ def back(L: Array, used: int, X: Array) -> None:
                     X[i, j, b] -= L[k, i, b] * X[k, j, b]
             for b in range(used):
                 X[i, j, b] /= L[i, i, b]
+
+
+@inner
+def solve(A: Array, used: int, X: Array) -> None:
+    """Replace X (m, n) by A^-1 X, by elimination with row exchanges; A is lost, X is NaN where it is singular.
+
+    Golub and Van Loan, Matrix Computations, 4th ed., section 3.4. Lane by lane, for each has its own exchanges.
+    """
+    m, n, _ = X.shape
+    for b in range(used):
+        for k in range(m):
+            pivot = k
+            for i in range(k + 1, m):
+                if abs(A[i, k, b]) > abs(A[pivot, k, b]):
+                    pivot = i
+            # Zero here, it makes all that follows NaN.
+            inverse = 1 / A[pivot, k, b] if A[pivot, k, b] != 0 else math.nan
+            for j in range(m):
+                A[k, j, b], A[pivot, j, b] = A[pivot, j, b], A[k, j, b]
+            for j in range(n):
+                X[k, j, b], X[pivot, j, b] = X[pivot, j, b], X[k, j, b]
+                X[k, j, b] *= inverse
+            for j in range(k + 1, m):
+                A[k, j, b] *= inverse
+            for i in range(k + 1, m):
+                for j in range(k + 1, m):
+                    A[i, j, b] -= A[i, k, b] * A[k, j, b]
+                for j in range(n):
+                    X[i, j, b] -= A[i, k, b] * X[k, j, b]
+        for k in range(m - 1, -1, -1):
+            for j in range(n):
+                for i in range(k + 1, m):
+                    X[k, j, b] -= A[k, i, b] * X[i, j, b]

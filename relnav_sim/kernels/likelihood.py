@@ -8,9 +8,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import flag, given, kernel
+from relnav_sim.kernels.elementary import wrapped
 from relnav_sim.kernels.lanes import LANES, factor
-
-_TWO_PI = 2 * math.pi
 
 
 @kernel(given(2), given(3), given(1, flag), given(3))
@@ -31,7 +30,7 @@ def gaussian(z: Array, predicted: Array, angle: Mask, R: Array) -> Array:
             for j in range(m):
                 S[i, j, 0] = R[run if len(R) > 1 else 0, i, j]
         factor(S, 1, L)
-        constant = m * math.log(_TWO_PI)
+        constant = m * math.log(2 * math.pi)
         for i in range(m):
             constant += 2 * math.log(L[i, i, 0])
         for first in range(0, N, LANES):
@@ -42,7 +41,7 @@ def gaussian(z: Array, predicted: Array, angle: Mask, R: Array) -> Array:
                     w[i, b] = z[run, i] - h[b, i]
                 if angle[i]:
                     for b in range(used):
-                        w[i, b] -= _TWO_PI * np.rint(w[i, b] / _TWO_PI)
+                        w[i, b] = wrapped(w[i, b])
                 for k in range(i):
                     for b in range(used):
                         w[i, b] -= L[i, k, 0] * w[k, b]

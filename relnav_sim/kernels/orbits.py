@@ -8,12 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, types, written
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, record, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
     TERMS,
-    WIDTH,
     B,
     error_estimate,
     evaluate,
@@ -75,7 +74,7 @@ class Flights(NamedTuple):
 
 
 _OF_FLIGHTS = [written(2), written(2), written(2), written(1), written(2)] + [written(1)] * 4
-FLIGHTS = types.NamedTuple([*_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3)], Flights)
+FLIGHTS = record(Flights, *_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3))
 
 
 @kernel(FORCES, FLIGHTS, number, number, number, given(1), written(1, integer), written(3))
@@ -104,9 +103,9 @@ def fly(
     n, T = len(flights.states), len(times)
     row = np.empty(LANES, dtype=np.int64)
     stage_lanes, at_lanes = np.zeros((ALL_STAGES, 6, LANES)), np.empty((6, LANES))
-    stages, at = stage_lanes.reshape(ALL_STAGES, WIDTH), at_lanes.reshape(WIDTH)
-    y, carry, h, ends = np.ones(WIDTH), np.zeros(WIDTH), np.zeros(WIDTH), np.empty(WIDTH)
-    terms = np.empty((TERMS, WIDTH))
+    stages, at = stage_lanes.reshape(ALL_STAGES, 6 * LANES), at_lanes.reshape(6 * LANES)
+    y, carry, h, ends = np.ones(6 * LANES), np.zeros(6 * LANES), np.zeros(6 * LANES), np.empty(6 * LANES)
+    terms = np.empty((TERMS, 6 * LANES))
     until, ballistic, error = np.empty(LANES), np.zeros(LANES), np.empty(LANES)
     thrust, room = np.zeros((3, LANES)), np.empty((ROOM, LANES))
     used = waiting = 0
@@ -140,7 +139,7 @@ def fly(
             stage_state(s, y, h, stages, at)
             derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
         weighted_sum(B, stages, ends)
-        for k in range(WIDTH):
+        for k in range(6 * LANES):
             step = h[k] * ends[k] + carry[k]
             # The rounded sum and its rounding error (Knuth, TAOCP 2, 4.2.2, theorem B). Carrying that into the next
             # step keeps the rounding of thousands of steps from adding up.
@@ -155,7 +154,8 @@ def fly(
             else:
                 good = True
         if good:
-            at[:] = ends
+            for k in range(WIDTH):
+                at[k] = ends[k]
             derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
                 stage_state(s, y, h, stages, at)
@@ -196,7 +196,7 @@ def next_step(flights: Flights, i: int) -> tuple[float, float]:
     until = flights.origin[i] + math.ldexp(flights.base[i], FINEST) * ticks
     if until >= flights.event[i]:
         return flights.event[i], flights.event[i] - flights.reached[i]
-    return until, math.ldexp(flights.base[i], flights.level[i])
+    return until, math.ldexp(flights.base[i], int(flights.level[i]))
 
 
 @inner

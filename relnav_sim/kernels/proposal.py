@@ -12,10 +12,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
-from relnav_sim.kernels.elementary import log
+from relnav_sim.kernels.elementary import log, wrapped
 from relnav_sim.kernels.lanes import LANES, factor, forward, forward_vectors
-
-_TWO_PI = 2 * math.pi
 
 
 @kernel(given(3), given(4), integer)
@@ -199,7 +197,7 @@ def _wrap(difference: Array, angle: bool, used: int) -> None:
     """Take an angle's difference (LANES,) into [-pi, pi]."""
     if angle:
         for b in range(used):
-            difference[b] -= _TWO_PI * np.rint(difference[b] / _TWO_PI)
+            difference[b] = wrapped(difference[b])
 
 
 @inner

@@ -55,6 +55,9 @@ def grown(covariances: Array, states: Array, growth: float) -> Array:
     for run in range(runs):
         x = states[run]
         factor = 1 + growth * math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-        R[run] = covariances[0 if len(covariances) == 1 else run]
+        given_one = covariances[0 if len(covariances) == 1 else run]
+        for i in range(q):
+            for j in range(q):
+                R[run, i, j] = given_one[i, j]
         R[run, 0, 0] *= factor * factor
     return R

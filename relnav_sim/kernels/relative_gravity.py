@@ -10,6 +10,9 @@ to the acceleration, p being the polar axis, and with the same rule once more
     mu / r^3 J_n (R/r)^n [P_(n+1)' I - P_(n+2)'' r r^T / r^2 + P_(n+1)'' (r p^T + p r^T) / r - P_n'' p p^T]
 
 to its gradient (Vallado, Fundamentals of Astrodynamics and Applications, section 8.7, for the potential).
+
+Numbers are read as `float`: that is nothing to a compiler, but Python, which interprets this now and then, is several
+times as fast with its own numbers as with NumPy's.
 """
 
 from __future__ import annotations
@@ -29,9 +32,9 @@ def has_harmonics(field: Array) -> bool:
 @inlined
 def harmonics(field: Array, r: Array, used: int, a: Array) -> None:
     """Set a (3,) to the harmonics' acceleration at r (3,)."""
-    mu, R, J2, J3, J4 = field[0], field[1], field[2], field[3], field[4]
+    mu, R, J2, J3, J4 = float(field[0]), float(field[1]), float(field[2]), float(field[3]), float(field[4])
     for b in range(used):
-        x, y, z = r[0, b], r[1, b], r[2, b]
+        x, y, z = float(r[0, b]), float(r[1, b]), float(r[2, b])
         inverse = 1 / (x * x + y * y + z * z)
         near = math.sqrt(inverse)
         s, q = z * near, R * near
@@ -53,13 +56,14 @@ def acceleration(field: Array, r: Array, used: int, a: Array) -> None:
         harmonics(field, r, used, a)
     else:
         a[:] = 0.0
-    mu = field[0]
+    mu = float(field[0])
     for b in range(used):
-        r2 = r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b]
+        x, y, z = float(r[0, b]), float(r[1, b]), float(r[2, b])
+        r2 = x * x + y * y + z * z
         central = -mu / (r2 * math.sqrt(r2))
-        a[0, b] += central * r[0, b]
-        a[1, b] += central * r[1, b]
-        a[2, b] += central * r[2, b]
+        a[0, b] += central * x
+        a[1, b] += central * y
+        a[2, b] += central * z
 
 
 @inlined
@@ -90,10 +94,10 @@ def difference(field: Array, chief: Array, bulge: Array, x: Array, used: int, mo
                 a[i, b] -= bulge[i, b]
     else:
         a[:] = 0.0
-    mu = field[0]
+    mu = float(field[0])
     for b in range(used):
-        X, Y, Z = chief[0, b], chief[1, b], chief[2, b]
-        dx, dy, dz = x[0, b], x[1, b], x[2, b]
+        X, Y, Z = float(chief[0, b]), float(chief[1, b]), float(chief[2, b])
+        dx, dy, dz = float(x[0, b]), float(x[1, b]), float(x[2, b])
         r2 = X * X + Y * Y + Z * Z
         q = ((2 * X + dx) * dx + (2 * Y + dy) * dy + (2 * Z + dz) * dz) / r2
         cubed = (1 + q) * math.sqrt(1 + q)
@@ -107,9 +111,9 @@ def difference(field: Array, chief: Array, bulge: Array, x: Array, used: int, mo
 @inlined
 def gradient(field: Array, r: Array, used: int, G: Array) -> None:
     """Set G (3, 3) to the derivatives of the acceleration at r (3,), d I + o r r^T + c (r p^T + p r^T) - a p p^T."""
-    mu, R, J2, J3, J4 = field[0], field[1], field[2], field[3], field[4]
+    mu, R, J2, J3, J4 = float(field[0]), float(field[1]), float(field[2]), float(field[3]), float(field[4])
     for b in range(used):
-        x, y, z = r[0, b], r[1, b], r[2, b]
+        x, y, z = float(r[0, b]), float(r[1, b]), float(r[2, b])
         inverse = 1 / (x * x + y * y + z * z)
         near = math.sqrt(inverse)
         s, q = z * near, R * near

@@ -18,7 +18,7 @@ from relnav_sim.kernels.lanes import (
     store_symmetric,
     store_vectors,
 )
-from relnav_sim.kernels.roots import poorly_determined
+from relnav_sim.kernels.roots import mark_poor
 
 
 @kernel(given(2), given(3), given(3))
@@ -48,8 +48,7 @@ def whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Mask]:
         store(L, first, used, root)
         store(h, first, used, rows)
         store_vectors(w, first, used, white)
-        for b in range(used):
-            singular[first + b] = poorly_determined(r, L, b)
+        mark_poor(r, L, first, used, singular)
     return root, white, rows, singular
 
 

@@ -38,9 +38,7 @@ def cholesky(P: Array) -> tuple[Array, Mask, int]:
         load(P, first, used, p)
         factor(p, used, L)
         store(L, first, used, root)
-        for b in range(used):
-            poor[first + b] = poorly_determined(p, L, b)
-            count += poor[first + b]
+        count += mark_poor(p, L, first, used, poor)
     return root, poor, count
 
 
@@ -63,9 +61,7 @@ def solve(P: Array, B: Array) -> tuple[Array, Mask, int]:
         forward(L, used, x)
         back(L, used, x)
         store(x, first, used, solution)
-        for b in range(used):
-            poor[first + b] = poorly_determined(p, L, b)
-            count += poor[first + b]
+        count += mark_poor(p, L, first, used, poor)
     return solution, poor, count
 
 
@@ -82,19 +78,21 @@ def whiten(P: Array, B: Array) -> tuple[Array, Mask, int]:
         factor(p, used, L)
         forward(L, used, x)
         store(x, first, used, white)
-        for b in range(used):
-            poor[first + b] = poorly_determined(p, L, b)
-            count += poor[first + b]
+        count += mark_poor(p, L, first, used, poor)
     return white, poor, count
 
 
 @inner
-def poorly_determined(P: Array, L: Array, b: int) -> bool:
-    """Return whether a pivot of lane b is within rounding of zero, or no number."""
-    clear = True
-    for i in range(len(P)):
-        clear &= L[i, i, b] * L[i, i, b] > 8 * len(P) * _EPS * P[i, i, b]
-    return not clear
+def mark_poor(P: Array, L: Array, first: int, used: int, poor: Mask) -> int:
+    """Set in which runs from `first` on a pivot of P = L L^T is within rounding of zero, or no number; count them."""
+    count = 0
+    for b in range(used):
+        clear = True
+        for i in range(len(P)):
+            clear &= L[i, i, b] * L[i, i, b] > 8 * len(P) * _EPS * P[i, i, b]
+        poor[first + b] = not clear
+        count += not clear
+    return count
 
 
 @kernel(given(3), given(3))
@@ -112,8 +110,8 @@ def triangular(A: Array, B: Array) -> Array:
     M = np.empty((p, q + B.shape[2], LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _place(A, first, used, 0, 0, M)
-        _place(B, first, used, 0, q, M)
+        load(A, first, used, M)
+        load(B, first, used, M[:, q:])
         _triangularise(M, used)
         store(M, first, used, root)
     return root
@@ -141,21 +139,17 @@ def update(
     """
     runs, n, q = X.shape
     m = nu.shape[1]
-    gain, root, S_root, white = (
-        np.empty((runs, n, m)),
-        np.empty((runs, n, n)),
-        np.empty((runs, m, m)),
-        np.empty((runs, m)),
-    )
+    gain, root = np.empty((runs, n, m)), np.empty((runs, n, n))
+    S_root, white = np.empty((runs, m, m)), np.empty((runs, m))
     nis, log_likelihood = np.empty(runs), np.empty(runs)
     dead, count = np.zeros(runs, dtype=np.bool_), 0
     M, w = np.empty((m + n, q + N.shape[2], LANES)), np.empty((m, LANES))
     size = np.empty((m + n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _place(Y, first, used, 0, 0, M)
-        _place(N, first, used, 0, q, M)
-        _place(X, first, used, m, 0, M)
+        load(Y, first, used, M)
+        load(N, first, used, M[:, q:])
+        load(X, first, used, M[m:])
         for i in range(m, m + n):
             for j in range(q, M.shape[1]):
                 for b in range(used):
@@ -167,12 +161,12 @@ def update(
         store(M[:m], first, used, S_root)
         store(M[m:], first, used, gain)
         store_vectors(w, first, used, white)
+        score(w, M[:m], first, used, nis, log_likelihood)
         for b in range(used):
             run = first + b
             for i in range(m):
                 dead[run] |= M[i, i, b] <= 16 * m * _EPS * (size[i, b] + reading[run, i])
             count += dead[run]
-            nis[run], log_likelihood[run] = score(w, M[:m], b)
             for i in range(n):
                 total = 0.0
                 for j in range(i + 1):
@@ -184,15 +178,42 @@ def update(
     return gain, root, S_root, white, nis, log_likelihood, dead, count
 
 
+@kernel(given(3), given(2), given(3), given(2))
+def squares(W: Array, a: Array, U: Array, b: Array) -> Array:
+    """Return |W a|^2 + |U b|^2, (runs,), for W (runs, n, n), a (runs, n), U (runs, m, m), b (runs, m)."""
+    runs, n = a.shape
+    m = b.shape[1]
+    found, total = np.empty(runs), np.empty(LANES)
+    w, u, x, y = np.empty((n, n, LANES)), np.empty((m, m, LANES)), np.empty((n, LANES)), np.empty((m, LANES))
+    for first in range(0, runs, LANES):
+        used = min(LANES, runs - first)
+        load(W, first, used, w)
+        load(U, first, used, u)
+        load_vectors(a, first, used, x)
+        load_vectors(b, first, used, y)
+        squares_of(w, x, u, y, used, total)
+        for lane in range(used):
+            found[first + lane] = total[lane]
+    return found
+
+
 @inner
-def _place(A: Array, first: int, used: int, row: int, column: int, M: Array) -> None:
-    """Copy matrices (runs, p, q), or one (1, p, q) that all runs share, into M from a row and a column on."""
-    shared = len(A) == 1
+def squares_of(W: Array, x: Array, U: Array, y: Array, used: int, total: Array) -> None:
+    """Set total (LANES,) to |W x|^2 + |U y|^2."""
     for b in range(used):
-        run = 0 if shared else first + b
-        for i in range(A.shape[1]):
-            for j in range(A.shape[2]):
-                M[row + i, column + j, b] = A[run, i, j]
+        total[b] = square_of(W, x, b) + square_of(U, y, b)
+
+
+@inner
+def square_of(W: Array, x: Array, b: int) -> float:
+    """Return |W x|^2 of lane b."""
+    total = 0.0
+    for i in range(len(W)):
+        entry = 0.0
+        for j in range(len(x)):
+            entry += W[i, j, b] * x[j, b]
+        total += entry * entry
+    return total
 
 
 @inner

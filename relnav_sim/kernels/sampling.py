@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, number
+from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel
 from relnav_sim.kernels.elementary import exp, fused
 from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
 
@@ -99,51 +99,6 @@ def regressed(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> t
         store_vectors(x, first, used, mean)
         store_symmetric(p, first, used, covariance)
     return mean, covariance
-
-
-@kernel(given(3), given(3))
-def projected(P: Array, H: Array) -> Array:
-    """Return H P H^T (runs, k, k), symmetric to the bit, of P (runs, n, n) and H (runs or 1, k, n)."""
-    runs, n, _ = P.shape
-    k = H.shape[1]
-    seen = np.empty((runs, k, k))
-    p, h, hp, s = np.empty((n, n, LANES)), np.empty((k, n, LANES)), np.empty((k, n, LANES)), np.empty((k, k, LANES))
-    for first in range(0, runs, LANES):
-        used = min(LANES, runs - first)
-        load(P, first, used, p)
-        load(H, first, used, h)
-        hp[:] = 0.0
-        s[:] = 0.0
-        for i in range(k):
-            for j in range(n):
-                for c in range(n):
-                    for b in range(used):
-                        hp[i, j, b] += h[i, c, b] * p[c, j, b]
-            for j in range(i + 1):
-                for c in range(n):
-                    for b in range(used):
-                        s[i, j, b] += hp[i, c, b] * h[j, c, b]
-        store_symmetric(s, first, used, seen)
-    return seen
-
-
-@kernel(given(3), number)
-def whitener(R: Array, share: float) -> Array:
-    """Return W (runs, m, m), lower triangular, with W^T W = share R^-1, R (runs, m, m)."""
-    runs, m, _ = R.shape
-    W = np.empty(R.shape)
-    r, L, w = np.empty((m, m, LANES)), np.zeros((m, m, LANES)), np.empty((m, m, LANES))
-    for first in range(0, runs, LANES):
-        used = min(LANES, runs - first)
-        load(R, first, used, r)
-        factor(r, used, L)
-        w[:] = 0.0
-        for i in range(m):
-            for b in range(used):
-                w[i, i, b] = math.sqrt(share)
-        forward(L, used, w)
-        store(w, first, used, W)
-    return W
 
 
 @kernel(given(3), given(3))

@@ -15,11 +15,9 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inlined, inner, kernel
-from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead
+from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead, wrapped
 from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
 from relnav_sim.kernels.sampling import SAMPLES
-
-_TWO_PI = 2 * math.pi
 
 
 @kernel(given(2), given(2))
@@ -92,7 +90,7 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
                 d[i, b] -= e[i, b]
         for i in range(1, 3):
             for b in range(used):
-                d[i, b] -= _TWO_PI * np.rint(d[i, b] / _TWO_PI)
+                d[i, b] = wrapped(d[i, b])
         store_vectors(d, first, used, nu)
         derivatives(s, used, M, h)
         store(h, first, used, H)

@@ -1,4 +1,4 @@
-"""What is counted of every estimate while a block runs: normalised errors, ellipsoids, how long errors stay small."""
+"""What every estimate is worth while a block runs: its normalised errors, and whether it is a number at all."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.elementary import bits
 from relnav_sim.kernels.lanes import LANES
+
+_WITHOUT_SIGN, _INFINITY_BITS = 0x7FFFFFFFFFFFFFFF, 0x7FF0000000000000
 
 
 @kernel(given(3), given(4))
@@ -29,12 +32,16 @@ def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mas
     nees = np.empty((3, runs, K))
     definite, finite = np.empty((runs, K), dtype=np.bool_), np.empty((runs, K), dtype=np.bool_)
     whole, velocity, positive = np.empty((7, 6, LANES)), np.empty((4, 3, LANES)), np.empty(LANES, dtype=np.bool_)
+    epochs, places = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
+    k, run = 0, -1
     for first in range(0, K * runs, LANES):
         used = min(LANES, K * runs - first)
         for b in range(used):
-            k, run = (first + b) // runs, (first + b) % runs
-            positive[b] = True
-            finite[run, k] = _all_finite(covariance[k, run])
+            run += 1
+            if run == runs:
+                k, run = k + 1, 0
+            epochs[b], places[b], positive[b] = k, run, True
+            finite[run, k] = _all_finite(covariance[k, run].reshape(-1))
             for j in range(6):
                 for i in range(j, 6):
                     whole[i, j, b] = covariance[k, run, i, j]
@@ -44,14 +51,13 @@ def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mas
                     velocity[i, j, b] = whole[3 + i, 3 + j, b]
         _eliminate(whole, used, positive)
         for b in range(used):
-            definite[(first + b) % runs, (first + b) // runs] = positive[b]
+            definite[places[b], epochs[b]] = positive[b]
         _eliminate(velocity, used, positive)
         for b in range(used):
-            k, run = (first + b) // runs, (first + b) % runs
             position = _sum_of_squares(whole, 6, 0, b)
-            nees[0, run, k] = position + _sum_of_squares(whole, 6, 3, b)
-            nees[1, run, k] = position
-            nees[2, run, k] = _sum_of_squares(velocity, 3, 0, b)
+            nees[0, places[b], epochs[b]] = position + _sum_of_squares(whole, 6, 3, b)
+            nees[1, places[b], epochs[b]] = position
+            nees[2, places[b], epochs[b]] = _sum_of_squares(velocity, 3, 0, b)
     return nees, definite, finite
 
 
@@ -65,24 +71,24 @@ def doubtful(mean: Array, covariance: Array) -> Mask:
     """
     K, runs, n = mean.shape
     doubt = np.zeros(runs, dtype=np.bool_)
+    means, entries = mean.reshape(K * runs, n), covariance.reshape(K * runs, n * n)
     for k in range(K):
         for run in range(runs):
+            place = k * runs + run
             negative = False
             for i in range(n):
-                negative |= covariance[k, run, i, i] < 0
-            sound = _all_finite(mean[k, run : run + 1]) and _all_finite(covariance[k, run])
-            doubt[run] |= negative or not sound
+                negative |= entries[place, i * (n + 1)] < 0
+            doubt[run] |= negative or not (_all_finite(means[place]) and _all_finite(entries[place]))
     return doubt
 
 
 @inner
-def _all_finite(A: Array) -> bool:
-    """Return whether all entries of A (p, q) are finite."""
-    other = False
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            other |= not abs(A[i, j]) < math.inf
-    return not other
+def _all_finite(x: Array) -> bool:
+    """Return whether all entries of x (n,) are finite; integers are compared, because that vectorises."""
+    largest = 0
+    for i in range(len(x)):
+        largest = max(largest, bits(x[i]) & _WITHOUT_SIGN)
+    return largest < _INFINITY_BITS
 
 
 @inner
@@ -92,10 +98,10 @@ def _eliminate(A: Array, used: int, positive: Mask) -> None:
     for j in range(n):
         for b in range(used):
             positive[b] &= A[j, j, b] > 0
-            A[j, j, b] = math.sqrt(A[j, j, b])
+            A[j, j, b] = 1 / math.sqrt(A[j, j, b])
         for i in range(j + 1, n + 1):
             for b in range(used):
-                A[i, j, b] /= A[j, j, b]
+                A[i, j, b] *= A[j, j, b]
         for k in range(j + 1, n):
             for i in range(k, n + 1):
                 for b in range(used):
@@ -106,46 +112,3 @@ def _eliminate(A: Array, used: int, positive: Mask) -> None:
 def _sum_of_squares(A: Array, row: int, first: int, b: int) -> float:
     x, y, z = A[row, first, b], A[row, first + 1, b], A[row, first + 2, b]
     return (x * x + y * y) + z * z
-
-
-@kernel(given(3), given(2, flag), given(2))
-def inside(nees: Array, counted: Mask, limits: Array) -> Integers:
-    """Return at how many epochs each NEES is within each limit, (parts, levels, runs).
-
-    Args:
-        nees: (parts, runs, epochs).
-        counted: Epochs that count (runs, epochs).
-        limits: (parts, levels).
-    """
-    parts, runs, epochs = nees.shape
-    counts = np.zeros((parts, limits.shape[1], runs), dtype=np.int64)
-    for part in range(parts):
-        for level in range(limits.shape[1]):
-            limit = limits[part, level]
-            for run in range(runs):
-                count = 0
-                for k in range(epochs):
-                    count += (nees[part, run, k] <= limit) & counted[run, k]
-                counts[part, level, run] = count
-    return counts
-
-
-@kernel(given(2), integer)
-def sliding_largest(x: Array, window: int) -> Array:
-    """Return the largest of each `window` successive columns: (runs, K) gives (runs, K - window + 1).
-
-    Within pieces of `window` columns the largest so far from the left and from the right; every window is the end of
-    one piece and the beginning of the next (van Herk, Pattern Recognition Letters 13(7), 1992).
-    """
-    runs, K = x.shape
-    largest = np.empty((runs, K - window + 1))
-    from_left, from_right = np.empty(K), np.empty(K)
-    for run in range(runs):
-        for k in range(K):
-            from_left[k] = x[run, k] if k % window == 0 else max(from_left[k - 1], x[run, k])
-        for k in range(K - 1, -1, -1):
-            ends = k == K - 1 or (k + 1) % window == 0
-            from_right[k] = x[run, k] if ends else max(from_right[k + 1], x[run, k])
-        for k in range(K - window + 1):
-            largest[run, k] = max(from_right[k], from_left[k + window - 1])
-    return largest

@@ -38,11 +38,7 @@ def readings(positions: Array, M: Array, centres: Array, ranged: bool) -> Array:
     u, axes, c = np.empty((3, LANES)), np.empty((2, 3, LANES)), np.empty((6, LANES))
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
-        seen(positions, first, used, M, s)
-        _centres(positions, first, used, M, centres, u)
-        across(u, used, axes)
-        _from_centre(s, u, axes, used, c)
-        _read(s, c, used, h)
+        _look(positions, first, used, M, centres, s, u, axes, c, h)
         store_vectors(h, first, used, z)
     return z
 
@@ -62,11 +58,7 @@ def linearised(positions: Array, M: Array, centres: Array, ranged: bool) -> tupl
     by_position = np.zeros((2 + more, columns, LANES))
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
-        seen(positions, first, used, M, s)
-        _centres(positions, first, used, M, centres, u)
-        across(u, used, axes)
-        _from_centre(s, u, axes, used, c)
-        _read(s, c, used, h)
+        _look(positions, first, used, M, centres, s, u, axes, c, h)
         store_vectors(h, first, used, z)
         if ranged:
             for i in range(3):
@@ -99,8 +91,7 @@ def by_turn(positions: Array, M: Array, centres: Array) -> Array:
     u, axes, g = np.empty((3, LANES)), np.empty((2, 3, LANES)), np.empty((2, 3, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _centres(positions, first, used, M, centres, u)
-        across(u, used, axes)
+        _centres(positions, first, used, M, centres, u, axes)
         _turns(u, axes, used, g)
         store(g, first, used, G)
     return G
@@ -123,12 +114,13 @@ def noise(positions: Array, M: Array, centres: Array, P: Array, own: Array) -> A
     u, axes, g = np.empty((3, LANES)), np.empty((2, 3, LANES)), np.empty((2, 3, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        _centres(positions, first, used, M, centres, u)
-        across(u, used, axes)
+        _centres(positions, first, used, M, centres, u, axes)
         _turns(u, axes, used, g)
         for b in range(used):
             for component in range(k):
-                R[first + b, component] = own[component]
+                for i in range(m):
+                    for j in range(m):
+                        R[first + b, component, i, j] = own[component, i, j]
             for i in range(2):
                 for j in range(i + 1):
                     added = 0.0
@@ -157,8 +149,31 @@ def across(u: Array, used: int, axes: Array) -> None:
 
 
 @inner
-def _centres(positions: Array, first: int, used: int, M: Array, centres: Array, u: Array) -> None:
-    """Set u (3, LANES) to the direction of each point's reading, or of its run's first point where there is none."""
+def _look(
+    positions: Array,
+    first: int,
+    used: int,
+    M: Array,
+    centres: Array,
+    s: Array,
+    u: Array,
+    axes: Array,
+    c: Array,
+    h: Array,
+) -> None:
+    """Set lines of sight s (3, LANES), what `_centres` and `_from_centre` set, and the readings h (2 or 3, LANES)."""
+    seen(positions, first, used, M, s)
+    _centres(positions, first, used, M, centres, u, axes)
+    _from_centre(s, u, axes, used, c)
+    _read(s, c, used, h)
+
+
+@inner
+def _centres(positions: Array, first: int, used: int, M: Array, centres: Array, u: Array, axes: Array) -> None:
+    """Set u (3, LANES) to the direction of each point's reading, or of its run's first point where there is none.
+
+    Set the axes across it too.
+    """
     each = len(positions) // len(centres)
     for b in range(used):
         run = (first + b) // each
@@ -172,6 +187,7 @@ def _centres(positions: Array, first: int, used: int, M: Array, centres: Array, 
                 squared += u[i, b] * u[i, b]
             for i in range(3):
                 u[i, b] /= math.sqrt(squared)
+    across(u, used, axes)
 
 
 @inner

@@ -114,7 +114,7 @@ class AugmentedMeasurement(Around):
         if by_turns is not None:
             by_extra = by_extra + by_turns
         if by_predicted is not None:
-            whole = kernels.distortion.chained(matrices(by_predicted), matrices(H), matrices(by_extra))
+            whole = kernels.maps.chained(matrices(by_predicted), matrices(H), matrices(by_extra))
             return whole.reshape(*predicted.shape, whole.shape[-1])
         leading = H.shape[:-2] if by_extra.ndim == 2 else np.broadcast_shapes(H.shape[:-2], by_extra.shape[:-2])
         whole = np.empty((*leading, self.dimension, H.shape[-1] + by_extra.shape[-1]))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
-from relnav_sim.given_arrays import numbers
+from relnav_sim.given_arrays import returned_numbers
 from relnav_sim.measurements.given_noise import MixtureNoise, check_noise_extent, checked_noise, mixture_of, noise_at
 from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
 from relnav_sim.read_only_call import called_read_only
@@ -64,7 +64,7 @@ class FunctionMeasurement(MeasurementDefaults):
             ValueError: The function returned an array of another shape or kind, or wrote into its argument.
         """
         result = called_read_only(self._predict, self._names[0], states, epoch)
-        predicted = numbers(result, "what predict returned")
+        predicted = returned_numbers(result, "what predict returned")
         expected = (*states.shape[:-1], self.dimension)
         if predicted.shape != expected:
             raise ValueError(
@@ -82,7 +82,7 @@ class FunctionMeasurement(MeasurementDefaults):
         if self._jacobian is None:
             return super().jacobian(states, epoch)
         result = called_read_only(self._jacobian, self._names[1], states, epoch)
-        H = numbers(result, "what jacobian returned")
+        H = returned_numbers(result, "what jacobian returned")
         expected = (*states.shape[:-1], self.dimension, states.shape[-1])
         if H.shape != expected and H.shape != expected[-2:]:
             raise ValueError(f"jacobian returned shape {H.shape} for states {states.shape}; expected {expected}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.linalg import log_density, mixture_log_density
 
 Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
@@ -81,6 +82,23 @@ def wrap_angle(angle: Array) -> Array:
     return angle - 2 * np.pi * np.rint(angle / (2 * np.pi))
 
 
+_PARTS = {
+    "linearised": ("predict", "jacobian", "noise", "residual"),
+    "squared_errors": ("predict", "jacobian", "residual"),
+}
+"""What a measurement may do in one go, and the functions that it then stands for."""
+
+
+def _depth(kind: type, name: str) -> int:
+    """Return how far up among the bases of a class a function is said."""
+    return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
+
+
+@lru_cache(maxsize=64)
+def _places(angles: tuple[int, ...]) -> Indices:
+    return np.array(angles, dtype=np.int64)
+
+
 class MeasurementDefaults:
     """The parts of a measurement that follow from the others; a measurement may replace any.
 
@@ -96,6 +114,16 @@ class MeasurementDefaults:
     depends_on: tuple[int, ...] | None = None
     states: int | None = None
     whole: bool = False
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        """Let what a base does in one go follow from the parts again, where a class has other parts and says no more.
+
+        A subclass of a radar, say, that only changes `predict` would else still be linearised as the radar.
+        """
+        super().__init_subclass__(**arguments)
+        for whole, parts in _PARTS.items():
+            if any(_depth(cls, part) < _depth(cls, whole) for part in parts):
+                setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:
         """Return the readings (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
@@ -127,12 +155,14 @@ class MeasurementDefaults:
 
     def residual(self, z: Array, predicted: Array) -> Array:
         """Return z - predicted with the components in `angles` wrapped."""
-        difference = z - predicted
+        difference: Array = np.subtract(z, predicted, dtype=np.float64)
+        if not self.angles:
+            return difference
+        if difference.flags.c_contiguous:
+            kernels.angles.wrap(difference.reshape(-1, difference.shape[-1]), _places(tuple(self.angles)))
+            return difference
         for component in self.angles:
-            angle = difference[..., component]
-            # Most differences need no turn, and looking is cheaper than wrapping. NaN compares false, so it wraps.
-            if not np.abs(angle).max(initial=0.0) <= np.pi:
-                difference[..., component] = wrap_angle(angle)
+            difference[..., component] = wrap_angle(difference[..., component])
         return difference
 
     def jacobian(self, states: Array, epoch: int) -> Array:

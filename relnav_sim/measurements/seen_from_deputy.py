@@ -9,44 +9,12 @@ once the misprints there are corrected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.line_of_sight import Vector, cross, dot
-
-
-@dataclass(frozen=True)
-class DeputyAxes:
-    """The unit vectors of the deputy's own RTN axes in the chief's, and what they turn with."""
-
-    radial: Vector
-    along: Vector
-    normal: Vector
-    radius: Array
-    momentum: Array
-    radial_velocity: Array
-
-
-def deputy_axes(states: Array, radius_m: float, rate_rad_s: float, climb_m_s: float = 0.0) -> DeputyAxes:
-    """Return the deputy's RTN axes.
-
-    Args:
-        states: (..., n >= 6), the deputy's RTN position (m) and velocity (m/s) relative to the chief.
-        radius_m: The chief's distance from the centre.
-        rate_rad_s: Rate of its orbit frame.
-        climb_m_s: Its radial velocity.
-    """
-    d = (radius_m + states[..., 0], states[..., 1], states[..., 2])
-    w = (climb_m_s + states[..., 3] - rate_rad_s * d[1], states[..., 4] + rate_rad_s * d[0], states[..., 5])
-    h = cross(d, w)
-    radius, momentum = np.sqrt(dot(d, d)), np.sqrt(dot(h, h))
-    radial = (d[0] / radius, d[1] / radius, d[2] / radius)
-    normal = (h[0] / momentum, h[1] / momentum, h[2] / momentum)
-    return DeputyAxes(radial, cross(normal, radial), normal, radius, momentum, dot(w, radial))
+from relnav_sim.astro.line_of_sight import Vector
 
 
 def chief_from_deputy(states: Array, orbit: ChiefOrbit) -> Array:

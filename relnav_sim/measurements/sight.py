@@ -73,5 +73,8 @@ def in_states(by_position: Array, by_state: Array | None, states: Array) -> Arra
     Returns:
         (runs, ..., m, n).
     """
-    H = by_position if by_state is None else kernels.deputy.by_states(by_position, by_state, states.shape[-1])
+    H = by_position
+    if by_state is not None:
+        further = np.zeros((1, by_position.shape[1], states.shape[-1] - 6))
+        H = kernels.maps.chained(by_position, by_state, further)
     return H.reshape(*states.shape[:-1], *H.shape[1:])

@@ -147,7 +147,7 @@ class Pool:
 
     def _here(self, queue: TaskQueue) -> Iterator[Done]:
         try:
-            importlib.import_module("relnav_sim.kernels.compiling")
+            importlib.import_module("relnav_sim.kernels.compiler")
         except CompilerError as error:  # in a block it would be the failure of every run
             raise WorkersError(str(error)) from error
         learned = Learned()

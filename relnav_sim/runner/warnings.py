@@ -5,6 +5,7 @@ from __future__ import annotations
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.warnings import campaign_warnings, together
 from relnav_sim.crlb.case_observability import case_observability
+from relnav_sim.kernels.compiling import interpreted
 from relnav_sim.results.observability import not_observable
 from relnav_sim.statistics.convergence_seen import convergence_warnings
 
@@ -14,7 +15,8 @@ MOST_CASES = 12
 
 def warnings_before(campaign: Campaign) -> tuple[str, ...]:
     """Return the warnings of a campaign, a sentence each; none where all is well."""
-    return (*campaign_warnings(campaign), *observability_warnings(campaign), *convergence_warnings(campaign))
+    with interpreted():
+        return (*campaign_warnings(campaign), *observability_warnings(campaign), *convergence_warnings(campaign))
 
 
 def observability_warnings(campaign: Campaign) -> tuple[str, ...]:

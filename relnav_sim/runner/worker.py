@@ -116,7 +116,7 @@ def _make_ready() -> None:
     from relnav_sim.runner.worker_process import prepare_worker
 
     hush()  # the campaign's process has said it
-    importlib.import_module("relnav_sim.kernels.compiling")  # before a plug-in imports numba itself
+    importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
     prepare_worker()
     importlib.import_module("relnav_sim.runner.worker_task")
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.astro.attitude import body_to_inertial, from_axes, in_axes, nadir_axes
+from relnav_sim.astro.attitude import from_axes, in_axes, nadir_axes
 from relnav_sim.astro.coast import coasted
 from relnav_sim.astro.frames import rtn_from_eci
 from relnav_sim.astro.gravity import Gravity
-from relnav_sim.astro.line_of_sight import Vector, dot
+from relnav_sim.astro.line_of_sight import Vector, components, dot
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,7 @@ class HostFrame:
         if self.gravity is None or self.gravity.is_central:
             return 0.0
         _, minus_normal, _ = nadir_axes(states)
-        pull = self.gravity.acceleration(np.moveaxis(states[..., :3], -1, 1))
-        return -dot((pull[:, 0], pull[:, 1], pull[:, 2]), minus_normal)
+        return -dot(components(self.gravity.acceleration(states[..., :3])), minus_normal)
 
     @property
     def body_to_orbit(self) -> Callable[[Vector], Vector] | None:
@@ -84,14 +84,18 @@ class HostFrame:
         """
         if self.orbit is None and self.attitude is None:
             return None
-        if self.orbit is not None and self.attitude is not None:
-            orbit_axes = body_axes = nadir_axes(self.orbit)
-        elif self.true_states is None:
+        if self.true_states is None and (self.orbit is None or self.attitude is None):
             raise ValueError("with GNSS or star tracker alone the other link of the chain needs the truth")
-        else:
-            body_axes = nadir_axes(self.true_states)
-            orbit_axes = body_axes if self.orbit is None else nadir_axes(self.orbit)
+        orbit = self.true_states if self.orbit is None else self.orbit
+        assert orbit is not None
         if self.attitude is None:
+            assert self.true_states is not None
+            orbit_axes, body_axes = nadir_axes(orbit), nadir_axes(self.true_states)
             return lambda body: in_axes(orbit_axes, from_axes(body_axes, body))
-        x, y, z, w = np.moveaxis(self.attitude, -1, 0)
-        return lambda body: in_axes(orbit_axes, body_to_inertial((x, y, z, w), body))
+        states, attitude = np.ascontiguousarray(orbit), np.ascontiguousarray(self.attitude)
+
+        def to_orbit(body: Vector) -> Vector:
+            x, y, z = kernels.frames.orbit_from_body(states, attitude, *map(np.ascontiguousarray, body))
+            return x, y, z
+
+        return to_orbit

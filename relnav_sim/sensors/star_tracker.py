@@ -7,8 +7,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
-from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes, turned
+from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes
 from relnav_sim.astro.line_of_sight import ARCSEC, components, rotate, rows
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.options import AddedLater
@@ -89,5 +90,5 @@ class StarTrackerOptions(SensorOptions):
         scipy's Rotation.from_quat(q) is its inverse, from body to ECI.
         """
         error = rotate(rows(self.axes * self.sigmas), components(streams.noise(truth.times_s)))
-        attitude = turned(quaternion_from_axes(nadir_axes(truth.host)), error)
-        return np.stack(attitude, axis=-1)
+        attitude = np.stack(quaternion_from_axes(nadir_axes(truth.host)), axis=-1)
+        return kernels.frames.turned(attitude, np.stack(error, axis=-1))

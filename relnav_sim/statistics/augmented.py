@@ -70,5 +70,4 @@ class AugmentedAccumulator:
 def _added(before: moments.Moments, error: Array, sound: Mask, part: Mask) -> moments.Moments:
     if not part.any():
         return before
-    values = np.ascontiguousarray(error[:, part].transpose(2, 0, 1))
-    return moments.merged(before, moments.moments(values, sound[:, part]))
+    return moments.merged(before, moments.moments(error[:, part], sound[:, part]))

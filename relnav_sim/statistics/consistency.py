@@ -13,7 +13,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
-from relnav_sim.statistics.moments import Moments, merged, moments, no_moments
+from relnav_sim.statistics.moments import Moments, merged, no_moments
 
 
 def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mask]:
@@ -64,21 +64,6 @@ def no_nees(runs: int) -> NeesSums:
     )
 
 
-def nees_sums(nees: Array, counted: Mask, limits: Array) -> NeesSums:
-    """Return the sums over one chunk.
-
-    Args:
-        nees: (3, runs, epochs), contiguous.
-        counted: Epochs that count (runs, epochs).
-        limits: Chi-square quantiles of `layout.LEVELS` for each block, (3, 5).
-    """
-    if not counted.all():
-        nees = np.where(counted, nees, 0.0)
-    return NeesSums(
-        counted.sum(axis=-1), nees.sum(axis=-1), kernels.statistics.inside(nees, np.ascontiguousarray(counted), limits)
-    )
-
-
 def merged_nees(a: NeesSums, b: NeesSums) -> NeesSums:
     """Return the sums over two chunks together."""
     return NeesSums(a.count + b.count, a.total + b.total, a.inside + b.inside)
@@ -119,21 +104,10 @@ def no_nis(runs: int) -> NisSums:
     return NisSums(no_moments(1, runs), zeros, zeros, zeros)
 
 
-def nis_sums(nis: Array, counted: Mask) -> NisSums:
-    """Return the sums over one chunk, (runs, epochs); NaN rows are epochs without a measurement."""
-    updated = counted & np.isfinite(nis)
-    values = np.where(updated, nis, 0.0)
-    runs, epochs = nis.shape
-    rows = np.arange(runs)[:, None]
-    # Each epoch's last update: its own number where there is one, carried on over the epochs without. The same
-    # arrays are summed whether or not some run misses updates, so that no run changes another run's bits.
-    latest = np.maximum.accumulate(np.where(updated, np.arange(epochs), -1), axis=1)
-    earlier = np.concatenate([np.full((runs, 1), -1), latest[:, :-1]], axis=1)
-    products = np.where(updated & (earlier >= 0), values * values[rows, earlier], 0.0)
-    first = values[rows[:, 0], np.argmax(updated, axis=1)]
-    last = values[rows[:, 0], latest[:, -1]]
-    total = np.ascontiguousarray(products).sum(axis=-1)
-    return NisSums(moments(values[None], updated), total, first, last)
+def nis_sums(nis: Array, counted: Mask, epochs: slice) -> NisSums:
+    """Return the sums over some epochs of a chunk, (runs, K); NaN rows are epochs without a measurement."""
+    count, sums = kernels.counting.successive(np.ascontiguousarray(nis), counted, epochs.start, epochs.stop)
+    return NisSums(Moments(count, *sums[:3, None]), *sums[3:])
 
 
 def merged_nis(a: NisSums, b: NisSums) -> NisSums:
@@ -194,9 +168,10 @@ def no_sensor(runs: int) -> SensorSums:
     return SensorSums(no_nis(runs), np.zeros(runs), np.zeros(runs, dtype=np.int64))
 
 
-def sensor_sums(alike: NisSums, nis: Array, dof: Integers, counted: Mask) -> SensorSums:
-    """Return the sums over one chunk, (runs, epochs); epochs without a NIS are not counted."""
-    updated = counted & np.isfinite(nis)
+def sensor_sums(alike: NisSums, nis: Array, dof: Integers, counted: Mask, epochs: slice) -> SensorSums:
+    """Return the sums over some epochs of a chunk, (runs, K); epochs without a NIS are not counted."""
+    nis, dof = nis[:, epochs], dof[:, epochs]
+    updated = counted[:, epochs] & np.isfinite(nis)
     return SensorSums(alike, np.where(updated, nis, 0.0).sum(axis=-1), np.where(updated, dof, 0).sum(axis=-1))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.statistics.quantiles import BINS, Counts, bin_counts, bin_of
+from relnav_sim.statistics.quantiles import BIN_RULE, BINS, Counts, bin_of
 
 RELATIVE_CONVERGENCE = 3.0
 """How many times its settled RMS a run may still be off when it counts as converged relative to itself."""
@@ -30,7 +30,7 @@ class Convergence:
         self._threshold = threshold_m
         self._hold = hold_epochs
         self._tail = np.empty((runs, 0))
-        self._smallest = np.full((runs, 1), np.inf)
+        self._smallest = np.full(runs, np.inf)
         self._starts = 0
         self._not_below = np.zeros(runs, dtype=np.int64)
         self._counts: Counts = np.zeros((runs, BINS), dtype=np.int32)
@@ -48,12 +48,11 @@ class Convergence:
         self._tail = known[:, max(0, known.shape[1] - self._hold) :]
         if known.shape[1] <= self._hold:
             return
-        largest = kernels.statistics.sliding_largest(known, self._hold + 1)
-        smallest = np.minimum.accumulate(np.concatenate([self._smallest, largest], axis=1), axis=1)[:, 1:]
-        self._smallest = smallest[:, -1:]
-        self._starts += smallest.shape[1]
-        self._not_below += np.count_nonzero(smallest >= self._threshold, axis=1)
-        self._counts += bin_counts(smallest[None], np.ones(smallest.shape, dtype=bool))[0]
+        window = self._hold + 1
+        self._starts += known.shape[1] - self._hold
+        kernels.counting.staying(
+            known, window, self._threshold, BIN_RULE, self._smallest, self._not_below, self._counts
+        )
 
     def below_threshold(self) -> Array:
         """Return the first epoch, from 1, that has converged for the absolute threshold (runs,); NaN: none."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.results.block import Failure, FilterResult
@@ -68,7 +69,6 @@ class _SpanSums:
     """Everything that is added up over a span of epochs; two successive spans can be merged."""
 
     errors: moments.Moments
-    bins: quantiles.Counts
     nees: consistency.NeesSums
     nis: consistency.NisSums
     alike: consistency.NisSums
@@ -83,11 +83,6 @@ class _Nis:
     nis: Array
     alike: Array
     sensors: tuple[tuple[Array, Array, Integers], ...]
-
-    def part(self, epochs: slice) -> _Nis:
-        nis = self.nis[:, epochs]
-        alike = nis if self.alike is self.nis else self.alike[:, epochs]
-        return _Nis(nis, alike, tuple((a[:, epochs], b[:, epochs], c[:, epochs]) for a, b, c in self.sensors))
 
 
 class ErrorAccumulator:
@@ -108,7 +103,6 @@ class ErrorAccumulator:
         no_nis = consistency.no_nis(runs)
         empty = _SpanSums(
             moments.no_moments(len(layout.QUANTITIES), runs),
-            np.zeros((len(layout.NORMS), runs, quantiles.BINS), dtype=np.int32),
             consistency.no_nees(runs),
             no_nis,
             no_nis,
@@ -116,6 +110,8 @@ class ErrorAccumulator:
             np.zeros(runs),
         )
         self._spans = {"early": empty, "settled": empty}
+        bins = (len(layout.NORMS), runs, quantiles.BINS)
+        self._bins: dict[str, quantiles.Counts] = {name: np.zeros(bins, dtype=np.int32) for name in self._spans}
         self._common = CommonDof(runs)
         self._common_by: dict[str, CommonDof] = {}
         self._readings: ReadingSeries | None = None
@@ -162,8 +158,7 @@ class ErrorAccumulator:
         """
         first = self._advance(times_s, error, covariance)
         shape = error.shape[:2]
-        # Sums must run over C order: with it a run's epochs are added in the same order in every block.
-        nis, log_likelihood = np.ascontiguousarray(nis), np.ascontiguousarray(log_likelihood)
+        error, log_likelihood = np.ascontiguousarray(error), np.ascontiguousarray(log_likelihood)
         nees, definite, finite = consistency.normalised_errors(error, covariance)
         self._find_failures(first, error, definite, finite, stated or {})
         epochs = np.arange(first, first + shape[1])
@@ -182,19 +177,14 @@ class ErrorAccumulator:
             self._extras[name] = before + np.stack([counted.sum(axis=1), total])
         start = 1 if first == 0 else 0
         border = min(max(self.rules.settled_epoch - first, start), shape[1])
-        components = np.empty((len(layout.QUANTITIES), *shape))
-        components[:6] = error.transpose(2, 0, 1)
+        distance = np.full(shape, np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
-            components[6], components[7] = _norm(components[:3]), _norm(components[3:6])
             for name, part in (("early", slice(start, border)), ("settled", slice(border, shape[1]))):
                 if part.start < part.stop:
-                    inner = innovations.part(part)
-                    span = self._span(
-                        components[..., part], nees[..., part], inner, log_likelihood[:, part], sound[:, part]
-                    )
+                    span = self._span(name, part, error, nees, innovations, log_likelihood, sound, distance)
                     self._spans[name] = _merged(self._spans[name], span)
             if start < shape[1]:
-                self._convergence.add(np.where(sound, components[6], np.inf)[:, start:])
+                self._convergence.add(distance[:, start:])
 
     def failures(self, filter: str, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return the failures as rows of the results; ``runs`` are the numbers of the block's runs."""
@@ -213,7 +203,8 @@ class ErrorAccumulator:
         settled = self._spans["settled"]
         with np.errstate(over="ignore", invalid="ignore"):
             whole = _merged(self._spans["early"], settled)
-            spans = [_span_figures(span) for span in (whole, settled)]
+            bins = self._bins["settled"]
+            spans = [_span_figures(whole, self._bins["early"] + bins), _span_figures(settled, bins)]
             threshold = RELATIVE_CONVERGENCE * spans[1]["rms"][:, layout.QUANTITIES.index("r")]
         step_s = self.rules.step_s
         summary: dict[str, NDArray[Any]] = {name: np.stack([span[name] for span in spans], axis=1) for name in spans[0]}
@@ -293,32 +284,51 @@ class ErrorAccumulator:
             )
         return _Nis(nis, alike, sensors)
 
-    def _span(self, components: Array, nees: Array, innovations: _Nis, log_likelihood: Array, sound: Mask) -> _SpanSums:
-        components, nees = np.ascontiguousarray(components), np.ascontiguousarray(nees)
-        nis = consistency.nis_sums(innovations.nis, sound)
-        alike = nis if innovations.alike is innovations.nis else consistency.nis_sums(innovations.alike, sound)
+    def _span(
+        self,
+        name: str,
+        epochs: slice,
+        error: Array,
+        nees: Array,
+        innovations: _Nis,
+        log_likelihood: Array,
+        sound: Mask,
+        distance: Array,
+    ) -> _SpanSums:
+        """Return the sums over some epochs of a chunk, (runs, K); fill in where the estimates are off by how much."""
+        count, sums, totals, inside = kernels.counting.errors(
+            error,
+            nees,
+            log_likelihood,
+            sound,
+            epochs.start,
+            epochs.stop,
+            self._limits,
+            quantiles.BIN_RULE,
+            self._bins[name],
+            distance,
+        )
+        nis = consistency.nis_sums(innovations.nis, sound, epochs)
+        alike = nis if innovations.alike is innovations.nis else consistency.nis_sums(innovations.alike, sound, epochs)
         single = len(innovations.sensors) == 1
         sensors = tuple(
-            consistency.sensor_sums(alike if single else consistency.nis_sums(like, sound), own, dof, sound)
+            consistency.sensor_sums(
+                alike if single else consistency.nis_sums(like, sound, epochs), own, dof, sound, epochs
+            )
             for own, like, dof in innovations.sensors
         )
         return _SpanSums(
-            moments.moments(components, sound),
-            quantiles.bin_counts(components[6:], sound),
-            consistency.nees_sums(nees, sound, self._limits),
+            moments.Moments(count, *sums),
+            consistency.NeesSums(count, totals[:-1], inside),
             nis,
             alike,
             sensors,
-            np.where(sound, log_likelihood, 0.0).sum(axis=-1),
+            totals[-1],
         )
 
 
 def _share(part: NDArray[Any], count: NDArray[Any]) -> Array:
     return np.where(count > 0, part / np.maximum(count, 1), np.nan)
-
-
-def _norm(vector: Array) -> Array:
-    return np.sqrt((vector[0] * vector[0] + vector[1] * vector[1]) + vector[2] * vector[2])
 
 
 def _merged(a: _SpanSums, b: _SpanSums) -> _SpanSums:
@@ -327,7 +337,6 @@ def _merged(a: _SpanSums, b: _SpanSums) -> _SpanSums:
     single = len(a.sensors) == 1
     return _SpanSums(
         moments.merged(a.errors, b.errors),
-        a.bins + b.bins,
         consistency.merged_nees(a.nees, b.nees),
         nis,
         alike,
@@ -339,11 +348,11 @@ def _merged(a: _SpanSums, b: _SpanSums) -> _SpanSums:
     )
 
 
-def _span_figures(span: _SpanSums) -> dict[str, NDArray[Any]]:
+def _span_figures(span: _SpanSums, bins: quantiles.Counts) -> dict[str, NDArray[Any]]:
     """Return one span's figures by their names in the layout, runs first."""
     errors = span.errors
     largest = errors.known(errors.largest)
-    values = quantiles.quantiles(span.bins, layout.PROBABILITIES, errors.largest[6:])
+    values = quantiles.quantiles(bins, layout.PROBABILITIES, errors.largest[6:])
     return {
         "epochs": errors.count,
         "updates": span.nis.moments.count,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers, Mask
 
 
@@ -50,23 +51,13 @@ def no_moments(quantities: int, runs: int) -> Moments:
 def moments(values: Array, counted: Mask) -> Moments:
     """Return the moments of one chunk.
 
-    Sums run over the last axis of contiguous arrays: NumPy then adds each run's epochs in an order that depends
-    on their number alone, so a run's bits are the same in any block.
-
     Args:
-        values: (quantities, runs, epochs), contiguous.
+        values: (runs, epochs, quantities).
         counted: Epochs that count (runs, epochs).
     """
-    everything = bool(counted.all())
-    count = counted.sum(axis=-1)
-    if not everything:
-        values = np.where(counted, values, 0.0)
-    mean = values.sum(axis=-1) / np.maximum(count, 1)
-    deviations = values - mean[..., None]
-    if not everything:
-        deviations[:, ~counted] = 0.0
-    np.square(deviations, out=deviations)
-    return Moments(count, mean, deviations.sum(axis=-1), np.abs(values).max(axis=-1))
+    values, counted = np.ascontiguousarray(values), np.ascontiguousarray(counted)
+    count, sums = kernels.counting.moments(values, counted, 0, values.shape[1])
+    return Moments(count, *sums)
 
 
 def merged(a: Moments, b: Moments) -> Moments:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.arrays import Array, Integers, Mask
+from relnav_sim.arrays import Array, Integers
 
 Counts = NDArray[np.int32]
 
@@ -19,6 +19,8 @@ _OCTAVES = 64
 _SHIFT = 52 - _PARTS_BITS
 _FIRST = (1023 + _LOWEST_OCTAVE) << _PARTS_BITS
 BINS = (_OCTAVES << _PARTS_BITS) + 1
+BIN_RULE = (_SHIFT, _FIRST - 1)
+"""How compiled loops tell a bin: what `bin_of` shifts to the right and takes off."""
 
 
 def bin_edges() -> Array:
@@ -30,24 +32,7 @@ def bin_edges() -> Array:
 def bin_of(values: Array) -> Integers:
     """Return the bin of each value >= 0; those beyond the last bin, infinity too, count in it."""
     patterns = np.ascontiguousarray(values, dtype=np.float64).view(np.int64)
-    return np.clip((patterns >> _SHIFT) - (_FIRST - 1), 0, BINS - 1)
-
-
-def bin_counts(values: Array, counted: Mask) -> Counts:
-    """Return how many values fall into each bin.
-
-    Args:
-        values: Values >= 0, (quantities, runs, epochs).
-        counted: Epochs that count (runs, epochs).
-
-    Returns:
-        Counts (quantities, runs, BINS).
-    """
-    rows = values.shape[0] * values.shape[1]
-    places = bin_of(values) + BINS * np.arange(rows).reshape(*values.shape[:2], 1)
-    chosen = places.ravel() if counted.all() else places[:, counted].ravel()
-    counts = np.bincount(chosen, minlength=rows * BINS)
-    return counts.astype(np.int32).reshape(*values.shape[:2], BINS)
+    return np.clip((patterns >> BIN_RULE[0]) - BIN_RULE[1], 0, BINS - 1)
 
 
 def quantiles(counts: Counts, probabilities: tuple[float, ...], largest: Array) -> Array:

@@ -16,6 +16,7 @@ from relnav_sim.truth.thrust import Schedule
 KEPT_STEPS = 20_000
 # Below this the rounding of the error estimate itself comes near the tolerance.
 SMALLEST_RTOL = 1e-14
+RTOL = 1e-12
 
 
 def propagate(
@@ -73,7 +74,7 @@ class DenseTrajectory:
         state0: ArrayLike,
         force: ForceModel,
         ballistic_m2_kg: ArrayLike = 0.0,
-        rtol: float = 1e-12,
+        rtol: float = RTOL,
         schedule: Schedule | None = None,
         surface_m: float | None = None,
     ) -> None:

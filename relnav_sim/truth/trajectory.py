@@ -16,7 +16,7 @@ from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion,
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import DispersionsOptions, TruthOptions
-from relnav_sim.truth.propagation import DenseTrajectory
+from relnav_sim.truth.propagation import RTOL, DenseTrajectory
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
 
 
@@ -48,7 +48,7 @@ class TruthTrajectory:
         failures: Why the truth of a run of the block (its index, from 0) ends before the run does.
     """
 
-    def __init__(self, options: TruthOptions, duration_s: float, source: RandomSource) -> None:
+    def __init__(self, options: TruthOptions, duration_s: float, source: RandomSource, rtol: float = RTOL) -> None:
         runs = len(source.runs) if options.is_dispersed else 1
         dispersions = options.dispersions
         # The density is a factor on the drag of both craft, as their own ballistic coefficients are.
@@ -77,6 +77,7 @@ class TruthTrajectory:
             np.concatenate([chief, deputy]),
             self.force,
             self.ballistic_m2_kg.ravel(),
+            rtol,
             schedule=schedule(self._thrusts, runs) if self._thrusts else None,
             surface_m=self.force.radius_m,
         )
@@ -131,15 +132,18 @@ class TruthTrajectory:
                 self.failures[row % runs] = f"the {craft} falls to the Earth at {ending.time_s:g} s: it {ending.why}"
 
 
-def truth_trajectory(options: TruthOptions, duration_s: float, source: RandomSource) -> TruthTrajectory:
+def truth_trajectory(
+    options: TruthOptions, duration_s: float, source: RandomSource, rtol: float = RTOL
+) -> TruthTrajectory:
     """Return the truth of the runs of `source`; where nothing is dispersed, one that all share.
 
     Args:
         options: The `truth:` section of a campaign.
         duration_s: Length of a run, s.
         source: Seed and run numbers; a run's truth does not depend on the other runs.
+        rtol: Error of the integration per radian of an orbit, as a share of its radius.
     """
-    return TruthTrajectory(options, duration_s, source)
+    return TruthTrajectory(options, duration_s, source, rtol)
 
 
 def force_model(options: TruthOptions) -> ForceModel:

@@ -16,7 +16,7 @@ import relnav_sim
 from relnav_sim.kernels import code_folder
 
 PACKAGE = Path(relnav_sim.__file__).parent
-MACHINERY = ("__init__.py", "__main__.py", "code_folder.py", "compiling.py")
+MACHINERY = ("__init__.py", "__main__.py", "code_folder.py", "compiler.py", "compiling.py")
 FACTOR = """
 from relnav_sim.kernels.compiling import inner
 
@@ -215,7 +215,7 @@ def test_without_a_compiler_kernels_are_plain_python(copy):
 def test_a_numba_that_can_not_be_imported_is_a_sentence(copy):
     program = (
         "import sys\nsys.modules['numba'] = None\nfrom relnav_sim import kernels\n"
-        "try: kernels.doubling\nexcept kernels.CompilerError as error: print(error)"
+        "try: kernels.doubling.double(3.0)\nexcept kernels.CompilerError as error: print(error)"
     )
     code, stdout, _ = copy.run("-c", program)
     assert code == 0 and stdout.startswith("relnav needs numba, which can't be imported: ") and stdout.count("\n") == 1

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone, cross_matrix
 
 from relnav_sim import kernels
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
@@ -13,10 +13,6 @@ P = np.array([[3.0, 1.0, 0.5], [1.0, 2.0, -0.4], [0.5, -0.4, 4.0]]) * 1e-6
 SIZES = [(1, 3, 1), (7, 6, 2), (33, 12, 3), (1000, 6, 1)]
 
 
-def cross(r):
-    return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
-
-
 def attitude_map():
     """(6, 6), by putting in every product of two components alone."""
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
@@ -24,9 +20,8 @@ def attitude_map():
     for i, j in places:
         S = np.zeros((3, 3))
         S[i, j] = S[j, i] = 1.0
-        square = sum(
-            S[k, o] * cross(np.eye(3)[k]) @ P @ cross(np.eye(3)[o]).T for k in range(3) for o in range(3) if S[k, o]
-        )
+        turns = [cross_matrix(axis) for axis in np.eye(3)]
+        square = sum(S[k, o] * turns[k] @ P @ turns[o].T for k in range(3) for o in range(3) if S[k, o])
         columns.append([square[row, column] for row, column in places])
     return np.array(columns).T.copy()
 
@@ -44,7 +39,7 @@ def converted(state, c):
     u, v = c[4] + c[5] / q2, c[6] + c[7] / q2
     d, e = c[8] * p2 + c[9] * p2 / q2 + c[10] * q2 + c[11], c[12] * q2 + c[13]
     own = np.array([[w * x * x + d, w * x * y, u * x * z], [0, w * y * y + d, u * y * z], [0, 0, v * z * z + e]])
-    return M.T @ (np.triu(own) + np.triu(own, 1).T) @ M + cross(state[:3]) @ P @ cross(state[:3]).T
+    return M.T @ (np.triu(own) + np.triu(own, 1).T) @ M + cross_matrix(state[:3]) @ P @ cross_matrix(state[:3]).T
 
 
 def tangent(state, c):
@@ -54,7 +49,7 @@ def tangent(state, c):
     square = (
         np.outer(r, r) * (c[0] + c[1] / q2) + np.outer(a, a) * (c[2] * q2 + c[3]) + np.outer(b, b) * (c[4] * q2 + c[5])
     )
-    return square + cross(r) @ P @ cross(r).T
+    return square + cross_matrix(r) @ P @ cross_matrix(r).T
 
 
 @pytest.mark.parametrize(

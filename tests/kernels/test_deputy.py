@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone
 
 from relnav_sim import kernels
 
@@ -40,11 +40,3 @@ def test_where_the_chief_is_seen(points, n):
         np.testing.assert_allclose(J[:, :, j], difference, rtol=1e-7, atol=1e-9 / width[j])
     if points > 1:
         check_runs_are_alone(kernels.deputy.chief_seen_with_jacobian, (states,), R, N)
-
-
-def test_derivatives_by_states_are_those_by_the_sight_times_its_own():
-    rng = np.random.default_rng(5)
-    by_position, by_state = rng.standard_normal((9, 2, 3)), rng.standard_normal((9, 3, 6))
-    H = kernels.deputy.by_states(by_position, by_state, 8)
-    np.testing.assert_allclose(H[:, :, :6], by_position @ by_state, rtol=1e-12, atol=1e-14)
-    np.testing.assert_array_equal(H[:, :, 6:], 0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone
 
 from relnav_sim import kernels
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
@@ -61,16 +61,3 @@ def test_readings_and_their_derivatives(points, e, cartesian):
     if points > 1:
         check_runs_are_alone(kernels.distortion.readings, (predicted, extra), *rest)
         check_runs_are_alone(kernels.distortion.by_both, (predicted, extra), *rest)
-
-
-@pytest.mark.parametrize("shared", [True, False])
-def test_the_chain_rule(shared):
-    rng = np.random.default_rng(3)
-    A, H, C = (
-        rng.standard_normal((9, 3, 3)),
-        rng.standard_normal((1 if shared else 9, 3, 6)),
-        rng.standard_normal((9, 3, 2)),
-    )
-    whole = kernels.distortion.chained(A, H, C)
-    np.testing.assert_allclose(whole[:, :, :6], A @ H, rtol=1e-12, atol=1e-14)
-    np.testing.assert_array_equal(whole[:, :, 6:], C)

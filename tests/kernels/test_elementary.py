@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from relnav_sim.kernels import elementary
+from relnav_sim.kernels.compiler import part
 
 PROCESSOR = {feature for feature, has in llvmlite.binding.get_host_cpu_features().items() if has}
 
 
 def over_lanes(name):
-    function = getattr(elementary, name)
+    function = part(getattr(elementary, name))
 
     @numba.njit(error_model="numpy")
     def one(x, out):

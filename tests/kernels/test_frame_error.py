@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone, cross_matrix
 
 from relnav_sim import kernels
-
-
-def cross(r):
-    return np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
 
 
 @pytest.mark.parametrize("shared", [True, False])
@@ -21,7 +17,7 @@ def test_share_of_the_frame(runs, m, n, shared):
     P = (P + P.swapaxes(1, 2)) / 2
     R = kernels.frame_error.added(H, states, P)
     for run, x in enumerate(states):
-        D = np.block([[cross(x[:3]), np.zeros((3, 3))], [cross(x[3:6]), cross(x[:3])]])
+        D = np.block([[cross_matrix(x[:3]), np.zeros((3, 3))], [cross_matrix(x[3:6]), cross_matrix(x[:3])]])
         G = H[0 if shared else run][:, :6] @ D
         expected = G @ P[0 if shared else run] @ G.T
         np.testing.assert_allclose(R[run], expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())

@@ -1,8 +1,9 @@
-"""Particles drawn, moved, weighed and resampled, against NumPy, SciPy and mpmath."""
+"""Particles moved and weighed, against NumPy, SciPy and mpmath."""
 
 import mpmath
 import numpy as np
 import pytest
+from checks import check_runs_are_alone
 from scipy.special import logsumexp
 
 from relnav_sim import kernels
@@ -14,35 +15,6 @@ SIZES = [(1, 1, 2), (3, 2, 63), (2, 6, 64), (4, 6, 500), (2, 12, 1000)]
 def some(runs, n, N, seed=0):
     rng = np.random.default_rng(seed)
     return 100 + rng.standard_normal((runs, n, N)), np.log(rng.dirichlet(np.ones(N), runs)), rng
-
-
-# Standard normal numbers
-
-
-def test_normals_are_those_of_box_and_muller():
-    uniform = np.random.default_rng(0).random((1, 400))
-    uniform[0, :3] = 0.0, 1 - 2.0**-53, 2.0**-53
-    uniform[0, 203:209] = 0.0, 0.125, 0.25, 0.5, 0.875, 1 - 2.0**-53
-    found = uniform.copy()
-    kernels.normals.box_muller(found)
-    with mpmath.workdps(40):
-        for i in range(200):
-            u, v = mpmath.mpf(uniform[0, i]), mpmath.mpf(uniform[0, 200 + i])
-            radius = mpmath.sqrt(-2 * mpmath.log(1 - u))
-            x, y = radius * mpmath.cospi(2 * v - 1), radius * mpmath.sinpi(2 * v - 1)
-            assert abs(found[0, i] - x) <= 4e-16 * abs(x)
-            assert abs(found[0, 200 + i] - y) <= 4e-16 * abs(y)
-
-
-@pytest.mark.parametrize("pairs", [1, 7, 32, 1001])
-def test_bits_of_a_normal_do_not_depend_on_its_place(pairs):
-    uniform = np.random.default_rng(1).random((3, 2 * pairs))
-    whole = uniform.copy()
-    kernels.normals.box_muller(whole)
-    for i in range(pairs):
-        alone = uniform[1:2, [i, pairs + i]]
-        kernels.normals.box_muller(alone)
-        assert np.array_equal(alone[0], whole[1, [i, pairs + i]])
 
 
 # Moves
@@ -162,83 +134,26 @@ def test_powers_that_leave_half_of_the_particles():
     assert power[3] == 0
 
 
-# Likelihood
-
-
-@pytest.mark.parametrize(("runs", "m", "N"), [(1, 1, 5), (3, 2, 100), (2, 3, 500), (4, 6, 33)])
-@pytest.mark.parametrize("shared", [True, False])
-def test_likelihood(runs, m, N, shared):
-    _, _, rng = some(1, 1, 2)
-    A = rng.standard_normal((1 if shared else runs, m, m))
-    R = A @ A.swapaxes(1, 2) + np.eye(m)
-    z, predicted = rng.standard_normal((runs, m)), 3 * rng.standard_normal((runs, N, m))
-    angle = np.arange(m) % 2 == 1
-    difference = z[:, None] - predicted
-    difference[..., angle] = np.mod(difference[..., angle] + np.pi, 2 * np.pi) - np.pi
-    every = np.broadcast_to(R, (runs, m, m))
-    nis = np.einsum("bpi,bij,bpj->bp", difference, np.linalg.inv(every), difference)
-    expected = -0.5 * (nis + np.linalg.slogdet(2 * np.pi * every)[1][:, None])
-    found = kernels.likelihood.gaussian(z, predicted, angle, R)
-    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
-    if not shared and runs > 2:
-        R[1] = -np.eye(m)
-        broken = kernels.likelihood.gaussian(z, predicted, angle, R)
-        assert np.isnan(broken[1]).all()
-        assert np.array_equal(np.delete(broken, 1, axis=0), np.delete(found, 1, axis=0))
-
-
-# Resampling
-
-
-@pytest.mark.parametrize("N", [2, 57, 1000])
-@pytest.mark.parametrize("several", [True, False])
-def test_ancestors_are_those_of_a_search_through_the_cumulative_weights(N, several):
-    rng = np.random.default_rng(N)
-    weights = rng.gamma(0.3, size=(20, N))
-    weights /= weights.sum(axis=1, keepdims=True)
-    u = rng.random((20, N if several else 1))
-    found = kernels.resampling.ancestors(weights, u)
-    for run in range(20):
-        expected = np.searchsorted(np.cumsum(weights[run]), (np.arange(N) + u[run]) / N)
-        assert np.array_equal(found[run], expected)
-
-
-def test_ancestors_of_no_number_stay_in_the_array():
-    weights = np.full((2, 9), 1 / 9)
-    weights[0, 4] = np.nan
-    found = kernels.resampling.ancestors(weights, np.full((2, 1), 0.5))
-    assert (found >= 0).all() and (found < 9).all()
-    assert found[1].tolist() == list(range(9))
-
-
-def test_copies():
-    x, _, rng = some(5, 3, 40)
-    rows, chosen = np.array([0, 3]), rng.integers(0, 40, (2, 40))
-    expected = np.stack([x[row][:, ancestors] for row, ancestors in zip(rows, chosen, strict=True)])
-    assert np.array_equal(kernels.resampling.copies(x, rows, chosen), expected)
-
-
-# Blocks
-
-
-def test_bits_of_a_run_do_not_depend_on_the_block():
-    runs, n, N, m = 40, 6, 77, 3
+def test_a_run_is_its_own():
+    runs, n, N = 40, 6, 77
     x, log_weights, rng = some(runs, n, N)
     F, c = rng.standard_normal((runs, n, n)), rng.standard_normal((runs, n))
     G, xi = rng.standard_normal((runs, 1, n, n)), rng.standard_normal((runs, n, N))
-    z, predicted = rng.standard_normal((runs, m)), rng.standard_normal((runs, N, m))
-    R, u = np.stack([(run + 1) * np.eye(m) for run in range(runs)]), rng.random((runs, 1))
-    angle = np.array([False, True, True])
+    score = rng.standard_normal((runs, N))
+    check_runs_are_alone(kernels.particles.affine, (x, F, c))
 
-    def outcome(rows):
-        moved = kernels.particles.affine(x[rows], F[rows], c[rows])
-        kernels.particles.add_noise(moved, G[rows], xi[rows])
-        score = kernels.likelihood.gaussian(z[rows], predicted[rows], angle, R[rows])
-        weighed = kernels.particles.weigh(moved, log_weights[rows], score)
-        power = kernels.particles.power_that_leaves_half(log_weights[rows], 50 * score, np.ones(len(moved)), N / 2)
-        return moved, score, power, kernels.resampling.ancestors(np.exp(weighed[0]), u[rows]), *weighed
+    def noisy(x, G, xi):
+        moved = x.copy()
+        kernels.particles.add_noise(moved, G, xi)
+        return moved
 
-    whole = outcome(slice(None))
+    check_runs_are_alone(noisy, (x, G, xi))
+    weighed = kernels.particles.weigh(x, log_weights, score)
+    power = kernels.particles.power_that_leaves_half(log_weights, 50 * score, np.ones(runs), N / 2)
     for run in (0, 1, 17, 39):
-        for alone, together in zip(outcome(slice(run, run + 1)), whole, strict=True):
-            assert np.array_equal(alone[0], together[run])
+        own = slice(run, run + 1)
+        alone = kernels.particles.weigh(x[own], log_weights[own], score[own])
+        for one, many in zip(alone, weighed, strict=True):
+            np.testing.assert_array_equal(one[0], many[run])
+        half = kernels.particles.power_that_leaves_half(log_weights[own], 50 * score[own], np.ones(1), N / 2)
+        assert half[0] == power[run]

@@ -1,8 +1,8 @@
-"""Ranges, their rates and derivatives, and what is linear, against NumPy."""
+"""Ranges, their rates and derivatives, against NumPy."""
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone
 
 from relnav_sim import kernels
 
@@ -39,12 +39,5 @@ def test_noise_that_grows_with_the_range(shared):
     expected = np.broadcast_to(A, (9, 3, 3)).copy()
     expected[:, 0, 0] *= (1 + 2e-3 * np.linalg.norm(states[:, :3], axis=1)) ** 2
     np.testing.assert_allclose(kernels.ranging.grown(A, states, 2e-3), expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("points", "m", "n"), [(1, 1, 1), (7, 6, 12), (1000, 3, 6)])
-def test_one_matrix_times_many_vectors(points, m, n):
-    rng = np.random.default_rng([points, m, n])
-    H, x = rng.standard_normal((m, n)), rng.standard_normal((points, n))
-    np.testing.assert_allclose(kernels.linear.images(H, x), x @ H.T, rtol=1e-12, atol=1e-13)
-    if points > 1:
-        check_runs_are_alone(lambda x: kernels.linear.images(H, x), (x,))
+    if not shared:
+        check_runs_are_alone(kernels.ranging.grown, (A, states), 2e-3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from checks import check_runs_are_alone
 
 from relnav_sim import kernels
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
@@ -93,3 +94,33 @@ def test_the_sign_of_a_zero_decides_the_side_of_pi():
     behind = np.array([[0.0, -1000.0, 0.0], [0.0, -1000.0, -0.0]])
     azimuth = kernels.sight.spherical(behind, NADIR_FROM_RTN)[:, 1]
     np.testing.assert_array_equal(azimuth, [-np.pi, np.pi])  # y = -z_RTN
+
+
+def radar_samples(mounting, spread):
+    rng = np.random.default_rng(11)
+    runs, N = 5, 700
+    M = mounting_matrix(*mounting) @ NADIR_FROM_RTN
+    centre = rng.standard_normal((runs, 6)) * 10 + [100.0, 3000.0, -400.0, 0, 0, 0]
+    root, e = rng.standard_normal((runs, 6, 3)) * spread, rng.standard_normal((runs, 3, N))
+    z = kernels.sight.spherical(centre, M) + np.array([3.0, 2e-3, -1e-3])
+    W = np.tril(rng.standard_normal((runs, 3, 3))) * [1.0, 500.0, 800.0]
+    return z, W, centre, root, e, M
+
+
+@pytest.mark.parametrize("spread", [10.0, 3000.0], ids=["ahead", "all around"])
+@pytest.mark.parametrize("mounting", [(0, 0, 0), (180, 0, 0), (40, -20, 10)], ids=str)
+def test_squared_errors_of_a_radar(mounting, spread):
+    z, W, centre, root, e, M = radar_samples(mounting, spread)
+    found = kernels.sight.squared_errors(z, W, centre, root, e, M)
+    for run in range(len(z)):
+        states = (centre[run][:, None] + root[run] @ e[run]).T
+        x, y, h = M @ states[:, :3].T
+        reading = np.array([np.sqrt(x * x + y * y + h * h), np.arctan2(y, x), np.arctan2(-h, np.hypot(x, y))])
+        residual = z[run][:, None] - reading
+        residual[1:] = np.angle(np.exp(1j * residual[1:]))
+        np.testing.assert_allclose(found[run], np.square(W[run] @ residual).sum(axis=0), rtol=1e-9, atol=1e-9)
+
+
+def test_squared_errors_of_a_run_are_its_own():
+    *given, M = radar_samples((40, -20, 10), 3000.0)
+    check_runs_are_alone(lambda *given: kernels.sight.squared_errors(*given, M), given)

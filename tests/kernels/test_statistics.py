@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from checks import covariances
 
 from relnav_sim import kernels
 
 
 def estimates(runs, epochs, seed=4):
     rng = np.random.default_rng(seed)
-    A = rng.normal(size=(epochs, runs, 6, 6))
-    return rng.normal(size=(runs, epochs, 6)), A @ A.swapaxes(-1, -2) + 0.1 * np.eye(6)
+    return rng.normal(size=(runs, epochs, 6)), covariances(rng, epochs, runs, 6)
 
 
 @pytest.mark.parametrize(("runs", "epochs"), [(1, 1), (1, 40), (50, 7), (33, 33)])
@@ -46,18 +46,11 @@ def test_doubtful_runs(bad):
     assert np.flatnonzero(kernels.statistics.doubtful(mean, covariance)).tolist() == [1, 2, 4]
 
 
-def test_inside_counts_as_numpy_does():
-    rng = np.random.default_rng(5)
-    nees, counted = rng.chisquare(3, size=(3, 4, 60)), rng.random((4, 60)) < 0.8
-    nees[0, 1, 7] = np.nan
-    limits = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 60.0]])
-    expected = ((nees[:, None] <= limits[:, :, None, None]) & counted).sum(axis=-1)
-    np.testing.assert_array_equal(kernels.statistics.inside(nees, counted, limits), expected)
-
-
-@pytest.mark.parametrize("window", [1, 2, 5, 12, 40])
-def test_sliding_largest_as_numpy_has_it(window):
-    x = np.random.default_rng(6).normal(size=(3, 40))
-    x[1, 9] = np.inf
-    windows = np.lib.stride_tricks.sliding_window_view(x, window, axis=1)
-    np.testing.assert_array_equal(kernels.statistics.sliding_largest(x, window), windows.max(axis=-1))
+def test_a_run_is_its_own():
+    error, covariance = estimates(40, 9)
+    whole = kernels.statistics.normalised_errors(error, covariance)
+    for run in (0, 17, 39):
+        own = slice(run, run + 1)
+        alone = kernels.statistics.normalised_errors(error[own], covariance[:, own].copy())
+        for one, many in zip(alone, whole, strict=True):
+            np.testing.assert_array_equal(one, many[..., own, :])

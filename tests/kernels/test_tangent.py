@@ -5,7 +5,7 @@ Axes, gradients and what stands behind: tests/astro/test_tangent_plane.py.
 
 import numpy as np
 import pytest
-from alone import check_runs_are_alone
+from checks import check_runs_are_alone
 from scipy.spatial.transform import Rotation
 
 from relnav_sim import kernels
@@ -51,7 +51,10 @@ def test_readings(runs, each, n, ranged):
     np.testing.assert_array_equal(z, again)
     assert H.shape == (*z.shape, n)
     if runs > 1 and each == 1:
-        check_runs_are_alone(lambda p, c: kernels.tangent.linearised(p, M, c, ranged), (positions, centres))
+        far = np.hstack([positions, centres])  # a run is a row
+        check_runs_are_alone(lambda x: kernels.tangent.readings(*parted(x), ranged), (far,))
+        check_runs_are_alone(lambda x: kernels.tangent.linearised(*parted(x), ranged), (far,))
+        check_runs_are_alone(lambda x: kernels.tangent.by_turn(*parted(x)), (far,))
 
 
 def test_without_a_reading_the_first_point_of_the_run_is_the_centre():
@@ -74,9 +77,9 @@ def test_a_turn_of_the_sensor_adds_to_the_noise():
         expected = own.copy()
         expected[:, 1:, 1:] += G @ P @ G.T
         np.testing.assert_allclose(R[run], expected, rtol=1e-12, atol=1e-18)
-    far = np.hstack([positions, centres])  # a run is a row
+    far = np.hstack([positions, centres])
     check_runs_are_alone(lambda x: kernels.tangent.noise(*parted(x), P, own), (far,))
 
 
 def parted(rows):
-    return np.ascontiguousarray(rows[:, :6]), M, np.ascontiguousarray(rows[:, 6:])
+    return np.ascontiguousarray(rows[:, :-3]), M, np.ascontiguousarray(rows[:, -3:])

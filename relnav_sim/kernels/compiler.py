@@ -1,0 +1,135 @@
+"""What compiles kernels, by numba, and loads them from the folder of compiled code."""
+
+from __future__ import annotations
+
+import os
+import pickle
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import cache
+from inspect import Parameter, Signature, signature
+from types import FunctionType, ModuleType
+from typing import Any
+
+from relnav_sim.kernels import CompilerError
+from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, read_code, warn_not_kept
+from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of
+
+
+def _numba() -> ModuleType:
+    """Import numba without Intel's vector mathematics, which round differently in vectors and beside them.
+
+    Whether numba uses them is settled once in a process, by a variable of the environment that is read then. Other
+    code of the process does without them too: that costs it some speed and changes last digits. Where the program has
+    numba with them already, nothing that is compiled here is kept for others.
+    """
+    variable = "NUMBA_DISABLE_INTEL_SVML"
+    before = os.environ.get(variable)
+    os.environ[variable] = "1"
+    try:
+        import numba
+        import numba.core.caching
+        import numba.core.compiler
+        import numba.core.serialize
+        import numba.extending
+    except Exception as error:  # of whatever kind: numba refuses versions, llvmlite loads a library
+        raise CompilerError(f"relnav needs numba, which can't be imported: {error}") from error
+    finally:
+        os.environ.pop(variable)
+        if before is not None:
+            os.environ[variable] = before
+    return numba
+
+
+numba: Any = _numba()
+
+
+def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Callable[..., Any]:
+    """Return a kernel, compiled for arguments of these types and no others; it is kept, or was already."""
+    if numba.config.DISABLE_JIT:
+        return function
+    name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+    kernel = _jit(function)
+    if not numba.config.USING_SVML:
+        kernel._cache = _Kept(name)
+    with nullcontext() if is_kept(name) else alone(name):
+        kernel.compile(tuple(kind(numba.types) for kind in arguments))
+    kernel.disable_compile()
+    return kernel
+
+
+def _jit(function: Callable[..., Any], **options: Any) -> Any:
+    return numba.njit(error_model="numpy", **options)(in_terms_of(function, _as_compiled))
+
+
+def _as_compiled(name: str, value: Any) -> Any:
+    """Return what numba compiles in place of a plain function that kernels call."""
+    return part(value) if isinstance(value, FunctionType) and value in PARTS else value
+
+
+@cache
+def part(function: Callable[..., Any]) -> Any:
+    """Return what numba compiles, as a part of kernels, for a function that they call."""
+    how = PARTS[function]
+    return _intrinsic(function, how) if isinstance(how, Instruction) else _jit(function, **how)
+
+
+def _intrinsic(function: Callable[..., Any], how: Instruction) -> Any:
+    def typed(typing: Any, *values: Any) -> Any:
+        types = how.result(numba.types)(*(kind(numba.types) for kind in how.arguments))
+        return types, lambda context, builder, types, values: how.code(builder, *values)
+
+    first = Parameter("typing", Parameter.POSITIONAL_ONLY)
+    others = [p.replace(kind=Parameter.POSITIONAL_ONLY) for p in signature(function).parameters.values()]
+    typed.__signature__ = Signature([first, *others])  # type: ignore[attr-defined]  # numba looks at how many there are
+    return numba.extending.intrinsic(typed)
+
+
+class _Kept(numba.core.caching.NullCache):  # type: ignore[misc]  # numba has no types
+    """Where numba looks for the code of a kernel and leaves it: what its own cache does, and more carefully.
+
+    That one asks a folder to be writable to read from it, believes what it reads, and does not see that a function of
+    another file has changed. Here whatever goes wrong means that the kernel is compiled in memory.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return the compiled kernel; None where it is not kept, or is for another processor."""
+        code = read_code(self._name)
+        if code is None:
+            return None
+        try:
+            _initialise(target)
+            processor, content = pickle.loads(code)
+            if processor != target.codegen().magic_tuple():
+                return None
+            return numba.core.compiler.CompileResult._rebuild(target, *content)
+        except Exception:  # code of a numba that keeps it in another form
+            return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep a kernel that has been compiled."""
+        try:
+            assert not compiled.library.has_dynamic_globals, f"{self._name} has addresses of this process in it"
+            code = numba.core.serialize.dumps((compiled.codegen.magic_tuple(), compiled._reduce()))
+        except Exception as error:  # a numba that keeps code in another form
+            warn_not_kept(str(error))
+        else:
+            keep_code(self._name, code)
+
+
+def _initialise(target: Any) -> None:
+    """Make a process ready for code that is loaded, which needs numba's memory management and nothing of its compiler.
+
+    That takes a third of the time of getting all ready, as newer versions of numba than those tried get it.
+    """
+    if numba.version_info.short <= LATEST_KNOWN:
+        numba.core.runtime.rtsys.initialize(target)
+    else:
+        target.refresh()
+
+
+LATEST_KNOWN = (0, 68)
+"""The latest version of numba with which loading has been tried."""

@@ -1,0 +1,80 @@
+"""Kernels as the plain Python that they are, for what is asked of them without a compiler."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
+LOADED = "print('loaded', sorted({'numba', 'llvmlite'} & set(sys.modules)))\n"
+
+
+def last_line(program, *arguments):
+    done = subprocess.run([sys.executable, "-c", program, *map(str, arguments)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()[-1]
+
+
+def test_campaigns_are_validated_without_the_compiler():
+    program = (
+        "import sys\n"
+        "from relnav_sim.cli.app import app\n"
+        "for path in sys.argv[1:]:\n"
+        "    try: app(['validate', path])\n"
+        "    except SystemExit as end: assert not end.code, path\n"
+    )
+    shipped = sorted(CAMPAIGNS.glob("*.yaml"))
+    assert len(shipped) > 20
+    assert last_line(program + LOADED, *shipped) == "loaded []"
+
+
+AGREE = """
+import json, sys
+import numpy as np
+from relnav_sim import kernels, load_campaign
+from relnav_sim.crlb.case_observability import case_observability
+from relnav_sim.kernels.compiling import interpreted
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_truth, truth_trajectory
+
+def answers(config):
+    truth = truth_trajectory(nominal_truth(config.truth), config.clock.duration_s, RandomSource(0, (0,)))
+    states = truth.at(np.linspace(0, config.clock.duration_s, 50))
+    found = case_observability(config)
+    return [states.chief, states.deputy, *(each.ratio for each in found.values())]
+
+config = load_campaign(sys.argv[1]).cases[-1].config
+with interpreted():
+    plain = answers(config)
+assert "numba" not in sys.modules
+compiled = answers(config)
+assert "numba" in sys.modules
+print(json.dumps([np.abs(p / c - 1).max() for p, c in zip(plain, compiled, strict=True)]))
+"""
+
+
+@pytest.mark.parametrize("name", ["angles_only", "crosslink", "gnss_to_radar", "rendezvous"])
+def test_plain_python_agrees_with_compiled_code(name):
+    chief, deputy, *ratios = json.loads(last_line(AGREE, CAMPAIGNS / f"{name}.yaml"))
+    # Steps are the same where an error estimate is not within its rounding of the tolerance.
+    assert max(chief, deputy) < 1e-9
+    assert ratios and max(ratios) < 1e-7
+
+
+FAILS = """
+import sys
+import numpy as np
+from relnav_sim import kernels
+from relnav_sim.kernels.compiling import interpreted
+with interpreted():
+    L = kernels.roots.cholesky(-np.eye(2)[None])[0]
+print(np.isnan(L).any(), 'numba' in sys.modules)
+"""
+
+
+def test_what_python_refuses_is_compiled_after_all():
+    assert last_line(FAILS) == "True True"
