@@ -33,6 +33,11 @@ def integer(types: Any) -> Any:
     return types.int64
 
 
+def count(types: Any) -> Any:
+    """Return the type of numbers that are counted up in large tables."""
+    return types.int32
+
+
 def flag(types: Any) -> Any:
     """Return the type of a truth value."""
     return types.boolean
@@ -84,8 +89,10 @@ class Uncompiled:
         """
         from relnav_sim.kernels.compiler import compiled
 
-        function = compiled(self.function, self.arguments)
-        setattr(sys.modules[self.function.__module__], self.function.__name__, function)
+        module, name = sys.modules[self.function.__module__], self.function.__name__
+        if vars(module)[name] is self:
+            setattr(module, name, compiled(self.function, self.arguments))
+        function: Callable[..., Any] = vars(module)[name]
         return function
 
 

@@ -6,18 +6,23 @@ Sums go over a run's epochs in their order. What is summed together lies side by
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.kernels.compiling import flag, given, inlined, inner, integer, kernel, number, types, written
+from relnav_sim.kernels.compiling import count as counter
+from relnav_sim.kernels.compiling import flag, given, inlined, inner, integer, kernel, number, written
 from relnav_sim.kernels.elementary import bits
 
 Counts = NDArray[np.int32]
 Bins = tuple[int, int]
 """By how many bits a number is shifted to the right to tell its bin, and what to take off then."""
-_BINS = types.UniTuple(types.int64, 2)
+
+
+def _bins(types: Any) -> Any:
+    return types.UniTuple(types.int64, 2)
 
 
 @kernel(given(3), given(2, flag), integer, integer)
@@ -45,8 +50,8 @@ def moments(values: Array, counted: Mask, first: int, stop: int) -> tuple[Intege
     integer,
     integer,
     given(2),
-    _BINS,
-    written(3, types.int32),
+    _bins,
+    written(3, counter),
     written(2),
 )
 def errors(
@@ -149,7 +154,7 @@ def successive(x: Array, counted: Mask, first: int, stop: int) -> tuple[Integers
     return count, sums
 
 
-@kernel(given(2), integer, number, _BINS, written(1), written(1, types.int64), written(2, types.int32))
+@kernel(given(2), integer, number, _bins, written(1), written(1, integer), written(2, counter))
 def staying(
     x: Array, window: int, threshold: float, bins: Bins, smallest: Array, not_below: Integers, places: Counts
 ) -> None:

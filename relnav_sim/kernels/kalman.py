@@ -104,7 +104,7 @@ def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
 
 @kernel(given(2), given(3), given(2), given(3), given(3))
 def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Array, Indices]:
-    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and the runs in which they are lost.
+    """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and which runs are lost.
 
     One Cholesky factor S = L L^T serves all: with W = L^-1 H P and w = L^-1 nu the mean moves by W^T w and the
     covariance becomes P - W^T W. That difference loses as many digits as the prior is wider than the noise, so runs
@@ -314,8 +314,8 @@ def singular(S: Array, L: Array, b: int) -> bool:
 def _joseph(b: int, P: Array, H: Array, R: Array, L: Array, W: Array, covariance: Array) -> bool:
     """Set lane b of the covariance to (I - K H) P (I - K H)^T + K R K^T; return whether a variance is drowned.
 
-    With M = (I - K H) P = P - K (H P) that is M + (K R - M H^T) K^T. A variance is drowned when it is below the rounding of the
-    covariance that the update began with.
+    With M = (I - K H) P = P - K (H P) that is M + (K R - M H^T) K^T. A variance is drowned when it is below the
+    rounding of the covariance that the update began with.
     """
     k, n = len(L), len(P)
     K, M, G, HP = np.empty((n, k)), np.empty((n, n)), np.empty((n, k)), np.empty((k, n))

@@ -154,7 +154,7 @@ def fly(
             else:
                 good = True
         if good:
-            for k in range(WIDTH):
+            for k in range(6 * LANES):
                 at[k] = ends[k]
             derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
