@@ -14,10 +14,10 @@ from relnav_sim.filters.registry import filter_kinds
 
 START_S = 3.0
 """CPU time of starting the program and two workers, whatever the campaign, s."""
-_BOUND_US = 100.0
+_BOUND_US = 300.0
 """CPU time of a case's Cramér-Rao bound for one epoch, us."""
-_SIMULATION_US, _STATISTICS_US = 2.0, 1.0
-_SIMULATION_OVERHEAD_US, _STATISTICS_OVERHEAD_US = 15.0, 20.0
+_SIMULATION_US, _STATISTICS_US = 0.5, 1.2
+_SIMULATION_OVERHEAD_US, _STATISTICS_OVERHEAD_US = 10.0, 18.0
 """CPU time of truth and sensors, and of one filter's statistics: for each run and step, and for a step of a block.
 
 Blocks are cut by the larger, safer figures of `blocks`, which change no estimate.
@@ -90,7 +90,7 @@ def _case_seconds(config: CaseConfig, campaign: Campaign) -> float:
 def _block_seconds(config: CaseConfig, names: Sequence[str], runs: int) -> float:
     """Return the CPU time of a block of so many runs of a case with some of its filters, s.
 
-    A step costs NumPy's calls, however few the runs, and the arithmetic of each run. Filters with the same dynamics
+    A step costs calls, however few the runs, and the arithmetic of each run. Filters with the same dynamics
     share what these do for all of them.
     """
     step_us = _SIMULATION_OVERHEAD_US + runs * _SIMULATION_US

@@ -25,8 +25,8 @@ from relnav_sim.dynamics.relative_flow import Legs, divide, flow, linear_flow
 class NonlinearOptions(DynamicsOptions):
     """Exact two-body relative motion about the chief's nominal orbit, of any eccentricity below 1; no J2, no drag."""
 
-    step_cost_us: ClassVar[float] = 2.0
-    step_overhead_us: ClassVar[float] = 150.0
+    step_cost_us: ClassVar[float] = 0.4
+    step_overhead_us: ClassVar[float] = 15.0
 
     kind: Literal["nonlinear"] = Field(default="nonlinear", description="Exact two-body relative motion")
 

@@ -31,10 +31,10 @@ class NonlinearJ2Options(DynamicsOptions):
     """
 
     needs: ClassVar[frozenset[Need]] = frozenset({"chief_fixes", "known_thrust"})
-    step_cost_us: ClassVar[float] = 3.0
-    step_overhead_us: ClassVar[float] = 200.0
+    step_cost_us: ClassVar[float] = 0.9
+    step_overhead_us: ClassVar[float] = 10.0
     # The orbit filter, and the chief's segments.
-    shared_overhead_us: ClassVar[float] = 250.0
+    shared_overhead_us: ClassVar[float] = 5.0
     shared_epoch_bytes: ClassVar[float] = 830.0
 
     kind: Literal["nonlinear_j2"] = Field(

@@ -70,7 +70,7 @@ class AdaptiveAlphaOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=8.0, overhead_us=830.0)
+@register_filter("adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=4.0, overhead_us=145.0)
 class AdaptiveAlphaFilter(GaussianFilter):
     """Adaptive alpha Kalman filter: R / alpha_k with alpha_k from the residuals.
 

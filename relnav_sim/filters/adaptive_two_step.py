@@ -58,7 +58,7 @@ class AdaptiveTwoStepBelief(TwoStepBelief):
     memory: Array
 
 
-@register_filter("adaptive_two_step", AdaptiveTwoStepOptions, cost_us=25.0, overhead_us=1400.0)
+@register_filter("adaptive_two_step", AdaptiveTwoStepOptions, cost_us=12.0, overhead_us=530.0)
 class AdaptiveTwoStepFilter(TwoStepFilter):
     """Two-step filter that estimates its measurement noise (Sage and Husa), positive definite at every step.
 

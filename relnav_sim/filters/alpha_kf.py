@@ -87,7 +87,7 @@ class AlphaOptions(ImportanceOptions):
     )
 
 
-@register_filter("alpha_kf", AlphaOptions, measurement="cartesian", cost_us=350.0, overhead_us=520.0)
+@register_filter("alpha_kf", AlphaOptions, measurement="cartesian", cost_us=200.0, overhead_us=150.0)
 class AlphaKalmanFilter(SamplingFilter):
     """Alpha-divergence Kalman filter.
 

@@ -9,7 +9,7 @@ from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("ckf", GaussianFilterOptions, overhead_us=205.0)
+@register_filter("ckf", GaussianFilterOptions, cost_us=1.3, overhead_us=55.0)
 class CubatureKalmanFilter(UnscentedKalmanFilter):
     """Cubature Kalman filter: 2 n equally weighted points at sqrt(n) sigma, no tuning parameter.
 

@@ -10,7 +10,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import linearised
 
 
-@register_filter("ekf", GaussianFilterOptions, overhead_us=140.0)
+@register_filter("ekf", GaussianFilterOptions, cost_us=0.7, overhead_us=25.0)
 class ExtendedKalmanFilter(GaussianFilter):
     """Extended Kalman filter: the measurement linearised at the prediction.
 

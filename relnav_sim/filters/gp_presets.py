@@ -28,7 +28,7 @@ class GpParticleOptions(ParticleOptions):
     )
 
 
-@register_filter("gp_particle", GpParticleOptions, cost_us=6000.0, learned_dynamics=True, overhead_us=1400.0)
+@register_filter("gp_particle", GpParticleOptions, cost_us=2900.0, learned_dynamics=True, overhead_us=2500.0)
 class GpParticleFilter(ParticleFilter):
     """Particle filter over learned dynamics: `particle` that resamples at every measurement and moves once.
 
@@ -44,7 +44,7 @@ class GpUkfOptions(UnscentedOptions):
     """Options of the unscented Kalman filter over learned dynamics."""
 
 
-@register_filter("gp_ukf", GpUkfOptions, cost_us=60.0, learned_dynamics=True, overhead_us=400.0)
+@register_filter("gp_ukf", GpUkfOptions, cost_us=26.0, learned_dynamics=True, overhead_us=230.0)
 class GpUnscentedKalmanFilter(UnscentedKalmanFilter):
     """Unscented Kalman filter over learned dynamics: `ukf` whose sigma points go through a Gaussian process.
 
@@ -62,7 +62,7 @@ class MfUpfOptions(UnscentedParticleOptions):
     )
 
 
-@register_filter("mf_upf", MfUpfOptions, cost_us=6000.0, learned_dynamics=True, overhead_us=1400.0)
+@register_filter("mf_upf", MfUpfOptions, cost_us=3000.0, learned_dynamics=True, overhead_us=2500.0)
 class ModelFreeUnscentedParticleFilter(UnscentedParticleFilter):
     """Model-free unscented particle filter: `unscented_particle` over learned dynamics.
 

@@ -33,7 +33,7 @@ class HuberOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("huber", HuberOptions, cost_us=7.0, overhead_us=500.0)
+@register_filter("huber", HuberOptions, cost_us=2.5, overhead_us=100.0)
 class HuberFilter(GaussianFilter):
     """Huber filter: residuals beyond a threshold count linearly instead of quadratically.
 

@@ -19,7 +19,7 @@ from relnav_sim.linalg import by_run, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("iekf", IterationOptions, cost_us=8.0, overhead_us=720.0)
+@register_filter("iekf", IterationOptions, cost_us=4.0, overhead_us=260.0)
 class IteratedExtendedKalmanFilter(GaussianFilter):
     """Iterated extended Kalman filter: the maximum of the posterior, by Gauss-Newton with a line search.
 

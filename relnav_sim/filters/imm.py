@@ -64,7 +64,7 @@ class ModelBank:
         return kernels.components.moment_match(np.exp(self.log_weights), self.means, self.covariances)
 
 
-@register_filter("imm", ImmOptions, cost_us=5.0, overhead_us=250.0)
+@register_filter("imm", ImmOptions, cost_us=1.4, overhead_us=110.0)
 class InteractingModelsFilter:
     """Interacting multiple models: one extended Kalman filter per component of the measurement noise.
 

@@ -187,7 +187,7 @@ class KalmanOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian", overhead_us=170.0, linear_only=True)
+@register_filter("kf", KalmanOptions, measurement="cartesian", cost_us=0.7, overhead_us=25.0, linear_only=True)
 class KalmanFilter(GaussianFilter):
     """Linear Kalman filter (Kalman 1960) on linear measurements: a radar's are converted to Cartesian coordinates.
 

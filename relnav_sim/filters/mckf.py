@@ -36,7 +36,7 @@ class CorrentropyOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("mckf", CorrentropyOptions, cost_us=7.0, overhead_us=500.0)
+@register_filter("mckf", CorrentropyOptions, cost_us=4.0, overhead_us=115.0)
 class CorrentropyFilter(GaussianFilter):
     """Maximum-correntropy filter: a Gaussian kernel of the residuals replaces the square.
 

@@ -8,7 +8,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("mkf", ImportanceOptions, cost_us=450.0, overhead_us=400.0)
+@register_filter("mkf", ImportanceOptions, cost_us=180.0, overhead_us=140.0)
 class MomentMatchingFilter(AlphaKalmanFilter):
     """Moment-matching Kalman filter: the Gaussian with the posterior's own mean and covariance, KL(p|q).
 

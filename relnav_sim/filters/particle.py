@@ -51,7 +51,7 @@ class ParticleOptions(ParticleSetOptions):
     )
 
 
-@register_filter("particle", ParticleOptions, cost_us=150.0, overhead_us=500.0)
+@register_filter("particle", ParticleOptions, cost_us=150.0, overhead_us=125.0)
 class ParticleFilter(ParticleSetFilter):
     """Bootstrap particle filter: draw from the dynamics, weigh by the likelihood, resample when few particles count.
 

@@ -48,7 +48,7 @@ class StochasticSearchOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("skf", StochasticSearchOptions, cost_us=1000.0, overhead_us=4500.0)
+@register_filter("skf", StochasticSearchOptions, cost_us=600.0, overhead_us=4000.0)
 class StochasticSearchFilter(SamplingFilter):
     """Stochastic-search Kalman filter: the Gaussian q that minimises KL(q|p) to the posterior.
 

@@ -49,7 +49,7 @@ class RootGaussian:
         return symmetric(self.root @ transpose(self.root))
 
 
-@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=8.0, overhead_us=280.0)
+@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0)
 class SquareRootUnscentedKalmanFilter(GaussianFilter):
     """Square-root unscented Kalman filter: the unscented filter with the covariance held as its root.
 

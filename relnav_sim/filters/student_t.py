@@ -33,7 +33,7 @@ class StudentOptions(GaussianFilterOptions):
     iterations: int = Field(default=4, ge=1, le=50, description="Variational steps; they settle within 3 to 5")
 
 
-@register_filter("student_t", StudentOptions, cost_us=7.0, overhead_us=540.0)
+@register_filter("student_t", StudentOptions, cost_us=2.0, overhead_us=115.0)
 class StudentFilter(GaussianFilter):
     """Student-t filter: heavy-tailed measurement noise, a Gaussian whose precision is itself random.
 

@@ -78,7 +78,7 @@ class TwoStepBelief(Gaussian):
     started: Mask
 
 
-@register_filter("two_step", TwoStepOptions, cost_us=20.0, overhead_us=1300.0)
+@register_filter("two_step", TwoStepOptions, cost_us=5.0, overhead_us=530.0)
 class TwoStepFilter(GaussianFilter):
     """Two-step filter: a linear Kalman update of y = [x; g(x)], then x fitted to y by Gauss-Newton.
 

@@ -64,7 +64,7 @@ class PropagatedPoints:
     offsets: Array
 
 
-@register_filter("ukf", UnscentedOptions, overhead_us=210.0)
+@register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0)
 class UnscentedKalmanFilter(GaussianFilter):
     """Unscented Kalman filter: 2 n + 1 sigma points instead of a linearisation.
 

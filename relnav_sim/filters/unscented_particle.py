@@ -76,7 +76,7 @@ class Proposal:
         )
 
 
-@register_filter("unscented_particle", UnscentedParticleOptions, cost_us=700.0, overhead_us=1400.0)
+@register_filter("unscented_particle", UnscentedParticleOptions, cost_us=650.0, overhead_us=530.0)
 class UnscentedParticleFilter(ParticleSetFilter):
     """Unscented particle filter: each particle is drawn from an unscented Kalman update of its own, then weighed.
 
