@@ -71,5 +71,6 @@ def test_a_run_is_its_own():
     check_runs_are_alone(kernels.sigma_points.points, (x, P), 2.0)
     check_runs_are_alone(kernels.sigma_points.points_of_root, (x, P), 2.0)
     check_runs_are_alone(kernels.sigma_points.predict, (centre, d, R), 0.1, -0.7)
-    check_runs_are_alone(kernels.sigma_points.moments, (centre, d, offsets, R), 0.1, -0.7)
+    images = rng.normal(size=(runs, 13, m))
+    check_runs_are_alone(kernels.sigma_points.moments, (images, images - images[:, :1], offsets, R), 0.1, -0.7)
     check_runs_are_alone(kernels.sigma_points.weighted_deviations, (d,), 0.1, 0.3)
