@@ -54,6 +54,11 @@ class LinearByEpoch:
         self._chunks = PerChunk(partial(_closed, transitions))
         self._Q = process_noise
 
+    @property
+    def moves_by_transition(self) -> bool:
+        """Whether `propagate` is the multiplication; in a class derived from this one it may be something else."""
+        return type(self).propagate is LinearByEpoch.propagate
+
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""
         return linear_images(self.transition(states, step), states)

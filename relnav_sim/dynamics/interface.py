@@ -24,7 +24,8 @@ class Step:
 class Dynamics(Protocol):
     """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
 
-    `linear` promises that `propagate` is exactly multiplication by `transition`.
+    `linear` promises that `propagate` is exactly multiplication by `transition`. Dynamics that have no other
+    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one.
     """
 
     dimension: int
@@ -68,6 +69,11 @@ class LinearDynamics:
         self.dimension = self._F.shape[-1]
         for matrices in (self._F, self._Q):
             matrices.setflags(write=False)  # a filter that wrote into them would change its next steps
+
+    @property
+    def moves_by_transition(self) -> bool:
+        """Whether `propagate` is the multiplication; in a class derived from this one it may be something else."""
+        return type(self).propagate is LinearDynamics.propagate
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a block that has more epochs than there are matrices.

@@ -50,6 +50,7 @@ class GaussianFilter:
         self.measurement = measurement
         probability = options.gate_probability
         self._considered = considered_states(dynamics)
+        self._by_transition = getattr(dynamics, "moves_by_transition", False)
         self._gate = None if probability is None else ChannelQuantile(measurement, probability)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
@@ -60,7 +61,7 @@ class GaussianFilter:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
         dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
-        if dynamics.linear:
+        if self._by_transition:
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 

@@ -158,7 +158,7 @@ class MeasurementDefaults:
         if not self.angles:
             return z - predicted
         longer = z if z.size > predicted.size else predicted
-        if z.ndim == predicted.ndim and longer.flags.c_contiguous:
+        if z.ndim == predicted.ndim > 1 and longer.flags.c_contiguous:
             of, to = (z[None], predicted[None]) if z.ndim == 2 else (z, predicted)
             (p, *rest), (q, *others) = of.shape[1:], to.shape[1:]
             if of.ndim == 3 and len(of) == len(to) and rest == others and (p == q or min(p, q) == 1):

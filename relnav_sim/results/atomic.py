@@ -31,6 +31,7 @@ def written_whole(path: Path) -> Iterator[Path]:
         with open(temporary, "ab") as mine:
             with suppress(OSError):  # some file systems can't lock
                 fcntl.flock(mine, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _check_room(mine.fileno(), path)
             yield temporary
             os.fsync(mine.fileno())
         os.replace(temporary, path)
@@ -41,6 +42,19 @@ def written_whole(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
         raise
     sync_directory(path.parent)
+
+
+def _check_room(file: int, path: Path) -> None:
+    """Refuse to begin where not even what is replaced would fit a second time.
+
+    HDF5 may crash, instead of telling it, where the disk is full before a group or a dataset is complete.
+
+    Raises:
+        OSError: The disk is full, or files may not be that large.
+    """
+    if path.is_file() and hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, 0, max(1, path.stat().st_size))
+        os.ftruncate(file, 0)
 
 
 def target(path: Path) -> Path:

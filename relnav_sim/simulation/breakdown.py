@@ -37,8 +37,10 @@ def breakdown(error: BaseException, epoch: int, packages: Collection[str] = ("re
         epoch: The epoch at which it was raised; -1 where it is not known.
         packages: Whose code is to blame: the line told is the last one in it.
     """
-    place = _place(error, packages)
-    reason = message_of(error, LONGEST_REASON) + (f" ({place})" if place else "")
+    place, told = _place(error, packages), error
+    if isinstance(error, SystemError) and error.__cause__ is not None:
+        told = error.__cause__  # what was raised while compiled code was called, as by a recursion without end
+    reason = message_of(told, LONGEST_REASON) + (f" ({place})" if place else "")
     return Breakdown(reason, epoch, _traceback(error))
 
 

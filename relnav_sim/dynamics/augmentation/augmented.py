@@ -47,6 +47,7 @@ class AugmentedDynamics:
     ) -> None:
         self.base = base
         self.linear = base.linear
+        self.moves_by_transition = getattr(base, "moves_by_transition", False)
         self._n = n = base.dimension
         self._D, self._noise = _square(decay), _square(noise)
         if self._D.shape != self._noise.shape or not _is_covariance(self._noise):
