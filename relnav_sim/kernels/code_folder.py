@@ -212,8 +212,9 @@ def say_compiling() -> None:
     """Say that kernels are being compiled."""
     global _say
     if _say is not None:
-        _say("compiling the numerical kernels for this machine, once ...")
-        _say = _say_nothing
+        # First of all, so that an interrupt in the middle does not have it said again.
+        say, _say = _say, _say_nothing
+        say("compiling the numerical kernels for this machine, once ...")
 
 
 def _say_nothing(sentence: str) -> None:
