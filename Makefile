@@ -22,7 +22,7 @@ demo: setup  ## Run the demo campaign and write its report
 	$(BIN)/relnav run campaigns/demo.yaml
 	$(BIN)/relnav report results/demo.h5
 
-reproduce: setup  ## Replicate three papers, claim by claim; 19 to 20 minutes on two cores
+reproduce: setup  ## Replicate three papers, claim by claim; 12 minutes of processor time
 	$(BIN)/python -m replication
 
 reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case, the longest last; goes on where it stopped
