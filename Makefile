@@ -48,7 +48,7 @@ $(BENCH)/installed: pyproject.toml
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	touch $@
 
-bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 20 minutes on a quiet machine
+bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 10 minutes on a quiet machine
 	mkdir -p build
 	for script in $(BENCHMARKS); do $(BENCH)/bin/python benchmarks/$$script.py --docs $(BENCH_OPTIONS) || exit 1; done
 

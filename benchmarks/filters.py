@@ -141,10 +141,10 @@ def stone_soup(kind, given):
             return polar_jacobian(np.asarray(state.state_vector, dtype=float)[:, 0])
 
         def rvs(self, *given, **others):
-            raise NotImplementedError
+            raise NotImplementedError  # the base class wants it; the filters don't call it
 
         def pdf(self, *given, **others):
-            raise NotImplementedError
+            raise NotImplementedError  # as above
 
     motion = LinearGaussianTimeInvariantTransitionModel(
         transition_matrix=given.F, covariance_matrix=CovarianceMatrix(given.Q)

@@ -17,7 +17,6 @@ from relnav_sim.arrays import Array
 Vector = tuple[Array, Array, Array]
 ARCSEC = np.pi / (180 * 3600)
 """One second of arc, rad."""
-_ZERO = np.zeros(())
 Rows = tuple[tuple[tuple[int, float], ...], ...]
 """A constant matrix as the (column, weight) pairs of each row."""
 
@@ -108,30 +107,6 @@ def sight_vector(distance: Array, azimuth: Array, elevation: Array) -> Vector:
     """Return the line of sight in the radar frame; the inverse of `spherical_of` (Shi et al. 2025, eq. 33)."""
     level = distance * np.cos(elevation)
     return level * np.cos(azimuth), level * np.sin(azimuth), -distance * np.sin(elevation)
-
-
-def spherical_gradients(sight: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return the gradients of range, azimuth and elevation by the line of sight, radar frame."""
-    x, y, z = sight
-    in_plane = x * x + y * y
-    squared = in_plane + z * z
-    distance, level = np.sqrt(squared), np.sqrt(in_plane)
-    slope = z / (squared * level)
-    return (
-        (x / distance, y / distance, z / distance),
-        (-y / in_plane, x / in_plane, _ZERO),
-        (slope * x, slope * y, -level / squared),
-    )
-
-
-def sight_gradients(distance: Array, azimuth: Array, elevation: Array) -> tuple[Vector, Vector, Vector]:
-    """Return the gradients of the line of sight's components by range, azimuth and elevation."""
-    ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
-    return (
-        (ce * ca, -distance * ce * sa, -distance * se * ca),
-        (ce * sa, distance * ce * ca, -distance * se * sa),
-        (-se, _ZERO, -distance * ce),
-    )
 
 
 def half_open(angle: Array) -> Array:

@@ -122,17 +122,6 @@ def not_definite(R: Array, runs: int) -> Mask:
     return np.broadcast_to(kernels.roots.cholesky(by_run(R))[1], (runs,))
 
 
-def general_solve(A: Array, B: Array) -> Array:
-    """Return A^-1 B for square A (runs, m, m), B (runs, m, p); NaN where A is singular."""
-    try:
-        return np.asarray(np.linalg.solve(A, B), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        # One singular matrix must not end the other runs.
-        with np.errstate(invalid="ignore"):
-            singular = np.linalg.det(A) == 0
-        return np.asarray(np.linalg.solve(np.where(singular[:, None, None], np.nan, A), B), dtype=np.float64)
-
-
 def _spectrum(P: Array) -> tuple[Array, Array, Array]:
     """Return standard deviations (runs, n), eigenvalues (runs, n) and vectors (runs, n, n) of the correlations.
 

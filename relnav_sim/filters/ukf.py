@@ -104,8 +104,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         )
         if self._redraw:
             return Gaussian(mean, covariance)
-        # PropagatedPoints is a Gaussian in all that the shared code asks of it.
-        return PropagatedPoints(mean, covariance, centre, images)  # type: ignore[return-value]
+        return PropagatedPoints(mean, covariance, centre, images)  # type: ignore[return-value]  # used as a Gaussian
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update with the mean and covariances of the transformed sigma points."""

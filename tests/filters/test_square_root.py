@@ -1,6 +1,6 @@
 import numpy as np
 
-from relnav_sim.filters.square_root import Whitener, general_solve, semidefinite_root, squares, triangular_root
+from relnav_sim.filters.square_root import Whitener, semidefinite_root, squares, triangular_root
 
 
 def test_triangular_root_is_lower_with_positive_diagonal():
@@ -55,17 +55,6 @@ def test_whitener_measures_lengths_in_the_range():
     np.testing.assert_allclose(
         squares(Whitener(P), v, Whitener(np.ones((len(v), 1, 1))), np.ones((len(v), 1))), 1 + expected, rtol=1e-6
     )
-
-
-def test_general_solve_leaves_a_singular_matrix_to_its_own_run():
-    rng = np.random.default_rng(7)
-    A, B = rng.normal(size=(4, 3, 3)), rng.normal(size=(4, 3, 2))
-    good = general_solve(A, B)
-    np.testing.assert_allclose(A @ good, B, rtol=0, atol=1e-12)
-    A[2], A[3] = 0.0, np.nan
-    mixed = general_solve(A, B)
-    assert np.array_equal(mixed[:2], good[:2])
-    assert np.isnan(mixed[2:]).all()
 
 
 def test_bits_of_a_run_do_not_depend_on_the_others():
