@@ -10,6 +10,7 @@ from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.dynamics.chief_segments import ChiefFollower, ChiefSegments, NominalChief
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
@@ -48,6 +49,11 @@ class NonlinearJ2Options(DynamicsOptions):
     chief_orbit: OrbitFilterOptions = Field(
         default=OrbitFilterOptions(), description="How the chief's orbit is estimated from its GNSS fixes"
     )
+
+    @property
+    def believed_field(self) -> FieldExtent:
+        """The zonal harmonics."""
+        return FieldExtent(self.zonals)
 
     def build(self, context: DynamicsContext) -> NonlinearJ2Dynamics:
         """Return the dynamics about the nominal orbit until they are fed with fixes of the chief."""

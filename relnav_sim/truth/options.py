@@ -11,6 +11,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro import constants
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.frames import eci_from_rtn, rtn_from_shi2025
 from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
 from relnav_sim.options import Options
@@ -216,6 +217,11 @@ class TruthOptions(Options):
     def _in_order_of_time(cls, manoeuvres: dict[str, ManoeuvreOptions]) -> dict[str, ManoeuvreOptions]:
         # The order in the file means nothing, and sums over manoeuvres must round alike whatever it is.
         return dict(sorted(manoeuvres.items(), key=lambda item: (item[1].time_s, item[0])))
+
+    @property
+    def field_extent(self) -> FieldExtent | None:
+        """How much of the Earth's gravity field there is; None where no force model makes the truth."""
+        return FieldExtent(self.forces.zonals)
 
     @property
     def is_dispersed(self) -> bool:
