@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sky_table import DAY_S, S, X, Y, day_and_variable, pole_matrix, sky_table
 from relnav_sim.given_arrays import finite, numbers
@@ -190,7 +190,7 @@ def _parts(
     return given[..., :3], given[..., 3:], turned, turning
 
 
-def _at(polynomials: Array, which: Array, variable: Array) -> Array:
+def _at(polynomials: Array, which: Indices, variable: Array) -> Array:
     """Return polynomials (n, powers) number `which` (T,) at the variable (T,)."""
     return np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
 
