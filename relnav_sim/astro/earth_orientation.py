@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.astro.epoch import Epoch
-from relnav_sim.astro.sky_table import DAY_S, S, X, Y, day_and_variable, pole_matrix, sky_table
+from relnav_sim.astro.sky_table import day_and_variable, pole_matrix, sky_table
 from relnav_sim.given_arrays import finite, numbers
+from relnav_sim.kernels.sky import DAY_S, TURNS_A_DAY_BEYOND_ONE, S, X, Y
 
-_TURNS_A_DAY_BEYOND_ONE = 0.00273781191135448
-ROTATION_RAD_S = 2 * math.pi * (1 + _TURNS_A_DAY_BEYOND_ONE) / DAY_S
+ROTATION_RAD_S = 2 * math.pi * (1 + TURNS_A_DAY_BEYOND_ONE) / DAY_S
 """Rate of the Earth's rotation angle (IERS Conventions 2010, equation 5.15), rad/s."""
 
 
@@ -74,7 +74,7 @@ class EarthOrientation:
         x, y, s = (_at(polynomials[:, i], which, variable) for i in range(3))
         dx, dy, ds = (_at(slopes[:, i], which, variable) for i in range(3))
         # Whole turns are left out before they can cost digits.
-        turns = (times_s - days * DAY_S) / DAY_S + _TURNS_A_DAY_BEYOND_ONE * (times_s / DAY_S)
+        turns = (times_s - days * DAY_S) / DAY_S + TURNS_A_DAY_BEYOND_ONE * (times_s / DAY_S)
         angle = self.rotation_angle(epoch) + 2 * math.pi * turns - s
         cos, sin, rate = np.cos(angle), np.sin(angle), ROTATION_RAD_S - ds
         turned, turning = np.zeros((2, len(times_s), 3, 3))
@@ -192,7 +192,8 @@ def _parts(
 
 def _at(polynomials: Array, which: Indices, variable: Array) -> Array:
     """Return polynomials (n, powers) number `which` (T,) at the variable (T,)."""
-    return np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
+    values: Array = np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
+    return values
 
 
 def _product(matrices: Array, vectors: Array) -> Array:
