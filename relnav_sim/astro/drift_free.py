@@ -48,7 +48,7 @@ _FIXED_POINT_STEPS = 60
 """Each gains at least a digit for distances that are small beside the orbit."""
 
 
-def drift_free(chief: Array, position_m: Array, gravity: Gravity) -> Array:
+def nearest_to_rest(chief: Array, position_m: Array, gravity: Gravity) -> Array:
     """Return the state of a deputy at a position, as near to rest as it may be without drifting away, (6,), ECI.
 
     Of all velocities with the chief's energy the nearest to rest in the chief's turning frame has the direction that

@@ -39,7 +39,7 @@ class OrbitStart(Options):
             ValueError: It has none.
         """
 
-    def elements(self, context: StartContext) -> Elements:
+    def osculating(self, context: StartContext) -> Elements:
         """Return the osculating elements of the state.
 
         Raises:
@@ -82,7 +82,7 @@ class OrbitOptions(OrbitStart):
         assert self.altitude_km is not None
         return (radius_m + self.altitude_km * 1e3) / (1 - self.e)
 
-    def elements(self, context: StartContext) -> Elements:
+    def osculating(self, context: StartContext) -> Elements:
         """Return the elements as given."""
         return Elements(
             semi_major_axis_m=self.semi_major_axis_m(context.radius_m),
@@ -95,7 +95,7 @@ class OrbitOptions(OrbitStart):
 
     def state(self, context: StartContext) -> Array:
         """Return position and velocity (6,), ECI, m and m/s."""
-        return state_from_elements(self.elements(context), context.gravity.mu_m3_s2)
+        return state_from_elements(self.osculating(context), context.gravity.mu_m3_s2)
 
 
 class CartesianOptions(OrbitStart):
