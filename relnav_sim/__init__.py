@@ -22,6 +22,7 @@ _HOME = {
     "propagate": "truth",
     "ForceModel": "truth",
     "ExponentialAtmosphere": "truth",
+    "GravityField": "astro.gravity_field",
     "rtn_from_eci": "astro.frames",
     "eci_from_rtn": "astro.frames",
     "create_filter": "filters.registry",
