@@ -17,8 +17,8 @@ from relnav_sim.arrays import Array
 
 PRECISION = 1e-16
 """Truncation of one step, relative to the state."""
-RIPPLE, RIPPLE_PRECISION = 1e-5, 1e-14
-"""The harmonics of a gravity field beside the zonal ones, as a share of the point mass, and their truncation."""
+RIPPLE, RIPPLE_PRECISION = 1e-4, 1e-14
+"""What a gravity field has beside point mass and J2 to J4, as a share of the point mass, and its truncation."""
 
 
 @dataclass(frozen=True)

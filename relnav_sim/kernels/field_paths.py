@@ -2,10 +2,10 @@
 
 The field is taken apart: a point mass and J2 to J4 about the z axis of the frame, whose difference between two craft
 loses no digits, as `relnav_sim.kernels.relative_gravity` has them, and the rest: the other harmonics, and what the tilt
-of the Earth's axis against that z axis makes of J2 to J4. The rest is some 3e-5 m/s^2, its gradient below 2e-10 1/s^2,
-and its sum over all harmonics costs far more than the other. So it is evaluated at nodes that the iteration has already
-found without it, `rounds` times, and is constant in between: each round leaves g h^2 / 2 times what the one before has
-left, g being the gradient and h the length of a part.
+of the Earth's axis against that z axis makes of J2 to J4. The rest is below 1e-3 m/s^2, its gradient g at most 2e-9
+1/s^2, and its sum over all harmonics costs far more than the other. So it is evaluated at nodes that the iteration has
+already found without it, `rounds` times, and is constant in between: each round leaves g h^2 / 2 times what the one
+before has left, h being the length of a part.
 """
 
 from __future__ import annotations
