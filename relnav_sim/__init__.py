@@ -22,6 +22,7 @@ _HOME = {
     "propagate": "truth",
     "ForceModel": "truth",
     "ExponentialAtmosphere": "truth",
+    "GravityField": "astro.gravity_field",
     "Epoch": "astro.epoch",
     "eci_from_itrf": "astro.earth_orientation",
     "itrf_from_eci": "astro.earth_orientation",

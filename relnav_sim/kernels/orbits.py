@@ -19,6 +19,7 @@ from relnav_sim.kernels.dop853 import (
     interpolant,
     length2,
     stage_state,
+    stage_time,
     weighted_sum,
 )
 from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
@@ -42,7 +43,7 @@ class Flights(NamedTuple):
         states: (n, 6) at time `reached`, m and m/s.
         carry: Rounding errors of the states (n, 6), to be added to the next step.
         slope: Derivative of the states (n, 6).
-        ballistic: Cd A / m, (n,), m^2/kg.
+        areas: Areas per mass (n, 2): Cd A / m for the air's drag and Cr A / m for sunlight, m^2/kg.
         thrust: Acceleration (n, 3) in the RTN axes of each craft's own orbit, m/s^2.
         reached: Time (n,), s.
         event: Time (n,) at which the thrust changes next, s; infinity for never.
@@ -59,7 +60,7 @@ class Flights(NamedTuple):
     states: Array
     carry: Array
     slope: Array
-    ballistic: Array
+    areas: Array
     thrust: Array
     reached: Array
     event: Array
@@ -73,11 +74,14 @@ class Flights(NamedTuple):
     spans: Array
 
 
-_OF_FLIGHTS = [written(2), written(2), written(2), written(1), written(2)] + [written(1)] * 4
+_OF_FLIGHTS = [written(2)] * 5 + [written(1)] * 4
 FLIGHTS = record(Flights, *_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3))
 
 
-@kernel(FORCES, FLIGHTS, number, number, number, given(1), written(1, integer), written(3))
+_FLY = FLIGHTS, number, number, number, given(1), written(1, integer), written(3)
+
+
+@kernel(FORCES, *_FLY)
 def fly(
     forces: Forces,
     flights: Flights,
@@ -106,8 +110,8 @@ def fly(
     stages, at = stage_lanes.reshape(ALL_STAGES, 6 * LANES), at_lanes.reshape(6 * LANES)
     y, carry, h, ends = np.ones(6 * LANES), np.zeros(6 * LANES), np.zeros(6 * LANES), np.empty(6 * LANES)
     terms = np.empty((TERMS, 6 * LANES))
-    until, ballistic, error = np.empty(LANES), np.zeros(LANES), np.empty(LANES)
-    thrust, room = np.zeros((3, LANES)), np.empty((ROOM, LANES))
+    until, now, error, clock = np.empty(LANES), np.zeros(LANES), np.empty(LANES), np.empty(LANES)
+    areas, thrust, room = np.zeros((2, LANES)), np.zeros((3, LANES)), np.empty((ROOM, LANES))
     used = waiting = 0
     while True:
         # Whoever has arrived makes room for the next.
@@ -134,10 +138,13 @@ def fly(
                 h[k] = step
             for c in range(3):
                 thrust[c, b] = flights.thrust[i, c]
-            ballistic[b] = flights.ballistic[i]
+            for c in range(2):
+                areas[c, b] = flights.areas[i, c]
+            now[b] = flights.reached[i]
         for s in range(1, STAGES):
             stage_state(s, y, h, stages, at)
-            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+            stage_time(s, now, h, clock)
+            derivative(at_lanes, clock, used, forces, areas, thrust, room, stage_lanes[s])
         weighted_sum(B, stages, ends)
         for k in range(6 * LANES):
             step = h[k] * ends[k] + carry[k]
@@ -156,10 +163,11 @@ def fly(
         if good:
             for k in range(6 * LANES):
                 at[k] = ends[k]
-            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
+            derivative(at_lanes, until, used, forces, areas, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
                 stage_state(s, y, h, stages, at)
-                derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+                stage_time(s, now, h, clock)
+                derivative(at_lanes, clock, used, forces, areas, thrust, room, stage_lanes[s])
             interpolant(y, ends, h, stages, terms)
         for b in range(used):
             i = row[b]

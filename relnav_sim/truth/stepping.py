@@ -59,7 +59,7 @@ class Batch:
             states=np.empty((n, 6)),
             carry=np.empty((n, 6)),
             slope=np.empty((n, 6)),
-            ballistic=np.array(ballistic),
+            areas=np.stack([ballistic, np.zeros(n)], axis=1),
             thrust=np.empty((n, 3)),
             reached=np.empty(n),
             event=np.empty(n),
@@ -115,7 +115,7 @@ class Batch:
         states = flights.states[rows]
         flights.origin[rows], flights.ticks[rows] = flights.reached[rows], 0
         flights.base[rows], flights.level[rows] = base_step(states, self._force.mu_m3_s2, self._rtol)
-        slope = np.concatenate([states[:, 3:], self._force.acceleration(states, flights.ballistic[rows])], axis=1)
+        slope = np.concatenate([states[:, 3:], self._force.acceleration(states, flights.areas[rows, 0])], axis=1)
         thrust = flights.thrust[rows]
         burns = thrust.any(axis=1)
         slope[burns, 3:] += inertial_from_own(states[burns].T, thrust[burns].T).T
