@@ -31,3 +31,10 @@ def sky_between(epoch: Epoch, first_s: float, last_s: float, orientation: EarthO
     days = np.arange(np.floor(first_s / DAY_S) - 1, np.floor(last_s / DAY_S) + 2, dtype=np.int64)
     angle = orientation.rotation_angle(epoch)
     return kernels.sky.Sky(float(days[0]), sky_table(epoch, days), angle, np.ascontiguousarray(orientation.pole()))
+
+
+def about_eci_z(sky: Sky) -> Sky:
+    """Return the same sky over an Earth whose axis is ECI z, as that of zonal bodies is."""
+    days = sky.days.copy()
+    days[:, : kernels.sky.SUN] = 0.0
+    return sky._replace(days=days, pole=np.eye(3))

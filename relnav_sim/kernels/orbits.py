@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, record, written
+from relnav_sim.kernels import field_forces
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, kernel_like, number, record, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
@@ -22,6 +23,7 @@ from relnav_sim.kernels.dop853 import (
     stage_time,
     weighted_sum,
 )
+from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces
 from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
 from relnav_sim.kernels.lanes import LANES
 
@@ -78,7 +80,7 @@ _OF_FLIGHTS = [written(2)] * 5 + [written(1)] * 4
 FLIGHTS = record(Flights, *_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3))
 
 
-_FLY = FLIGHTS, number, number, number, given(1), written(1, integer), written(3)
+_FLY = FLIGHTS, number, number, number, number, given(1), written(1, integer), written(3)
 
 
 @kernel(FORCES, *_FLY)
@@ -87,6 +89,7 @@ def fly(
     flights: Flights,
     rtol: float,
     aim: float,
+    longest: float,
     surface: float,
     times: Array,
     place: Integers,
@@ -99,6 +102,7 @@ def fly(
         flights: n orbits; brought up to date.
         rtol: Largest error of a step, as `error_estimate` counts it.
         aim: The next step may be longer if its error is expected to stay below this.
+        longest: No step is made longer than this, s.
         surface: A flight stops after a step that may have come nearer to the centre than this, m.
         times: (T,), s, increasing.
         place: For each flight, the first time that is not written yet, (n,); brought up to date.
@@ -173,7 +177,7 @@ def fly(
             i = row[b]
             if error[b] <= rtol:
                 accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
-                resize(flights, i, error[b], aim)
+                resize(flights, i, error[b], aim, longest)
                 if not clears(terms, b, surface):
                     flights.doing[i] = NEAR_SURFACE
                 recall(flights, i, 1, times, place, out)
@@ -181,6 +185,21 @@ def fly(
                 flights.level[i] -= 1
                 if flights.level[i] < FINEST:
                     flights.doing[i] = STUCK
+
+
+@kernel_like(fly, FIELD_FORCES, *_FLY, derivative=field_forces.derivative, ROOM=field_forces.ROOM)
+def fly_in_field(
+    forces: FieldForces,
+    flights: Flights,
+    rtol: float,
+    aim: float,
+    longest: float,
+    surface: float,
+    times: Array,
+    place: Integers,
+    out: Array,
+) -> None:
+    """Do as `fly` about the Earth as it is."""
 
 
 @inner
@@ -233,7 +252,7 @@ def accept(
 
 
 @inner
-def resize(flights: Flights, i: int, error: float, aim: float) -> None:
+def resize(flights: Flights, i: int, error: float, aim: float, longest: float) -> None:
     """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
 
     A double step must start at a multiple of itself, or orbits would drift apart on the grid.
@@ -241,7 +260,8 @@ def resize(flights: Flights, i: int, error: float, aim: float) -> None:
     level = flights.level[i]
     flights.ticks[i] += 1 << (level - FINEST)
     aligned = flights.ticks[i] & ((2 << (level - FINEST)) - 1) == 0
-    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST:
+    short = level < COARSEST and math.ldexp(flights.base[i], int(level) + 1) <= longest
+    if aligned and short and error * ERROR_RATIO_OF_DOUBLING <= aim:
         flights.level[i] += 1
 
 
