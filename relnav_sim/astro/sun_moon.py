@@ -38,8 +38,8 @@ def sun_position(times_s: ArrayLike, epoch: str | Epoch) -> Array:
 def moon_position(times_s: ArrayLike, epoch: str | Epoch) -> Array:
     """Return where the Moon is, m, EME2000, (..., 3): the geometric position.
 
-    The series of Meeus (1998) in ERFA's `moon98`: within 32 km of ELP/MPP02 from 1950 to 2100, 6 km in root mean square,
-    which is 3e-4 of the Moon's pull on a spacecraft at most.
+    The series of Meeus (1998) in ERFA's `moon98`: within 32 km of ELP/MPP02 from 1950 to 2100, which is 3e-4 of the
+    Moon's pull on a spacecraft; 6 km in root mean square.
 
     Args:
         times_s: Times (...), SI seconds from the epoch.
