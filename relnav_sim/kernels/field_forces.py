@@ -8,8 +8,9 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels import spherical_harmonics
+from relnav_sim.kernels.atmosphere import LAYERS, Layers, add_layered_drag
 from relnav_sim.kernels.compiling import flag, given, inner, kernel, number, record
-from relnav_sim.kernels.forces import add_drag, add_thrust
+from relnav_sim.kernels.forces import add_thrust
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 from relnav_sim.kernels.sky import (
     MOON,
@@ -38,10 +39,9 @@ class FieldForces(NamedTuple):
         sun_mu: Gravitational parameter of the Sun, m^3/s^2; 0 without its pull.
         moon_mu: That of the Moon.
         sunlight: Whether its pressure counts.
-        density: Of the air at the base altitude, kg/m^3; 0 for no drag.
-        base: Base altitude, m.
-        scale_height: Altitude over which the density falls by the factor e, m.
+        air: Layers, none for no drag.
         rotation: Of the air about z, rad/s.
+        sense: Of time: 1, or -1 on the way back from the epoch.
     """
 
     mu: float
@@ -51,15 +51,14 @@ class FieldForces(NamedTuple):
     sun_mu: float
     moon_mu: float
     sunlight: bool
-    density: float
-    base: float
-    scale_height: float
+    air: Layers
     rotation: float
+    sense: float
 
 
-FIELD_FORCES = record(FieldForces, number, number, SERIES, SKY, number, number, flag, number, number, number, number)
-_SKY, _TURN, _FIXED, _FIELD = 0, ROWS, ROWS + 9, ROWS + 12
-ROOM = ROWS + 12 + spherical_harmonics.ROOM
+FIELD_FORCES = record(FieldForces, number, number, SERIES, SKY, number, number, flag, LAYERS, number, number)
+_TURN, _FIXED, _TIME, _FIELD = ROWS, ROWS + 9, ROWS + 12, ROWS + 13
+ROOM = _FIELD + spherical_harmonics.ROOM
 """Rows of lanes that the forces need to work in."""
 
 
@@ -71,7 +70,7 @@ def derivative(
 
     Args:
         y: Position and velocity, m and m/s.
-        clock: Time, s from the epoch.
+        clock: Time, s from the epoch, or before it.
         used: How many lanes count.
         forces: The environment.
         areas: Of each lane (2,): Cd A / m and Cr A / m, m^2/kg.
@@ -80,12 +79,14 @@ def derivative(
         out: Where it goes.
     """
     found, Q = room[:_TURN], room[_TURN:_FIXED].reshape(3, 3, LANES)
-    fixed, a = room[_FIXED:_FIELD], out[3:]
+    fixed, time, a = room[_FIXED:_TIME], room[_TIME], out[3:]
+    for b in range(used):
+        time[b] = forces.sense * clock[b]
     for i in range(3):
         for b in range(used):
             out[i, b], a[i, b] = y[3 + i, b], 0.0
-    look_up(forces.sky, clock, used, found)
-    set_orientation(forces.sky, clock, found, used, Q)
+    look_up(forces.sky, time, used, found)
+    set_orientation(forces.sky, time, found, used, Q)
     turn(Q, y, used, fixed)
     sums(forces.field, fixed, used, room[_FIELD:].reshape(spherical_harmonics.ROOM * LANES), fixed)
     add_turned_back(Q, fixed, used, a)
@@ -95,8 +96,8 @@ def derivative(
         add_third_body(y, found[MOON:], forces.moon_mu, used, a)
     if forces.sunlight:
         add_radiation(y, found[SUN:], forces.radius, areas[1], used, a)
-    if forces.density > 0:
-        add_drag(y, forces, areas[0], a)
+    if len(forces.air.bases) > 0:
+        add_layered_drag(y, forces.air, forces.radius, forces.rotation, areas[0], used, a)
     for b in range(used):
         if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
             add_thrust(y, b, thrust, a)

@@ -12,17 +12,20 @@ from numpy.typing import ArrayLike
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
+from relnav_sim.astro.atmosphere import LayeredAtmosphere
 from relnav_sim.astro.constants import J2, J3, J4, ROTATION_RAD_S
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.frames import PARALLEL
 from relnav_sim.astro.gravity_field import GravityField
-from relnav_sim.astro.sky import sky_between
+from relnav_sim.astro.sky import about_eci_z, sky_between, still_sky
 from relnav_sim.astro.sun_moon import MOON_MU, SUN_MU
 
 if TYPE_CHECKING:
+    from relnav_sim.kernels.atmosphere import Layers
     from relnav_sim.kernels.field_forces import FieldForces
     from relnav_sim.kernels.forces import Forces
+    from relnav_sim.kernels.sky import Sky
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,12 @@ class ExponentialAtmosphere:
         """Return the density in kg/m^3 at altitudes in m, any shape."""
         density: Array = self.density_kg_m3 * np.exp((self.base_altitude_m - altitude_m) / self.scale_height_m)
         return density
+
+    @cached_property
+    def compiled(self) -> Layers:
+        """The same as the kernels take it: one layer."""
+        values = (self.base_altitude_m, self.density_kg_m3, self.scale_height_m)
+        return kernels.atmosphere.Layers(*(np.array([float(value)]) for value in values))
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,7 @@ class ForceModel:
     mu_m3_s2: float
     radius_m: float
     zonals: tuple[float, ...] = (J2, J3, J4)
-    atmosphere: ExponentialAtmosphere | None = None
+    atmosphere: ExponentialAtmosphere | LayeredAtmosphere | None = None
     rotation_rad_s: float = ROTATION_RAD_S
     gravity: GravityField | None = None
     epoch: str | Epoch | None = None
@@ -116,7 +125,7 @@ class ForceModel:
             self._check_beside(self.gravity)
         if self.epoch is not None:
             object.__setattr__(self, "epoch", Epoch.parse(self.epoch) if isinstance(self.epoch, str) else self.epoch)
-        elif self.changes:
+        elif self.gravity is not None or self.third_bodies or self.radiation:
             raise ValueError("a gravity field, third_bodies and radiation need an epoch, which times count from")
 
     def _check_beside(self, gravity: GravityField) -> None:
@@ -129,9 +138,9 @@ class ForceModel:
                 raise ValueError(f"{name} is {given}; the gravity field {gravity.name} has its own, give that: {own}")
 
     @property
-    def changes(self) -> bool:
-        """Whether the forces depend on the time."""
-        return self.gravity is not None or bool(self.third_bodies) or self.radiation
+    def is_plain(self) -> bool:
+        """Whether `kernels.forces` has all there is: zonal gravity and air of one layer."""
+        return self.gravity is None and not self.third_bodies and not self.radiation and len(self._air.bases) <= 1
 
     def acceleration(
         self,
@@ -155,12 +164,12 @@ class ForceModel:
         leading = np.broadcast_shapes(states.shape[:-1], *(each.shape for each in given))
         flat = np.ascontiguousarray(np.broadcast_to(states, (*leading, 6))).reshape(-1, 6)
         ballistic, times, sunlit = (np.ascontiguousarray(np.broadcast_to(each, leading)).ravel() for each in given)
-        if self.changes:
+        if self.is_plain:
+            found = kernels.forces.acceleration(self.plain, flat, ballistic)
+        else:
             areas = np.stack([ballistic, sunlit], axis=1)
             forces = self.between(times.min(initial=0.0), times.max(initial=0.0))
             found = kernels.field_forces.acceleration(forces, flat, areas, times)
-        else:
-            found = kernels.forces.acceleration(self.unchanging, flat, ballistic)
         return found.reshape(*leading, 3)
 
     def normal_acceleration(
@@ -193,49 +202,58 @@ class ForceModel:
         return normal
 
     @cached_property
-    def unchanging(self) -> Forces:
-        """The same as the kernels of `kernels.forces` take it, where no force depends on the time."""
-        density, base, scale_height = self._air
+    def plain(self) -> Forces:
+        """The same as the kernels of `kernels.forces` take it."""
+        air = self._air if len(self._air.bases) else ExponentialAtmosphere(0.0, 1.0, 1.0).compiled
         return kernels.forces.Forces(
             float(self.mu_m3_s2),
             float(self.radius_m),
             np.array(self.zonals, dtype=float),
-            density,
-            base,
-            scale_height,
+            float(air.densities[0]) if self.atmosphere else 0.0,
+            float(air.bases[0]),
+            float(air.scale_heights[0]),
             float(self.rotation_rad_s),
         )
 
-    def between(self, first_s: float, last_s: float) -> FieldForces:
-        """Return the same as the kernels of `kernels.field_forces` take it, for times from one to another and a day more.
+    def between(self, first_s: float, last_s: float, sense: float = 1.0) -> FieldForces:
+        """Return the same as the kernels of `kernels.field_forces` take it.
 
-        What it is at a time does not depend on the others.
+        It is good for times from one to another and a day beyond; what it is at a time does not depend on the others.
+
+        Args:
+            first_s: Seconds after the epoch.
+            last_s: Seconds after the epoch.
+            sense: -1 where the kernels count seconds before the epoch.
         """
-        assert isinstance(self.epoch, Epoch)
-        field, sky = self.gravity, sky_between(self.epoch, first_s, last_s, self.orientation)
-        if field is None:
-            field, sky = GravityField.zonal(self.mu_m3_s2, self.radius_m, self.zonals), about_eci_z(sky)
+        field = self.gravity or GravityField.zonal(self.mu_m3_s2, self.radius_m, self.zonals)
         return kernels.field_forces.FieldForces(
             float(self.mu_m3_s2),
             float(self.radius_m),
             field.series,
-            sky,
-            *(mu if body in self.third_bodies else 0.0 for body, mu in THIRD_BODIES.items()),
+            self._sky(first_s, last_s),
+            SUN_MU if "sun" in self.third_bodies else 0.0,
+            MOON_MU if "moon" in self.third_bodies else 0.0,
             self.radiation,
-            *self._air,
+            self._air,
             float(self.rotation_rad_s),
+            sense,
         )
 
-    @property
-    def _air(self) -> tuple[float, float, float]:
-        """Density at the base altitude, that altitude, and the scale height."""
-        air = self.atmosphere or ExponentialAtmosphere(0.0, 1.0, 1.0)
-        density = float(air.density_kg_m3) if self.atmosphere else 0.0
-        return density, float(air.base_altitude_m), float(air.scale_height_m)
+    def _sky(self, first_s: float, last_s: float) -> Sky:
+        """Return the sky; over a zonal body its own axis is ECI z."""
+        if self.epoch is None:
+            return still_sky(first_s, last_s)
+        assert isinstance(self.epoch, Epoch)
+        sky = sky_between(self.epoch, first_s, last_s, self.orientation)
+        return sky if self.gravity is not None else about_eci_z(sky)
+
+    @cached_property
+    def _air(self) -> Layers:
+        nothing = np.empty(0)
+        return self.atmosphere.compiled if self.atmosphere else kernels.atmosphere.Layers(nothing, nothing, nothing)
 
 
-THIRD_BODIES = {"sun": SUN_MU, "moon": MOON_MU}
-"""Gravitational parameters by name, m^3/s^2."""
+THIRD_BODIES = ("sun", "moon")
 
 
 def _require_positive(model: object, *names: str) -> None:

@@ -52,13 +52,18 @@ class Batch:
         kept_steps: int,
         schedule: Schedule | None = None,
         surface_m: float | None = None,
+        sense: float = 1.0,
     ) -> None:
-        """Take states (n, 6), Cd A / m and Cr A / m (n,); each orbit's last `kept_steps` can be looked back to."""
+        """Take states (n, 6), Cd A / m and Cr A / m (n,); each orbit's last `kept_steps` can be looked back to.
+
+        Times are seconds after the force's epoch, or before it where `sense` is -1.
+        """
         n = len(state0)
         self._state0, self._force, self._rtol, self._schedule = state0, force, rtol, schedule
+        self._sense = sense
         self._surface_m = -np.inf if surface_m is None else surface_m
         # The last step may begin when the forces are still known, and end when they are not unless it is so short.
-        self._longest_s = DAY_S if force.changes else np.inf
+        self._longest_s = np.inf if force.is_plain else DAY_S
         self.failures: dict[int, Ending] = {}
         self._event = np.zeros(n, dtype=np.int64)
         self._flights = kernels.orbits.Flights(
@@ -117,9 +122,10 @@ class Batch:
 
     def _fly_until(self, last_s: float) -> Callable[..., None]:
         """Return the kernel that lets flights go on, told of the forces until a time and some steps after it."""
-        if self._force.changes:
-            return partial(kernels.orbits.fly_in_field, self._force.between(0.0, last_s))
-        return partial(kernels.orbits.fly, self._force.unchanging)
+        if self._force.is_plain:
+            return partial(kernels.orbits.fly, self._force.plain)
+        first, last = sorted((0.0, self._sense * last_s))
+        return partial(kernels.orbits.fly_in_field, self._force.between(first, last, self._sense))
 
     def _begin_grid(self, rows: Integers) -> None:
         """Begin a new grid of steps for the rows where they are, from their states."""
@@ -128,7 +134,7 @@ class Batch:
         flights.origin[rows], flights.ticks[rows] = flights.reached[rows], 0
         flights.base[rows], flights.level[rows] = base_step(states, self._force.mu_m3_s2, self._rtol, self._longest_s)
         ballistic, radiation = flights.areas[rows].T
-        pull = self._force.acceleration(states, ballistic, flights.reached[rows], radiation)
+        pull = self._force.acceleration(states, ballistic, self._sense * flights.reached[rows], radiation)
         slope = np.concatenate([states[:, 3:], pull], axis=1)
         thrust = flights.thrust[rows]
         burns = thrust.any(axis=1)
