@@ -1,15 +1,18 @@
-"""What each force amounts to, by altitude: its acceleration, and its difference between two craft 10 km apart.
+"""What each force amounts to by altitude: alone, as the difference of two craft 10 km apart, and after a revolution.
 
-Root mean squares over random places on a sphere and random times of a year. Prints the tables of docs/forces.md:
+Root mean squares over random places on a sphere and random times of a year, and over random circular orbits from one
+date. Prints the tables of docs/forces.md:
 
     python benchmarks/forces.py
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from relnav_sim import kernels
+from relnav_sim import ForceModel, kernels, propagate, rtn_from_eci
 from relnav_sim.arrays import Array
 from relnav_sim.astro.atmosphere import LayeredAtmosphere
 from relnav_sim.astro.earth_orientation import ROTATION_RAD_S, EarthOrientation
@@ -22,11 +25,24 @@ ALTITUDES_KM = (400, 760, 1500, 35786)
 RADIUS, MU = 6378136.3, 3.986004415e14
 DRAG_M2_KG, RADIATION_M2_KG = 2.2 * 0.01, 1.3 * 0.01
 """Cd A / m and Cr A / m of a craft with 0.01 m^2/kg."""
-BALLISTIC_MISMATCH = 0.2
-SEPARATION_M, PLACES = 10e3, 4000
+MISMATCH = 0.2
+SEPARATION_M, PLACES, ORBITS = 10e3, 4000, 48
+FIELDS = ((0, 0), (2, 0), (4, 0), (4, 4), (20, 20), (40, 40), (60, 60))
+LEVELS = ("J2", "J3 and J4", "the rest of 4 x 4", "to 20 x 20", "to 40 x 40", "to 60 x 60")
+SUNLIGHT, DRAG = "sunlight, Cr A/m 0.013 m²/kg", "drag, Cd A/m 0.022 m²/kg"
+MORE_SUNLIGHT, MORE_DRAG = "sunlight, 20 % more for the second craft", "drag, 20 % more for the second craft"
+LATE, MOVED = "*UT1 - UTC of 0.9 s*", "*polar motion of 0.3 arc seconds in x and y*"
 EPOCH = Epoch.parse("2010-01-01T00:00:00 UTC")
 LOVE_NUMBER, LIGHT_M_S = 0.3, 299792458.0
 ARC_SECOND = np.pi / 180 / 3600
+LEAST = (1e-15, 1e-15, 1e-5)
+"""What is below the rounding of a small force, and of a propagation, counts as none."""
+
+
+ERRORS = {
+    LATE: EarthOrientation(ut1_utc_s=0.9),
+    MOVED: EarthOrientation(polar_motion_rad=(0.3 * ARC_SECOND, 0.3 * ARC_SECOND)),
+}
 
 
 def places(altitude_m: float) -> tuple[Array, Array, Array, Array]:
@@ -79,21 +95,18 @@ def relativity(at: Array, velocity: Array) -> Array:
 
 
 def forces(at: Array, velocity: Array, times: Array, lead: bool) -> dict[str, Array]:
-    """Return each force's acceleration (n, 3); the lead of two craft has the other ballistic coefficient."""
-    known = EarthOrientation()
-    fields = ((0, 0), (2, 0), (4, 0), (4, 4), (20, 20), (40, 40), (60, 60))
-    levels = [gravity(degree, order, known, at, times) for degree, order in fields]
-    names = ["J2", "J3 and J4", "the rest of 4 x 4", "to 20 x 20", "to 40 x 40", "to 60 x 60"]
-    found = {"point mass": levels[0]} | {name: b - a for name, a, b in zip(names, levels, levels[1:], strict=False)}
+    """Return each force's acceleration (n, 3); the lead of two craft may have other coefficients."""
+    more = 1 + MISMATCH * lead
+    levels = [gravity(degree, order, EarthOrientation(), at, times) for degree, order in FIELDS]
+    found = {"point mass": levels[0]} | {name: b - a for name, a, b in zip(LEVELS, levels, levels[1:], strict=False)}
     found["Moon"] = third_bodies(at, times, 0.0, MOON_MU)
     found["Sun"] = third_bodies(at, times, SUN_MU, 0.0)
-    found["sunlight, Cr A/m 0.013 m²/kg"] = third_bodies(at, times, 0.0, 0.0, RADIATION_M2_KG)
-    found["drag, Cd A/m 0.022 m²/kg"] = drag(at, velocity, DRAG_M2_KG)
-    found["drag, 20 % more for the second craft"] = drag(at, velocity, DRAG_M2_KG * (1 + BALLISTIC_MISMATCH * lead))
-    late = EarthOrientation(ut1_utc_s=0.9)
-    found["*UT1 - UTC of 0.9 s*"] = gravity(20, 20, late, at, times) - levels[4]
-    moved = EarthOrientation(polar_motion_rad=(0.3 * ARC_SECOND, 0.3 * ARC_SECOND))
-    found["*polar motion of 0.3 arc seconds in x and y*"] = gravity(20, 20, moved, at, times) - levels[4]
+    found[SUNLIGHT] = third_bodies(at, times, 0.0, 0.0, RADIATION_M2_KG)
+    found[MORE_SUNLIGHT] = third_bodies(at, times, 0.0, 0.0, more * RADIATION_M2_KG)
+    found[DRAG] = drag(at, velocity, DRAG_M2_KG)
+    found[MORE_DRAG] = drag(at, velocity, more * DRAG_M2_KG)
+    for name, orientation in ERRORS.items():
+        found[name] = gravity(20, 20, orientation, at, times) - levels[4]
     found["*tides of the solid Earth*"] = solid_tide(at, moon_position(times, EPOCH), MOON_MU) + solid_tide(
         at, sun_position(times, EPOCH), SUN_MU
     )
@@ -101,26 +114,52 @@ def forces(at: Array, velocity: Array, times: Array, lead: bool) -> dict[str, Ar
     return found
 
 
-def shown(figure: float) -> str:
-    """Return a figure with two digits; what is less than the rounding of a small force counts as none."""
-    return f"{figure:.1e}" if figure > 1e-15 else "0"
+def after_a_revolution(altitude_m: float) -> dict[str, Array]:
+    """Return by how much each force moves the second craft relative to the first, (n, 3), in RTN, m."""
+    pair, *velocities, _ = places(altitude_m)
+    start = np.concatenate([pair, np.stack(velocities)], axis=2)[:, :ORBITS].reshape(-1, 6)
+    period = 2 * np.pi * np.sqrt((RADIUS + altitude_m) ** 3 / MU)
+
+    def relative(degree: int = 4, order: int = 4, more: float = 1.0, **also: Any) -> Array:
+        field = GravityField.load("ggm05s", degree, order)
+        force = ForceModel(field.mu_m3_s2, field.radius_m, (), gravity=field, epoch=EPOCH, **also)
+        of_each = np.repeat([1.0, more], ORBITS)
+        end = propagate(start, [period], force, DRAG_M2_KG * of_each, radiation_m2_kg=RADIATION_M2_KG * of_each)
+        first, second = end[:, 0].reshape(2, ORBITS, 6)
+        return rtn_from_eci(first, second)[:, :3]
+
+    levels = [relative(degree, order) for degree, order in FIELDS]
+    found = {name: b - a for name, a, b in zip(LEVELS, levels, levels[1:], strict=False)}
+    air, more = LayeredAtmosphere(), 1 + MISMATCH
+    with_one_more: dict[str, dict[str, Any]] = {
+        "Moon": {"third_bodies": ("moon",)}, "Sun": {"third_bodies": ("sun",)},
+        SUNLIGHT: {"radiation": True}, MORE_SUNLIGHT: {"radiation": True, "more": more},
+        DRAG: {"atmosphere": air}, MORE_DRAG: {"atmosphere": air, "more": more},
+    }  # fmt: skip
+    found |= {name: relative(**options) - levels[3] for name, options in with_one_more.items()}
+    return found | {name: relative(20, 20, orientation=wrong) - levels[4] for name, wrong in ERRORS.items()}
 
 
 def main() -> None:
-    """Print both tables."""
-    rows: dict[str, list[tuple[float, float]]] = {}
+    """Print the tables."""
+    titles = (
+        "acceleration, m/s²", "difference over 10 km along the track, m/s²", "after a revolution, at 10 km, m",
+    )  # fmt: skip
+    tables: list[dict[str, list[float]]] = [{}, {}, {}]
     for altitude in ALTITUDES_KM:
         pair, first_velocity, second_velocity, times = places(altitude * 1e3)
         first = forces(pair[0], first_velocity, times, lead=False)
         second = forces(pair[1], second_velocity, times, lead=True)
-        for name, of_first in first.items():
-            figures = (of_first, second[name] - of_first)
-            rows.setdefault(name, []).append(tuple(float(np.sqrt((a**2).sum(axis=1).mean())) for a in figures))
-    for which, title in enumerate(("acceleration, m/s²", "difference over 10 km along the track, m/s²")):
+        difference = {name: second[name] - first[name] for name in first}
+        same_alone = {name: a for name, a in first.items() if name not in (MORE_SUNLIGHT, MORE_DRAG)}
+        for table, of_names in zip(tables, (same_alone, difference, after_a_revolution(altitude * 1e3)), strict=True):
+            for name, vectors in of_names.items():
+                table.setdefault(name, []).append(float(np.sqrt((vectors**2).sum(axis=1).mean())))
+    for title, table, least in zip(titles, tables, LEAST, strict=True):
         print(f"| {title} | " + " | ".join(f"{altitude} km" for altitude in ALTITUDES_KM) + " |")
         print("|---|" + "---|" * len(ALTITUDES_KM))
-        for name, figures in rows.items():
-            print(f"| {name} | " + " | ".join(shown(by_altitude[which]) for by_altitude in figures) + " |")
+        for name, figures in table.items():
+            print(f"| {name} | " + " | ".join(f"{figure:.1e}" if figure > least else "0" for figure in figures) + " |")
         print()
 
 
