@@ -18,8 +18,8 @@ _PER_SECOND = 10**12
 _DAY_S = 86400
 _ZERO = date(2000, 1, 1).toordinal()
 _JULIAN_DATE_OF_ZERO = 2451544.5
-_YEARS = range(1900, 2101)
-"""What pyerfa's Sun and Moon cover."""
+_YEARS = range(1901, 2100)
+"""What pyerfa's Sun covers."""
 
 _AFTER_TAI = {"TAI": Fraction(0), "GPS": Fraction(-19), "TT": Fraction("32.184")}
 """Seconds by which the reading of a clock is later than that of TAI."""
