@@ -40,11 +40,13 @@ class Epoch:
     Attributes:
         tai_ps: Picoseconds of TAI since 2000-01-01T00:00:00 TAI.
 
-    >>> epoch = Epoch.parse("2010-07-27T00:00:00 GPS")
-    >>> epoch.text("UTC")
-    '2010-07-26T23:59:45 UTC'
-    >>> epoch.later(60.5).seconds_since(epoch)
-    60.5
+    Examples:
+        >>> from relnav_sim import Epoch
+        >>> epoch = Epoch.parse("2010-07-27T00:00:00 GPS")
+        >>> epoch.text("UTC")
+        '2010-07-26T23:59:45 UTC'
+        >>> epoch.later(60.5).seconds_since(epoch)
+        60.5
     """
 
     tai_ps: int
