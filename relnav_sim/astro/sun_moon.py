@@ -26,8 +26,11 @@ def sun_position(times_s: ArrayLike, epoch: str | Epoch) -> Array:
     Raises:
         ValueError: The text is no epoch, or the times are no numbers.
 
-    >>> float(round(np.linalg.norm(sun_position(0.0, "2010-07-06T12:00:00 UTC")) / AU_M, 4))  # at the aphelion
-    1.0167
+    Examples:
+        >>> from relnav_sim.astro.sun_moon import AU_M, sun_position
+        >>> x, y, z = sun_position(0.0, "2010-07-06T12:00:00 UTC") / AU_M
+        >>> round(float(x * x + y * y + z * z) ** 0.5, 4)  # at the aphelion
+        1.0167
     """
     import erfa
 
