@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import angles as angles
+    from relnav_sim.kernels import atmosphere as atmosphere
     from relnav_sim.kernels import bound as bound
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components

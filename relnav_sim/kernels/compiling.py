@@ -55,7 +55,14 @@ def written(axes: int, of: Kind = number) -> Kind:
 
 def record(named_tuple: type, *kinds: Kind) -> Kind:
     """Return the type of a named tuple whose fields are of these types."""
-    return lambda types: types.NamedTuple([kind(types) for kind in kinds], named_tuple)
+
+    def of(types: Any) -> Any:
+        fields = [kind(types) for kind in kinds]
+        if all(field == fields[0] for field in fields):  # numba tells these apart
+            return types.NamedUniTuple(fields[0], len(fields), named_tuple)
+        return types.NamedTuple(fields, named_tuple)
+
+    return of
 
 
 def kernel(*arguments: Kind) -> Callable[[Function], Function]:
@@ -76,7 +83,7 @@ def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Ca
     Args:
         other: The other kernel.
         arguments: Types, as for `kernel`.
-        names: What names of its module stand for.
+        names: What names stand for in that kernel, not in the functions that it calls.
     """
 
     def made(function: Function) -> Function:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, record, written
+from relnav_sim.kernels import field_forces
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, kernel_like, number, record, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
@@ -22,7 +23,8 @@ from relnav_sim.kernels.dop853 import (
     stage_time,
     weighted_sum,
 )
-from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
+from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces
+from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative, longest_step
 from relnav_sim.kernels.lanes import LANES
 
 FINEST = -24
@@ -31,6 +33,9 @@ COARSEST = 16
 """Steps may grow to 2^COARSEST base steps: an escaping orbit needs ever longer ones."""
 ERROR_RATIO_OF_DOUBLING = 2.0**7
 """The estimate per unit time grows with the seventh power of the step."""
+
+SLACK = 1.5
+"""A step is not halved for what is longest where it begins unless it is this many times as long."""
 
 FLIES, EVENT_DUE, NEAR_SURFACE, STUCK, ENDED = range(5)
 """What a flight is doing. Only one that flies goes on; of the others its owner has to decide."""
@@ -173,7 +178,7 @@ def fly(
             i = row[b]
             if error[b] <= rtol:
                 accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
-                resize(flights, i, error[b], aim)
+                resize(flights, i, error[b], aim, longest_step(forces, aim, flights.states, i))
                 if not clears(terms, b, surface):
                     flights.doing[i] = NEAR_SURFACE
                 recall(flights, i, 1, times, place, out)
@@ -181,6 +186,27 @@ def fly(
                 flights.level[i] -= 1
                 if flights.level[i] < FINEST:
                     flights.doing[i] = STUCK
+
+
+@kernel_like(
+    fly,
+    FIELD_FORCES,
+    *_FLY,
+    derivative=field_forces.derivative,
+    longest_step=field_forces.longest_step,
+    ROOM=field_forces.ROOM,
+)
+def fly_in_field(
+    forces: FieldForces,
+    flights: Flights,
+    rtol: float,
+    aim: float,
+    surface: float,
+    times: Array,
+    place: Integers,
+    out: Array,
+) -> None:
+    """Do as `fly` about the Earth as it is."""
 
 
 @inner
@@ -233,16 +259,20 @@ def accept(
 
 
 @inner
-def resize(flights: Flights, i: int, error: float, aim: float) -> None:
+def resize(flights: Flights, i: int, error: float, aim: float, longest: float) -> None:
     """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
 
-    A double step must start at a multiple of itself, or orbits would drift apart on the grid.
+    A double step must start at a multiple of itself, or orbits would drift apart on the grid. None should be longer
+    than `longest`, s.
     """
     level = flights.level[i]
     flights.ticks[i] += 1 << (level - FINEST)
     aligned = flights.ticks[i] & ((2 << (level - FINEST)) - 1) == 0
-    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST:
+    step = math.ldexp(flights.base[i], int(level))
+    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST and 2 * step <= longest:
         flights.level[i] += 1
+    elif step > SLACK * longest and level > FINEST:
+        flights.level[i] -= 1
 
 
 @inner
