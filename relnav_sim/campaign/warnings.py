@@ -20,7 +20,7 @@ from relnav_sim.campaign.paths import parse_path, replaced
 from relnav_sim.sensors import Sensors, reading_probability, relative_sensors, sight_warnings
 from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, truth_trajectory
+from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, start_warnings, truth_trajectory
 
 MOST_GEOMETRIES = 12
 """Different trajectories and radars of a campaign that are looked at: each takes a propagation of two craft."""
@@ -100,7 +100,7 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
                 f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
                 "fail; take start.kind dispersed or given."
             )
-    return [*ended, *sentences]
+    return [*start_warnings(config.truth), *ended, *sentences]
 
 
 def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:

@@ -5,6 +5,7 @@ from relnav_sim.truth.earlier import begun_earlier
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import propagate
+from relnav_sim.truth.start_warnings import start_warnings
 from relnav_sim.truth.trajectory import Truth, TruthTrajectory, nominal_chief, nominal_truth, truth_trajectory
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "nominal_truth",
     "propagate",
     "rtn_from_eci",
+    "start_warnings",
     "truth_trajectory",
 ]
