@@ -37,9 +37,11 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
         np.concatenate([chief, deputy]) * _TURNED,
         replace(force, rotation_rad_s=-force.rotation_rad_s),
         -ballistic,
+        np.zeros(2),
         rtol=1e-12,
         kept_steps=1,
         surface_m=force.radius_m,
+        sense=-1.0,
     )
     turned = np.empty((2, 1, 6))
     backwards.write(np.array([duration_s]), turned)
