@@ -118,7 +118,7 @@ def _flown(options: TruthOptions, sensors: Sensors, times_s: Array, relative: Ar
     trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
     chief = trajectory.at(times_s[:1] if alone else times_s).chief
     chief = np.broadcast_to(chief, (*relative.shape[:2], 6))
-    deputy = eci_from_rtn(chief, relative, trajectory.force.normal_acceleration(chief))
+    deputy = eci_from_rtn(chief, relative, trajectory.force.normal_acceleration(chief, 0.0, times_s))
     return Truth(times_s, chief, deputy, relative)
 
 
