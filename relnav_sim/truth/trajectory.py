@@ -12,12 +12,12 @@ from relnav_sim.astro.atmosphere import LayeredAtmosphere
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.streams import RandomSource
+from relnav_sim.truth.dispersion_options import DispersionsOptions
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
 from relnav_sim.truth.force_options import ForcesOptions
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import TruthOptions
-from relnav_sim.truth.dispersion_options import DispersionsOptions
 from relnav_sim.truth.propagation import RTOL, DenseTrajectory
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
 
