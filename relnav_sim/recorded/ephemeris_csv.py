@@ -60,7 +60,9 @@ def read_ephemeris_csv(text: str, path: str, stated: Stated) -> list[Segment]:
     """
     said: dict[str, tuple[str, Place]] = {}
     columns: _Columns | None = None
-    lines, epochs, rows = [], [], []
+    lines: list[int] = []
+    epochs: list[Epoch] = []
+    rows: list[list[float]] = []
     header = Place(path, 1)
     origin: Epoch | None = None
     scale = ""
