@@ -28,6 +28,7 @@ _HOME = {
     "Epoch": "astro.epoch",
     "eci_from_itrf": "astro.earth_orientation",
     "itrf_from_eci": "astro.earth_orientation",
+    "GravityField": "astro.gravity_field",
     "rtn_from_eci": "astro.frames",
     "eci_from_rtn": "astro.frames",
     "create_filter": "filters.registry",

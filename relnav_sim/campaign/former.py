@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args
 
+from pydantic.fields import FieldInfo
+
 from relnav_sim.campaign.paths import parse_path
 from relnav_sim.campaign.problems import Path, dotted
-from relnav_sim.options import AddedLater, Options
+from relnav_sim.options import AddedLater, Options, Origin
 
 _FIRST_SENSORS = ("radar", "gnss", "star_tracker", "accelerometer")
 """Sensors that once were the keys of their section, with nothing as the value of those that were not there."""
@@ -37,7 +39,7 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
     first: dict[str, Any] = {}
     for key, value in data.items():
         field = model.model_fields.get(key)
-        if field is not None and value == field.default and any(isinstance(m, AddedLater) for m in field.metadata):
+        if field is not None and _outside_hashes(field, value, data):
             continue
         words = model.former_words.get(key, {})
         inner = [] if field is None else _models_in(field.annotation)
@@ -45,6 +47,15 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
             words.get(value, value) if isinstance(value, str) else _inner(value, inner)
         )
     return first
+
+
+def _outside_hashes(field: FieldInfo, value: Any, data: Mapping[str, Any]) -> bool:
+    """Return whether a key says nothing that a hash must hold: a later one's default, or where content came from."""
+    return any(
+        (isinstance(mark, AddedLater) and value == field.default)
+        or (isinstance(mark, Origin) and data.get(mark.of) is not None)
+        for mark in field.metadata
+    )
 
 
 def _inner(value: Any, models: Sequence[type[Options]]) -> Any:

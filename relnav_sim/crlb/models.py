@@ -176,7 +176,7 @@ def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int, learn
 
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
     """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
-    orbit = nominal_chief(config.truth).up_to(config.truth.forces.zonals)
+    orbit = nominal_chief(config.truth).up_to(config.truth.forces.highest_zonal)
     return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
 
 

@@ -26,7 +26,7 @@ BELIEVED_ZONALS = 2
 
 def believed_orbit(config: CaseConfig) -> ChiefOrbit:
     """Return the nominal orbit about the body that the craft believe in: a point mass with J2, where there is one."""
-    return nominal_chief(config.truth).up_to(min(BELIEVED_ZONALS, config.truth.forces.zonals))
+    return nominal_chief(config.truth).up_to(min(BELIEVED_ZONALS, config.truth.forces.highest_zonal))
 
 
 def believed_gravity(config: CaseConfig) -> Gravity:
