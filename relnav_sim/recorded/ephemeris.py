@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.recorded.axes import in_eci
 from relnav_sim.recorded.errors import EphemerisError
 from relnav_sim.recorded.interpolation import Interpolation
 
@@ -73,6 +74,16 @@ class Ephemeris:
     def accelerations(self, times_s: ArrayLike) -> Array:
         """Return the second derivatives of the coordinates (..., 3), m/s^2, at times (...), as `at` does."""
         return self._evaluated(times_s, 3, Interpolation.accelerations)
+
+    def eci(self, *, ut1_utc_s: float = 0.0, polar_motion_rad: tuple[float, float] = (0.0, 0.0)) -> Ephemeris:
+        """Return the same orbit in ECI (EME2000), its rows turned and then interpolated.
+
+        Args:
+            ut1_utc_s: UT1 - UTC at the epoch, s, for an orbit in ITRF.
+            polar_motion_rad: x and y of the pole, rad, for an orbit in ITRF.
+        """
+        turned = in_eci(self.states, self.times_s, self.epoch, self.frame, ut1_utc_s, polar_motion_rad)
+        return replace(self, states=turned, frame="EME2000")
 
     def _evaluated(self, times_s: ArrayLike, width: int, evaluate: _Evaluate) -> Array:
         times = np.asarray(times_s, dtype=float)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_left, bisect_right
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.recorded.axes import seen_from_earth
 from relnav_sim.recorded.ephemeris import Ephemeris, Span
 from relnav_sim.recorded.ephemeris_csv import read_ephemeris_csv
 from relnav_sim.recorded.errors import at_line
@@ -19,7 +21,7 @@ from relnav_sim.recorded.oem import VERSION_KEY, read_oem
 from relnav_sim.recorded.oem_xml import read_oem_xml
 from relnav_sim.recorded.segment import Place, Segment
 from relnav_sim.recorded.stated import Stated
-from relnav_sim.wording import counted
+from relnav_sim.wording import counted, listed
 
 _MOST_BYTES = 500_000_000
 _DEFAULTS = (Interpolation("HERMITE", 7), Interpolation("HERMITE", 11), Interpolation("LAGRANGE", 7))
@@ -29,6 +31,7 @@ _LONGEST_STEP = 10.0
 """A step is a gap where it is this many times as long as the median of its segment's, or ..."""
 _LONGEST_NEIGHBOUR = 3.0
 """... this many times as long as the longer one of its neighbours: steps of a few files follow an eccentric orbit."""
+_SHOWN = 4
 _SLOPE = 0.01
 """Share by which velocities may differ from the change of position; that of the Earth's rotation in low orbit is 0.06,
 and a wrong unit 1000."""
@@ -71,13 +74,14 @@ def load_ephemeris(
     name = os.fspath(path)
     text = _text(name)
     stated = Stated(frame, time_scale, velocity_frame, epoch)
-    segments = _segments(text, name, stated)
+    segments = [_with_own_velocities(segment) for segment in _segments(text, name, stated)]
     chosen = None
     if interpolation is not None or interpolation_degree is not None:
         degree = None if interpolation_degree is None else str(interpolation_degree)
         chosen = Place(name, segments[0].line).interpolation(interpolation or "HERMITE", degree)
     _check_order(segments, name)
     needed = _needed(start, stop)
+    _check_coverage(segments, needed, name)
     first = segments[0].epochs[0]
     spans, times, states, rows = [], [], [], 0
     for segment in segments:
@@ -93,11 +97,7 @@ def load_ephemeris(
         times.append(at)
         states.append(segment.states[kept])
         rows += len(at)
-    if not spans:
-        covered = f"{segments[0].useable[0].text()} to {segments[-1].useable[1].text()}"
-        raise at_line(name, segments[0].line, f"nothing of what is needed is covered; the file covers {covered}")
-    found = Ephemeris(name, first, np.concatenate(times), np.concatenate(states), segments[0].frame, tuple(spans))
-    return found
+    return Ephemeris(name, first, np.concatenate(times), np.concatenate(states), segments[0].frame, tuple(spans))
 
 
 def _text(name: str) -> str:
@@ -127,6 +127,15 @@ def _segments(text: str, name: str, stated: Stated) -> list[Segment]:
         segments = read_oem(text, name)
     _check_agreement(segments[0], stated, name)
     return segments
+
+
+def _with_own_velocities(segment: Segment) -> Segment:
+    """Return a segment whose velocities are the time derivatives of its coordinates."""
+    if not segment.inertial_velocity:
+        return segment
+    first = segment.epochs[0]
+    times_s = np.array([each.seconds_since(first) for each in segment.epochs])
+    return replace(segment, states=seen_from_earth(segment.states, times_s, first), inertial_velocity=False)
 
 
 def _check_agreement(segment: Segment, stated: Stated, name: str) -> None:
@@ -174,6 +183,24 @@ def _default(segment: Segment) -> Interpolation:
     if not tried:
         return Interpolation("HERMITE", max(2 * len(times_s) - 1, 3))
     return min(tried, key=lambda each: each.error(times_s, segment.states)[0])
+
+
+def _check_coverage(segments: list[Segment], needed: tuple[Epoch | None, Epoch | None], name: str) -> None:
+    """Refuse a file that does not cover what is needed."""
+    first, last = needed[0] or segments[0].useable[0], needed[1] or segments[-1].useable[1]
+    reached = first
+    for segment in segments:
+        if segment.useable[0] <= reached:
+            reached = max(reached, segment.useable[1])
+    if first >= segments[0].useable[0] and reached >= last:
+        return
+    shown = [f"{each.useable[0].text()} to {each.useable[1].text()}" for each in segments[:_SHOWN]]
+    more = [f"{len(segments) - _SHOWN} more"] if len(segments) > _SHOWN else []
+    raise at_line(
+        name,
+        segments[0].line,
+        f"the orbit is useable from {listed([*shown, *more])}; it is needed from {first.text()} to {last.text()}",
+    )
 
 
 def _kept(segment: Segment, method: Interpolation, needed: tuple[Epoch | None, Epoch | None]) -> slice | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.gravity import Gravity
 
