@@ -6,6 +6,7 @@ import functools
 import json
 import re
 from collections.abc import Mapping
+from pathlib import Path as FilePath
 from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, WithJsonSchema, create_model
@@ -185,9 +186,14 @@ def sensors_from(section: Mapping[str, Any]) -> dict[str, SensorOptions]:
 
 
 class PartValidator:
-    """Validates the parts of a file one by one, each once: cases share the parts that they do not vary."""
+    """Validates the parts of a file one by one, each once: cases share the parts that they do not vary.
 
-    def __init__(self) -> None:
+    Args:
+        folder: Where the file is; the files that it names are looked for from there.
+    """
+
+    def __init__(self, folder: FilePath = FilePath()) -> None:
+        self._context = {"folder": folder}
         self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
         self._whole: Shape | None = None
 
@@ -209,7 +215,7 @@ class PartValidator:
     def _validated(self, adapter: TypeAdapter[Any], data: Any, path: Path) -> tuple[Options | None, list[Problem]]:
         try:
             # Through JSON in strict mode: no "7" as a number, no 1 as a boolean, but lists as tuples.
-            return adapter.validate_json(json.dumps(data), strict=True), []
+            return adapter.validate_json(json.dumps(data), strict=True, context=self._context), []
         except ValidationError as error:
             whole = self.whole
             return None, explain(error, data, whole.at(path, {}) or whole, path, whole)

@@ -56,11 +56,14 @@ class Interpolation:
         """Return the largest error of position and velocity at rows that are withheld one at a time, m and m/s.
 
         Each is interpolated from the rows around it, of which it leaves a gap of twice the step: the error between
-        rows that are there is smaller. NaN where there are too few rows to withhold one.
+        rows that are there is smaller. Rows that have as many rows on one side as on the other are withheld, where
+        there are such. NaN where there are too few rows to withhold one.
         """
         if len(times_s) < max(self.rows + 1, 3):
             return np.nan, np.nan
-        withheld = np.unique(np.linspace(1, len(times_s) - 2, min(_TRIALS, len(times_s) - 2)).round().astype(np.intp))
+        side = (self.rows + 1) // 2
+        first, last = (side, len(times_s) - 1 - side) if len(times_s) > 2 * side else (1, len(times_s) - 2)
+        withheld = np.unique(np.linspace(first, last, min(_TRIALS, last - first + 1)).round().astype(np.intp))
         around = _windows(times_s, times_s[withheld], self.rows + 1)
         nodes = around[around != withheld[:, None]].reshape(len(withheld), self.rows)
         found = _interpolated(self.kind, times_s[nodes], states[nodes], times_s[withheld])

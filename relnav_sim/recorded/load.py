@@ -25,8 +25,8 @@ from relnav_sim.wording import counted, listed
 
 _MOST_BYTES = 500_000_000
 _DEFAULTS = (Interpolation("HERMITE", 7), Interpolation("HERMITE", 11), Interpolation("LAGRANGE", 7))
-"""Where nobody says anything, the one of these with the smallest error at withheld rows is taken: a low degree where
-rows are dense and rounded, a high one where they are sparse, and Lagrange where velocities are coarse."""
+"""Where nobody says anything, the first is taken, which noise in the rows disturbs little; or one of the others that
+halves its error at withheld rows: a high degree where rows are sparse, Lagrange where velocities are coarse."""
 _LONGEST_STEP = 10.0
 """A step is a gap where it is this many times as long as the median of its segment's, or ..."""
 _LONGEST_NEIGHBOUR = 3.0
@@ -182,7 +182,9 @@ def _default(segment: Segment) -> Interpolation:
     tried = [each for each in _DEFAULTS if each.rows < len(times_s)]
     if not tried:
         return Interpolation("HERMITE", max(2 * len(times_s) - 1, 3))
-    return min(tried, key=lambda each: each.error(times_s, segment.states)[0])
+    errors = [each.error(times_s, segment.states)[0] for each in tried]
+    clear = [each for each, error in zip(tried[1:], errors[1:], strict=True) if error < errors[0] / 2]
+    return min(clear, key=lambda each: errors[tried.index(each)], default=tried[0])
 
 
 def _check_coverage(segments: list[Segment], needed: tuple[Epoch | None, Epoch | None], name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError, ValidationInfo, field_validator, model_validator
@@ -67,7 +68,7 @@ class EphemerisOptions(Options):
         name = info.data.get(info.field_name.removesuffix("_sha256"))
         if name is None or not in_campaign(info):
             return digest
-        found = digest_of(name)
+        found = digest_of(Path(name))
         if digest not in (None, found):
             raise ValueError(f"the content of {name} has SHA-256 {found}: it is not the file that is meant")
         return found
@@ -138,9 +139,8 @@ class EphemerisTruthOptions(Options):
         if not craft and not others:
             return data
         sentence = "the files of truth.ephemeris say already how the craft fly; leave this out"
-        raise ValidationError.from_exception_data(
-            cls.__name__, [problem(place, sentence) for place in (*craft, *others)]
-        )
+        problems = [problem(place, sentence) for place in (*craft, *others)]
+        raise ValidationError.from_exception_data(cls.__name__, problems)
 
 
 def _kind_of(data: Any) -> str:

@@ -46,9 +46,8 @@ class EphemerisTrajectory:
         """
         times = np.asarray(times_s, dtype=float)
         if times.size and not (times.min() >= 0 and times.max() <= self._duration_s * (1 + 1e-9)):
-            raise ValueError(
-                f"times_s goes from {times.min():g} to {times.max():g} s; the truth to {self._duration_s:g} s"
-            )
+            reached = f"{times.min():g} to {times.max():g} s"
+            raise ValueError(f"times_s goes from {reached}; the truth from 0 to {self._duration_s:g} s")
         inside = np.minimum(times, self._duration_s)
         chief, deputy = (each.at(begin + inside) for each, begin in zip(self._craft, self._begin_s, strict=True))
         normal = np.cross(chief[:, :3], chief[:, 3:])
