@@ -24,9 +24,9 @@ from relnav_sim.recorded.stated import Stated
 from relnav_sim.wording import counted, listed
 
 _MOST_BYTES = 500_000_000
-_DEFAULTS = (Interpolation("HERMITE", 7), Interpolation("HERMITE", 11), Interpolation("LAGRANGE", 7))
-"""Where nobody says anything, the first is taken, which noise in the rows disturbs little; or one of the others that
-halves its error at withheld rows: a high degree where rows are sparse, Lagrange where velocities are coarse."""
+_DEFAULTS = (Interpolation("LAGRANGE", 7), Interpolation("HERMITE", 7), Interpolation("HERMITE", 11))
+"""Where nobody says anything, the first is taken, whose velocities are as smooth as those of the rows although
+positions are rounded; or one of the others that halves its error at withheld rows, as they do where rows are sparse."""
 _LONGEST_STEP = 10.0
 """A step is a gap where it is this many times as long as the median of its segment's, or ..."""
 _LONGEST_NEIGHBOUR = 3.0
@@ -62,7 +62,7 @@ def load_ephemeris(
             inertial where they are those seen from inertial space, along the axes of ITRF.
         epoch: Epoch from which `time_s` counts, as 2010-07-27T00:00:00 GPS.
         interpolation: LAGRANGE, HERMITE or LINEAR, instead of what the file says; where neither says anything,
-            the default that fits best: Hermite of degree 7 or 11, or Lagrange of degree 7.
+            Lagrange of degree 7, or Hermite of degree 7 or 11 where rows are sparse.
         interpolation_degree: Its degree.
         start: First epoch that is needed; None: all of the file.
         stop: Last epoch that is needed. Gaps outside of what is needed do not matter.

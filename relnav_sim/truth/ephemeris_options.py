@@ -44,8 +44,8 @@ class EphemerisOptions(Options):
     )
     interpolation: Literal["LAGRANGE", "HERMITE", "LINEAR"] | None = Field(
         default=None,
-        description="How states between the rows are found; default: what the file says, or else what meets withheld "
-        "rows best of Hermite of degree 7 or 11 and Lagrange of degree 7",
+        description="How states between the rows are found; default: what the file says, or else Lagrange of degree 7, "
+        "or Hermite of degree 7 or 11 where that meets withheld rows better",
     )
     interpolation_degree: int | None = Field(default=None, ge=1, le=30, description="Degree of the interpolation")
     chief_sha256: str | None = Field(
