@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.astro.epoch import Epoch
-from relnav_sim.astro.sky_table import DAY_S, S, X, Y, day_and_variable, pole_matrix, sky_table
+from relnav_sim.astro.sky_table import day_and_variable, pole_matrix, sky_table
 from relnav_sim.given_arrays import finite, numbers
+from relnav_sim.kernels.sky import DAY_S, TURNS_A_DAY_BEYOND_ONE, S, X, Y
 
-_TURNS_A_DAY_BEYOND_ONE = 0.00273781191135448
-ROTATION_RAD_S = 2 * math.pi * (1 + _TURNS_A_DAY_BEYOND_ONE) / DAY_S
+ROTATION_RAD_S = 2 * math.pi * (1 + TURNS_A_DAY_BEYOND_ONE) / DAY_S
 """Rate of the Earth's rotation angle (IERS Conventions 2010, equation 5.15), rad/s."""
 
 
@@ -74,7 +74,7 @@ class EarthOrientation:
         x, y, s = (_at(polynomials[:, i], which, variable) for i in range(3))
         dx, dy, ds = (_at(slopes[:, i], which, variable) for i in range(3))
         # Whole turns are left out before they can cost digits.
-        turns = times_s / DAY_S - days + _TURNS_A_DAY_BEYOND_ONE * (times_s / DAY_S)
+        turns = (times_s - days * DAY_S) / DAY_S + TURNS_A_DAY_BEYOND_ONE * (times_s / DAY_S)
         angle = self.rotation_angle(epoch) + 2 * math.pi * turns - s
         cos, sin, rate = np.cos(angle), np.sin(angle), ROTATION_RAD_S - ds
         turned, turning = np.zeros((2, len(times_s), 3, 3))
@@ -108,7 +108,7 @@ def itrf_from_eci(
 
     >>> pole = itrf_from_eci([[0.0, 0.0, 7e6, 0.0, 0.0, 0.0]], [0.0], "2025-07-01T00:00:00 UTC")
     >>> [round(float(x)) for x in pole[0, :3]]  # 25 years of precession, 0.14 deg
-    [-3304, 16649, 6999979]
+    [-2473, -17207, 6999978]
     """
     r, v, turned, turning = _parts(states, times_s, epoch, EarthOrientation(ut1_utc_s, polar_motion_rad))
     return np.concatenate([_product(turned, r), _product(turned, v) + _product(turning, r)], axis=-1)
@@ -190,9 +190,10 @@ def _parts(
     return given[..., :3], given[..., 3:], turned, turning
 
 
-def _at(polynomials: Array, which: Array, variable: Array) -> Array:
+def _at(polynomials: Array, which: Indices, variable: Array) -> Array:
     """Return polynomials (n, powers) number `which` (T,) at the variable (T,)."""
-    return np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
+    values: Array = np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
+    return values
 
 
 def _product(matrices: Array, vectors: Array) -> Array:

@@ -1,6 +1,6 @@
 """Earth orientation, Sun and Moon as polynomials, a set a day, so that they cost next to nothing in an integration.
 
-pyerfa takes 70 microseconds for one instant. All of it varies over weeks but the Earth's rotation, which is left out
+pyerfa takes 70 microseconds for one instant. All of it varies over weeks, but the Earth's rotation, which is left out
 here because it is linear in time. The days count from the epoch: what a polynomial is does not depend on how long a
 run lasts. They are within 1e-15 rad (orientation) and 10 mm (Sun, Moon) of pyerfa.
 """
@@ -8,26 +8,23 @@ run lasts. They are within 1e-15 rad (orientation) and 10 mm (Sun, Moon) of pyer
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sun_moon import moon_position, sun_position
+from relnav_sim.kernels.sky import DAY_S
 
-DAY_S = 86400.0
 DEGREE = 7
-X, Y, S, SUN, MOON = 0, 1, 2, 3, 6
-"""Rows of a day's table: the celestial intermediate pole's X and Y and the origin's s, less s' of the terrestrial one,
-rad, with the frame bias inside, so that they refer to EME2000; from SUN and from MOON on, three components, m."""
-ROWS = 9
 
 
 def sky_table(epoch: Epoch, days: Integers) -> Array:
     """Return polynomials for days (n,) counted from the epoch, (n, ROWS, DEGREE + 1), lowest power first.
 
-    Their variable goes from -1 at the beginning of the day to 1 at its end; `day_and_variable` gives both.
+    The rows are those of `kernels.sky`. The variable goes from -1 at the beginning of the day to 1 at its end;
+    `day_and_variable` gives both.
     """
     return np.stack([_day(epoch, int(day)) for day in days])
 
@@ -40,16 +37,24 @@ def day_and_variable(times_s: Array) -> tuple[Integers, Array]:
 
 @lru_cache(maxsize=1024)
 def _day(epoch: Epoch, day: int) -> Array:
-    """Fit a day at the Chebyshev nodes, and write the polynomials in powers."""
-    nodes = np.cos(math.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+    """Interpolate a day at the Chebyshev nodes."""
+    nodes, powers_of_values = _interpolation()
     times = DAY_S * (day + (nodes + 1) / 2)
     values = np.concatenate([_intermediate(times, epoch), sun_position(times, epoch), moon_position(times, epoch)], 1)
-    chebyshev = np.polynomial.chebyshev
-    series = 2 / (DEGREE + 1) * chebyshev.chebvander(nodes, DEGREE).T @ values
-    series[0] /= 2
-    table = np.stack([np.resize(chebyshev.cheb2poly(row), DEGREE + 1) for row in series.T])
-    table.flags.writeable = False
-    return table
+    return np.ascontiguousarray((powers_of_values @ values).T)
+
+
+@cache
+def _interpolation() -> tuple[Array, Array]:
+    """Return the nodes, and the matrix from values there to coefficients of powers."""
+    chebyshev, count = np.polynomial.chebyshev, DEGREE + 1
+    nodes = np.cos(math.pi * (np.arange(count) + 0.5) / count)
+    series_of_values = 2 / count * chebyshev.chebvander(nodes, DEGREE).T
+    series_of_values[0] /= 2
+    powers_of_series = np.zeros((count, count))
+    for k in range(count):
+        powers_of_series[: k + 1, k] = chebyshev.cheb2poly(np.eye(count)[k, : k + 1])
+    return nodes, powers_of_series @ series_of_values
 
 
 def _intermediate(times_s: Array, epoch: Epoch) -> Array:

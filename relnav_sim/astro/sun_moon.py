@@ -7,9 +7,8 @@ from numpy.typing import ArrayLike
 from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.given_arrays import numbers
+from relnav_sim.kernels.sky import AU_M
 
-AU_M = 149597870700.0
-"""The astronomical unit (IAU 2012, resolution B2), m."""
 SUN_MU = 1.32712440041e20
 MOON_MU = 4.902800066e12
 """Gravitational parameters of DE430 (Folkner et al., IPN Progress Report 42-196, 2014), m^3/s^2."""

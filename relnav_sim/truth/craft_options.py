@@ -61,7 +61,7 @@ class SpacecraftOptions(Options):
         """
         found = [name for name in names if getattr(self, name) is not None]
         if len(found) != 1:
-            raise ValueError(f"give exactly one of {listed(names, 'and')}")
+            raise ValueError(f"give exactly one of {listed(names)}")
         return found[0]
 
 
