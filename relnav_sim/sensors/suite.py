@@ -53,6 +53,11 @@ def streams_of(name: str, options: SensorOptions, host: Craft, source: RandomSou
     return SensorStreams(stem, noise_parts(options.noise), len(options.channels), source, step_s)
 
 
+def name_of_readings(name: str, options: SensorOptions, host: Craft) -> str:
+    """Return what the readings of one sensor on one craft are called."""
+    return f"{host}_{name}" if options.per_craft else name
+
+
 class SensorSuite:
     """The sensors over one block of runs; they remember where the last chunk of epochs ended.
 
@@ -75,8 +80,9 @@ class SensorSuite:
         for name, options in sensors.items():
             due(np.arange(1), options.period_s, options.offset_s, step_s)
             for host in hosts_of(sensors, options):
-                reading = f"{host}_{name}" if options.per_craft else name
-                self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
+                self._readers[name_of_readings(name, options, host)] = _Reader(
+                    options, host, streams_of(name, options, host, source, step_s)
+                )
         self._next_epoch = 0
 
     def measure(
