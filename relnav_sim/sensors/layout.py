@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of, own_sensor, relative_sensors
+from relnav_sim.recorded.readings import ReadingsError
+from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, reading_names, relative_sensors
 from relnav_sim.sensors.interface import Craft
-from relnav_sim.sensors.suite import name_of_readings
 
 _STATE = (
     *(Channel(f"position_{axis}", "m", f"ECI position {axis}") for axis in "xyz"),
@@ -20,13 +20,15 @@ def readings_layout(sensors: Sensors) -> dict[str, tuple[Channel, ...]]:
 
     Args:
         sensors: The sensors of a campaign.
+
+    Raises:
+        ReadingsError: A sensor has the name of such an orbit.
     """
-    layout = {
-        name_of_readings(name, options, host): options.reading
-        for name, options in sensors.items()
-        for host in hosts_of(sensors, options)
-    }
-    return layout | {orbit: _STATE for orbit in known_orbits(sensors).values()}
+    layout = {reading: sensors[name].reading for reading, (name, _) in reading_names(sensors).items()}
+    known = known_orbits(sensors).values()
+    if taken := next((orbit for orbit in known if orbit in layout), None):
+        raise ReadingsError(f"the campaign's sensor {taken} has the name that files give an orbit; rename the sensor")
+    return layout | dict.fromkeys(known, _STATE)
 
 
 def known_orbits(sensors: Sensors) -> dict[Craft, str]:

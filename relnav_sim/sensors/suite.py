@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.coast import coasted
-from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
+from relnav_sim.sensors.campaign_sensors import Sensors, reading_names
 from relnav_sim.sensors.due import due
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.noise import noise_parts
@@ -53,11 +53,6 @@ def streams_of(name: str, options: SensorOptions, host: Craft, source: RandomSou
     return SensorStreams(stem, noise_parts(options.noise), len(options.channels), source, step_s)
 
 
-def name_of_readings(name: str, options: SensorOptions, host: Craft) -> str:
-    """Return what the readings of one sensor on one craft are called."""
-    return f"{host}_{name}" if options.per_craft else name
-
-
 class SensorSuite:
     """The sensors over one block of runs; they remember where the last chunk of epochs ended.
 
@@ -77,12 +72,11 @@ class SensorSuite:
         self._step_s = step_s
         self._runs = len(source.runs)
         self._readers: dict[str, _Reader] = {}
-        for name, options in sensors.items():
+        for options in sensors.values():
             due(np.arange(1), options.period_s, options.offset_s, step_s)
-            for host in hosts_of(sensors, options):
-                self._readers[name_of_readings(name, options, host)] = _Reader(
-                    options, host, streams_of(name, options, host, source, step_s)
-                )
+        for reading, (name, host) in reading_names(sensors).items():
+            options = sensors[name]
+            self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
         self._next_epoch = 0
 
     def measure(
