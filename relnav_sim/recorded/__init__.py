@@ -1,4 +1,4 @@
-"""Files of flown orbits: CCSDS OEM and CSV, read strictly and interpolated."""
+"""What has been recorded in flight, or by a simulation, and files hold: orbits and readings."""
 
 from relnav_sim.recorded.ephemeris import Ephemeris
 from relnav_sim.recorded.errors import EphemerisError
