@@ -89,7 +89,7 @@ def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
         truth = trajectory.at(times_s)
         felt = None if force is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
-        yield front_end.completed(Chunk(first, truth, z, {}, dict(trajectory.failures)))
+        yield front_end.completed(Chunk(first, truth, z, {}, dict(trajectory.failures)), truth)
 
 
 class FrontEnd:
@@ -106,18 +106,21 @@ class FrontEnd:
         self._hosts = HostOrbits(config, runs)
         self._thrust = ThrustInputs(config)
 
-    def completed(self, chunk: Chunk) -> Chunk:
+    def completed(self, chunk: Chunk, known: Truth | None) -> Chunk:
         """Return the next chunk with what the filters are given of its readings.
 
+        Args:
+            chunk: Its truth and its readings.
+            known: The orbits of craft that know theirs perfectly, where no sensor says; None: there are none.
+
         Raises:
-            ValueError: What no sensor of the craft says must be taken from the truth, and that is not known.
+            ValueError: Such an orbit is needed and missing.
         """
         sensors, hosts = self._config.sensors, self._hosts
         if hosts.hosts:
             forces, _ = self._thrust.of(chunk, default_thrust(sensors))
             chunk = replace(chunk, orbits=hosts.advance(fixes_of(hosts.hosts, sensors, chunk.z), forces))
-        truth = chunk.truth if chunk.truth_is_known else None
-        return replace(chunk, inputs=filter_inputs(sensors, chunk.z, truth, self._gravity, chunk.orbits))
+        return replace(chunk, inputs=filter_inputs(sensors, chunk.z, known, self._gravity, chunk.orbits))
 
 
 def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[str, Array]:

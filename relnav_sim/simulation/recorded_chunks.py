@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.recorded.readings import Readings, SensorReadings
-from relnav_sim.sensors import relative_sensors
+from relnav_sim.sensors import known_orbits, readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.chunks import Chunk, FrontEnd
 from relnav_sim.simulation.host_orbits import believed_gravity
@@ -62,19 +62,18 @@ def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> R
     """
     z: dict[str, Array] = {}
     late: dict[str, Array] = {}
-    for name, (sensor, _) in reading_names(config.sensors).items():
-        options = config.sensors[sensor]
-        found = [one.sensors[name].values for one in recorded if name in one.sensors]
-        m = found[0].shape[1] if found else len(options.channels)  # a star tracker's noise has fewer than its reading
-        values = np.full((len(recorded), epochs, m), np.nan)
+    relative = relative_sensors(config.sensors)
+    orbits = orbit_readings(config)
+    for name, numbers in readings_layout(config.sensors).items():
+        values = np.full((len(recorded), epochs, len(numbers)), np.nan)
         late_s = np.zeros(values.shape[:2])
         for row, one in enumerate(recorded):
             if name in one.sensors:
                 places, own_late_s = _placed(name, one.sensors[name], config, epochs)
                 values[row, places], late_s[row, places] = one.sensors[name].values, own_late_s
-        if late_s.any() and options.role == "orbit":
+        if late_s.any() and name in orbits:
             values, late_s = _carried(values, late_s, config), np.zeros_like(late_s)
-        if late_s.any() and options.role != "other":
+        if late_s.any() and name not in relative:
             raise ReplayError(
                 f"readings of {name} lie between the epochs, and what they say holds for the moment only; "
                 f"choose a clock.step_s that their times are multiples of"
@@ -83,6 +82,14 @@ def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> R
         if late_s.any():
             late[name] = late_s
     return ReadingsOnClock(z, late)
+
+
+def orbit_readings(config: CaseConfig) -> set[str]:
+    """Return the names of the readings that are states of a craft's own orbit, ECI."""
+    receivers = {
+        name for name, (sensor, _) in reading_names(config.sensors).items() if config.sensors[sensor].role == "orbit"
+    }
+    return receivers | set(known_orbits(config.sensors).values())
 
 
 def recorded_chunks(
@@ -95,35 +102,26 @@ def recorded_chunks(
         source: Seed and numbers of the runs.
         readings: The readings of these runs.
         trajectory: The truth; None: it is not known, and the true states are NaN.
-
-    Raises:
-        ReplayError: A craft would have to know its own orbit or attitude perfectly, and the truth is not known.
     """
     clock = config.clock
     front_end = FrontEnd(config, len(source.runs))
-    relative = relative_sensors(config.sensors)
+    known = known_orbits(config.sensors)
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         part = slice(first, first + len(epochs))
+        z = {name: np.ascontiguousarray(each[:, part]) for name, each in readings.z.items()}
         truth = _unknown(times_s) if trajectory is None else trajectory.at(times_s)
         chunk = Chunk(
             first,
             truth,
-            {name: np.ascontiguousarray(z[:, part]) for name, z in readings.z.items()},
+            z,
             {},
             {} if trajectory is None else dict(trajectory.failures),
-            late={name: late[:, part] for name, late in readings.late.items() if name in relative},
+            late={name: late[:, part] for name, late in readings.late.items()},
             truth_is_known=trajectory is not None,
         )
-        try:
-            chunk = front_end.completed(chunk)
-        except ValueError as error:
-            raise ReplayError(
-                f"{error}: a craft without receiver or star tracker knows its own orbit or attitude from the truth; "
-                "give the campaign a gnss and a star_tracker with their readings, or a truth"
-            ) from None
-        yield chunk
+        yield front_end.completed(chunk, replace(truth, **{craft: z[name] for craft, name in known.items()}))
 
 
 def last_epoch(config: CaseConfig, recorded: Sequence[Readings]) -> int:
@@ -136,15 +134,6 @@ def last_epoch(config: CaseConfig, recorded: Sequence[Readings]) -> int:
     times = np.unique(np.concatenate([np.zeros(1), *(one.times_s for run in recorded for one in run.sensors.values())]))
     gap_s = float(np.diff(times).max(initial=0.0))
     return last if last * step_s - times[-1] <= gap_s * (1 + 1e-9) else min(last, _epoch_of(times[-1:], step_s)[0])
-
-
-def unread(config: CaseConfig, recorded: Readings, sensors: Collection[str]) -> list[str]:
-    """Return the names of the sensors' readings of which a recording has none."""
-    return [
-        name
-        for name, (sensor, _) in reading_names(config.sensors).items()
-        if sensor in sensors and name not in recorded.sensors
-    ]
 
 
 def _epoch_of(times_s: Array, step_s: float) -> Integers:

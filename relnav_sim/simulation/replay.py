@@ -19,7 +19,7 @@ from relnav_sim.filters.recorded_flow import RecordedFlow, joined_flow, recorded
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.results.block import BlockResult
-from relnav_sim.sensors import relative_sensors
+from relnav_sim.sensors import readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.block import filter_block
 from relnav_sim.simulation.breakdown import Breakdown
@@ -192,16 +192,24 @@ def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s:
 
 def _check_sensors(config: CaseConfig, recorded: Readings) -> None:
     """Refuse readings of sensors that the campaign does not have, and a lack of those that it needs."""
-    names = reading_names(config.sensors)
+    sensors = {reading: sensor for reading, (sensor, _) in reading_names(config.sensors).items()}
+    names = readings_layout(config.sensors)
     if unknown := [name for name in recorded.sensors if name not in names]:
         known = listed(list(names), "and")
         raise ReplayError(f"there are readings of {unknown[0]}, of which the campaign knows nothing; it has {known}")
-    for name, (sensor, _) in names.items():
-        if config.sensors[sensor].role != "other" and name not in recorded.sensors:
+    for name in names:
+        if name in recorded.sensors or name in relative_sensors(config.sensors):
+            continue
+        if name not in sensors:
             raise ReplayError(
-                f"run {recorded.run} has no readings of {name}, by which a craft knows its own "
-                f"{config.sensors[sensor].role}; give their file, or leave the sensor out: --set sensors.{sensor}=null"
+                f"run {recorded.run} has no {name}, in whose frame readings of directions are given where that craft "
+                "has no receiver or no star tracker; give its states, or the sensors and their readings"
             )
+        sensor = sensors[name]
+        raise ReplayError(
+            f"run {recorded.run} has no readings of {name}, by which a craft knows its own "
+            f"{config.sensors[sensor].role}; give their file, or leave the sensor out: --set sensors.{sensor}=null"
+        )
     for name, entry in config.filters.items():
         own = list(relative_sensors(config.sensors, entry.sensors))
         if not any(sensor in recorded.sensors for sensor in own):
