@@ -57,8 +57,8 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
     zero = epoch or own
     shift_s = 0.0 if own is None or epoch is None else own.seconds_since(epoch)
     where = f"{path}:{header_line}"
-    places = _places(where, names, layout)
     time_column = _time_column(where, names)
+    places = _places(where, names, layout)
     scale = TIME_COLUMNS[_plain(names[time_column])]
     if scale is not None and zero is None:
         raise ReadingsError(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.recorded.readings import Layout, Readings, ReadingsError, Start, assemble
 from relnav_sim.recorded.readings_csv import read_csv
 from relnav_sim.recorded.recording import LINE_ENDS, Recording
+from relnav_sim.recorded.tdm import VERSION, read_tdm
 from relnav_sim.wording import listed
 
 _MARKS = {
@@ -26,6 +28,7 @@ def load_readings(
     layout: Layout,
     epoch: Epoch | None = None,
     sort: bool = False,
+    participants: Mapping[str, str] | None = None,
 ) -> tuple[Readings, ...]:
     """Return the runs that are recorded in some files, CSV or CCSDS TDM.
 
@@ -37,6 +40,7 @@ def load_readings(
         layout: The numbers of the readings of the campaign's sensors, as `sensors.readings_layout` gives them.
         epoch: The instant of the campaign's 0 s; None: it has no calendar.
         sort: Whether rows may be out of order or stand there twice.
+        participants: Which sensor a participant of a TDM is, by the participant's name.
 
     Returns:
         The runs by ascending number; 0 where no file names one.
@@ -45,7 +49,7 @@ def load_readings(
         ReadingsError: A file can't be used, or files do not go together.
         OSError: A file can't be read.
     """
-    files = [_read(os.fspath(path), layout, epoch) for path in paths]
+    files = [_read(os.fspath(path), layout, epoch, sort, participants or {}) for path in paths]
     _check_epochs(files, epoch)
     runs = sorted({file.run for file in files if file.run is not None}) or [0]
     for file in files:
@@ -82,12 +86,21 @@ def _check_epochs(files: Sequence[Recording], epoch: Epoch | None) -> None:
     for name, other in others:
         if other != zero:
             raise ReadingsError(
-                f"{name}: it counts from {other.text()}, and {first} from {zero.text()}; give the campaign a truth.epoch"
+                f"{name}: it counts from {other.text()}, and {first} from {zero.text()}; "
+                "give the campaign a truth.epoch"
             )
 
 
-def _read(path: str, layout: Layout, epoch: Epoch | None) -> Recording:
+def _read(path: str, layout: Layout, epoch: Epoch | None, sort: bool, participants: Mapping[str, str]) -> Recording:
+    """Return what a file holds, in the format that its beginning tells."""
     text = _text(path)
+    begin = text.lstrip()
+    if begin.startswith(VERSION):
+        return read_tdm(path, text, layout, epoch, sort, participants)
+    if found := re.match(r"CCSDS_(\w+)_VERS", begin):
+        raise ReadingsError(f"{path}:1: it is a CCSDS {found[1]}; readings are in CSV or in a CCSDS TDM")
+    if begin.startswith("<"):
+        raise ReadingsError(f"{path}:1: it is XML; readings are in CSV or in a CCSDS TDM of KEYWORD = value lines")
     return read_csv(path, text, layout, epoch)
 
 
