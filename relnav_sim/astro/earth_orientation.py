@@ -164,9 +164,9 @@ def _biased(states: ArrayLike, transposed: bool) -> Array:
     import erfa
 
     given = _states(states)
-    bias, _, _ = erfa.bp00(2451545.0, 0.0)
-    matrix = bias.T if transposed else bias
-    return np.concatenate([given[..., :3] @ matrix.T, given[..., 3:] @ matrix.T], axis=-1)
+    bias = erfa.bp00(2451545.0, 0.0)[0]
+    matrix = erfa.tr(bias) if transposed else bias
+    return np.concatenate([erfa.rxp(matrix, given[..., :3]), erfa.rxp(matrix, given[..., 3:])], axis=-1)
 
 
 def _states(states: ArrayLike) -> Array:
@@ -192,8 +192,10 @@ def _parts(
 
 def _at(polynomials: Array, which: Indices, variable: Array) -> Array:
     """Return polynomials (n, powers) number `which` (T,) at the variable (T,)."""
-    values: Array = np.polynomial.polynomial.polyval(variable, polynomials[which].T, tensor=False)
-    return values
+    value = np.zeros(len(variable))
+    for coefficients in polynomials[which].T[::-1]:
+        value = value * variable + coefficients
+    return value
 
 
 def _product(matrices: Array, vectors: Array) -> Array:

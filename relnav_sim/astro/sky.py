@@ -9,7 +9,8 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
-from relnav_sim.astro.sky_table import DAY_S, sky_table
+from relnav_sim.astro.sky_table import sky_table
+from relnav_sim.kernels.sky import DAY_S
 
 if TYPE_CHECKING:
     from relnav_sim.kernels.sky import Sky

@@ -41,7 +41,7 @@ def _day(epoch: Epoch, day: int) -> Array:
     nodes, powers_of_values = _interpolation()
     times = DAY_S * (day + (nodes + 1) / 2)
     values = np.concatenate([_intermediate(times, epoch), sun_position(times, epoch), moon_position(times, epoch)], 1)
-    return np.ascontiguousarray((powers_of_values @ values).T)
+    return np.einsum("pk,kr->rp", powers_of_values, values)
 
 
 @cache
@@ -54,7 +54,7 @@ def _interpolation() -> tuple[Array, Array]:
     powers_of_series = np.zeros((count, count))
     for k in range(count):
         powers_of_series[: k + 1, k] = chebyshev.cheb2poly(np.eye(count)[k, : k + 1])
-    return nodes, powers_of_series @ series_of_values
+    return nodes, np.einsum("ps,sk->pk", powers_of_series, series_of_values)
 
 
 def _intermediate(times_s: Array, epoch: Epoch) -> Array:
@@ -62,11 +62,11 @@ def _intermediate(times_s: Array, epoch: Epoch) -> Array:
     import erfa
 
     day, fraction = epoch.tt
-    bias, _, _ = erfa.bp00(2451545.0, 0.0)
     instants = day, fraction + times_s / DAY_S
-    of_eme2000 = erfa.c2ixys(*erfa.xys06a(*instants)) @ bias.T
+    unbiased = erfa.tr(erfa.bp00(2451545.0, 0.0)[0])
+    of_eme2000 = erfa.rxr(erfa.c2ixys(*erfa.xys06a(*instants)), unbiased)
     x, y = of_eme2000[:, 2, 0], of_eme2000[:, 2, 1]
-    rest = of_eme2000 @ np.swapaxes(pole_matrix(x, y), -1, -2)
+    rest = erfa.rxr(of_eme2000, erfa.tr(pole_matrix(x, y)))
     return np.stack([x, y, np.arctan2(rest[:, 1, 0], rest[:, 0, 0]) - erfa.sp00(*instants)], axis=1)
 
 

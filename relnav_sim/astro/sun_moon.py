@@ -62,5 +62,4 @@ def _eme2000(gcrs: Array) -> Array:
     """Turn positions from the axes of the GCRS by the frame bias."""
     import erfa
 
-    bias, _, _ = erfa.bp00(2451545.0, 0.0)
-    return gcrs @ bias.T
+    return erfa.rxp(erfa.bp00(2451545.0, 0.0)[0], gcrs)
