@@ -78,7 +78,7 @@ class TruthTrajectory:
         self._note_ends(times)
         chief, deputy = states
         normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0, :, None])
-        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
+        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal), normal)
 
     def felt(self, truth: Truth, step_s: float) -> Array:
         """Return the specific force that each craft feels in the steps that end at some epochs, thrust and drag.
