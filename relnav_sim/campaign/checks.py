@@ -85,7 +85,8 @@ def _check_recorded(truth: EphemerisTruthOptions, parts: Parts) -> Iterator[Prob
     try:
         epoch = truth.start_epoch
         for craft in CRAFT:
-            flown(truth.ephemeris, craft, epoch, 0.0 if parts.clock is None else parts.clock.duration_s)
+            duration_s = 0.0 if parts.clock is None else parts.clock.duration_s
+            flown(truth.ephemeris, craft, epoch, duration_s, truth.orientation)
         nominal_chief(truth)
     except (ValueError, OSError) as error:
         yield Problem(("truth", "ephemeris"), str(error))

@@ -25,7 +25,7 @@ def _told(config: CaseConfig) -> list[str]:
     if not isinstance(truth, EphemerisTruthOptions):
         return []
     epoch = truth.start_epoch
-    orbits = [flown(truth.ephemeris, craft, epoch, config.clock.duration_s) for craft in CRAFT]
+    orbits = [flown(truth.ephemeris, craft, epoch, config.clock.duration_s, truth.orientation) for craft in CRAFT]
     sentences = [_sentence(craft, orbit) for craft, orbit in zip(CRAFT, orbits, strict=True)]
     return [
         f"The run starts at {epoch.text()}.",

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import angles as angles
+    from relnav_sim.kernels import atmosphere as atmosphere
     from relnav_sim.kernels import bound as bound
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import counting as counting
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import field_forces as field_forces
     from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import frames as frames
@@ -52,8 +54,8 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import sigma_points as sigma_points
-    from relnav_sim.kernels import spherical_harmonics as spherical_harmonics
     from relnav_sim.kernels import sky as sky
+    from relnav_sim.kernels import spherical_harmonics as spherical_harmonics
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
     from relnav_sim.kernels import two_step as two_step

@@ -131,6 +131,11 @@ def is_inertial(frame: str) -> bool:
     return frame in ("EME2000", "J2000") or is_celestial(frame)
 
 
+def is_realisation(frame: str) -> bool:
+    """Return whether a frame is one realisation of the ITRF, as ITRF2014 or ITRF-93."""
+    return frame != "ITRF" and _ITRF.fullmatch(frame) is not None
+
+
 def is_celestial(frame: str) -> bool:
     """Return whether a frame is the celestial one, from which EME2000 differs by the frame bias."""
     return re.fullmatch(r"ICRF\d?|GCRF", frame) is not None

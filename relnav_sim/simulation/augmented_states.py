@@ -171,7 +171,8 @@ def _differential_drag(config: CaseConfig, truth: Truth) -> Array | float:
     force = force_model(options)
 
     def drag(states: Array, ballistic_m2_kg: float) -> Array:
-        return force.acceleration(states, ballistic_m2_kg) - force.acceleration(states)
+        times = truth.times_s
+        return force.acceleration(states, ballistic_m2_kg, times) - force.acceleration(states, 0.0, times)
 
     difference = drag(truth.deputy, options.deputy.ballistic_m2_kg) - drag(truth.chief, options.chief.ballistic_m2_kg)
     position, velocity = truth.chief[..., :3], truth.chief[..., 3:]

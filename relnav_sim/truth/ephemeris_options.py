@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Discriminator, Field, Tag, ValidationError, field_validator, model_validator
 
+from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.options import Options
 from relnav_sim.truth.craft_options import SpacecraftOptions
@@ -14,7 +15,7 @@ from relnav_sim.truth.ephemeris_files import EphemerisOptions
 from relnav_sim.truth.flown_orbits import first_instant
 from relnav_sim.truth.force_options import ConstantsOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions
-from relnav_sim.truth.options import TruthOptions, problem
+from relnav_sim.truth.options import EarthOrientationOptions, TruthOptions, problem
 from relnav_sim.truth.thrust import CRAFT
 
 
@@ -26,6 +27,11 @@ class EphemerisTruthOptions(Options):
         default=None,
         description="Calendar time of the start, with its time scale, as 2010-07-27T00:00:00 UTC; default: the first "
         "that both files cover",
+    )
+    earth_orientation: EarthOrientationOptions | None = Field(
+        default=None,
+        description="How the Earth is turned, beyond what theory tells, for orbits in ITRF; UT1 - UTC and polar motion "
+        "are 0 without it",
     )
     chief: SpacecraftOptions | None = Field(
         default=None, description="What is known of the chief besides its orbit; default: nothing, nothing is needed"
@@ -49,6 +55,11 @@ class EphemerisTruthOptions(Options):
         if epoch is not None:
             Epoch.parse(epoch)
         return epoch
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """What is known of the Earth's rotation."""
+        return EarthOrientation() if self.earth_orientation is None else self.earth_orientation.orientation
 
     @property
     def start_epoch(self) -> Epoch:

@@ -31,7 +31,7 @@ class EphemerisTrajectory:
     def __init__(self, options: EphemerisTruthOptions, duration_s: float) -> None:
         self.failures: Mapping[int, str] = {}
         epoch = options.start_epoch
-        self._craft = [flown(options.ephemeris, craft, epoch, duration_s) for craft in CRAFT]
+        self._craft = [flown(options.ephemeris, craft, epoch, duration_s, options.orientation) for craft in CRAFT]
         self._begin_s = [epoch.seconds_since(each.epoch) for each in self._craft]
         self._duration_s = duration_s
 
@@ -69,6 +69,6 @@ def flown_chief(options: EphemerisTruthOptions) -> ChiefOrbit:
         ValueError: The chief is on no ellipse.
     """
     epoch = options.start_epoch
-    chief = flown(options.ephemeris, "chief", epoch)
+    chief = flown(options.ephemeris, "chief", epoch, orientation=options.orientation)
     state = chief.at(epoch.seconds_since(chief.epoch))
     return chief_orbit(elements_from_state(state, options.constants.mu_m3_s2), options.constants)

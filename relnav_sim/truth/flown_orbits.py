@@ -6,12 +6,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.recorded import Ephemeris, EphemerisError, load_ephemeris
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
 from relnav_sim.truth.named_files import digest_of
 from relnav_sim.truth.thrust import CRAFT
 
+UNOBSERVED = EarthOrientation()
+"""The Earth's rotation as theory alone tells it."""
 
 def first_instant(options: EphemerisOptions) -> Epoch:
     """Return the first instant that both files cover.
@@ -30,22 +33,42 @@ def first_instant(options: EphemerisOptions) -> Epoch:
     return begin
 
 
-def flown(options: EphemerisOptions, craft: str, epoch: Epoch | None = None, duration_s: float = 0.0) -> Ephemeris:
-    """Return the orbit of a craft, ECI, over a run; over all of the file where no epoch is given.
+def flown(
+    options: EphemerisOptions,
+    craft: str,
+    epoch: Epoch | None = None,
+    duration_s: float = 0.0,
+    orientation: EarthOrientation = UNOBSERVED,
+) -> Ephemeris:
+    """Return the orbit of a craft, ECI, over a run.
+
+    Args:
+        options: The files.
+        craft: chief or deputy.
+        epoch: When the run starts; None: all of the file.
+        duration_s: How long it takes, s.
+        orientation: What is known of the Earth's rotation.
 
     Raises:
         EphemerisError: The file can't be used, is not what it was, or does not cover the run.
+        OSError: It can't be read.
     """
     name, digest = options.file(craft)
     stop = None if epoch is None else epoch.later(duration_s)
-    return _loaded(name, digest, tuple(options.read_as.items()), epoch, stop)
+    return _loaded(name, digest, tuple(options.read_as.items()), epoch, stop, orientation)
 
 
 @lru_cache(maxsize=8)
 def _loaded(
-    name: str, digest: str | None, read_as: tuple[tuple[str, Any], ...], start: Epoch | None, stop: Epoch | None
+    name: str,
+    digest: str | None,
+    read_as: tuple[tuple[str, Any], ...],
+    start: Epoch | None,
+    stop: Epoch | None,
+    orientation: EarthOrientation,
 ) -> Ephemeris:
     """Return an orbit in ECI; read once in a process."""
     if digest is not None and digest_of(Path(name)) != digest:
         raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
-    return load_ephemeris(name, start=start, stop=stop, **dict(read_as)).eci()
+    found = load_ephemeris(name, start=start, stop=stop, **dict(read_as))
+    return found.eci(ut1_utc_s=orientation.ut1_utc_s, polar_motion_rad=orientation.polar_motion_rad)
