@@ -9,6 +9,11 @@ from typing import Any
 from pydantic import ValidationInfo
 
 
+def in_campaign(info: ValidationInfo) -> bool:
+    """Return whether a campaign's file is being read, and not what was validated before."""
+    return isinstance(info.context, dict) and "folder" in info.context
+
+
 def file_to_read(content_key: str, content: object, info: ValidationInfo) -> str | None:
     """Return the file that the content is in; None where the content itself stands there.
 
@@ -23,8 +28,8 @@ def file_to_read(content_key: str, content: object, info: ValidationInfo) -> str
         ValueError: Both are given, or neither.
     """
     file: str | None = info.data.get("file")
-    validated_before = "folder" not in (info.context or {})
-    if (file is None) == (content is None) and not (validated_before and file is not None):
+    validated_before = not in_campaign(info) and file is not None
+    if (file is None) == (content is None) and not validated_before:
         raise ValueError(f"give exactly one of file and {content_key}")
     return file if content is None else None
 

@@ -34,6 +34,12 @@ class EarthOrientationOptions(Options):
         default=(0.0, 0.0), description="Coordinates x and y of the pole, arcsec; default 0"
     )
 
+    @property
+    def orientation(self) -> EarthOrientation:
+        """The same in SI units."""
+        x, y = self.polar_motion_arcsec
+        return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
+
 
 class TruthOptions(Options):
     """What really happens: the two spacecraft, the forces on them and what varies between runs."""
@@ -110,11 +116,7 @@ class TruthOptions(Options):
     @property
     def orientation(self) -> EarthOrientation:
         """What is known of the Earth's rotation."""
-        given = self.earth_orientation
-        if given is None:
-            return EarthOrientation()
-        x, y = given.polar_motion_arcsec
-        return EarthOrientation(given.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
+        return EarthOrientation() if self.earth_orientation is None else self.earth_orientation.orientation
 
     @property
     def chief_state(self) -> Array:
@@ -160,7 +162,7 @@ class TruthOptions(Options):
         try:
             elements = osculating()
         except ValueError as error:
-            yield _problem((craft, key), str(error))
+            yield problem((craft, key), str(error))
             return
         a, e = float(elements.semi_major_axis_m), float(elements.eccentricity)
         perigee_km, surface_km = a * (1 - e) / 1e3, self.constants.radius_m / 1e3
@@ -168,15 +170,15 @@ class TruthOptions(Options):
             return
         if key in RELATIVE_STARTS:
             fate = f"with its perigee {perigee_km:.6g} km from the Earth's centre" if e < 1 else "that escapes"
-            yield _problem((craft, key), f"puts the deputy on an orbit {fate}; start it nearer to the chief")
+            yield problem((craft, key), f"puts the deputy on an orbit {fate}; start it nearer to the chief")
         elif e < 1:
-            yield _problem(
+            yield problem(
                 (craft, key),
                 f"the perigee is {perigee_km:.6g} km from the Earth's centre, below the surface at {surface_km:.6g} km"
                 f"{self._higher(craft, surface_km)}",
             )
         else:
-            yield _problem((craft, key), f"the eccentricity is {e:.6g}: the orbit escapes; check position and velocity")
+            yield problem((craft, key), f"the eccentricity is {e:.6g}: the orbit escapes; check position and velocity")
 
     def _higher(self, craft: str, surface_km: float) -> str:
         orbit = self.chief.orbit if craft == "chief" else self.deputy.orbit
@@ -194,7 +196,7 @@ class TruthOptions(Options):
         if force is None or self.start_epoch is not None:
             return []
         return [
-            _problem(
+            problem(
                 ("forces", force),
                 "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC",
             )
@@ -204,14 +206,14 @@ class TruthOptions(Options):
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
         names = {"drag": "drag", "radiation_pressure": "radiation pressure"}
         return [
-            _problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
+            problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
             for name, force in NEEDED.items()
             if idle[force] and getattr(self.dispersions, name) is not None
         ]
 
     def _simultaneous(self) -> list[InitErrorDetails]:
         return [
-            _problem(
+            problem(
                 ("manoeuvres", later),
                 f"begins while {earlier!r} of the same craft is under way, at {self.manoeuvres[later].time_s:g} s; "
                 "add the two up, or move one",
@@ -220,7 +222,7 @@ class TruthOptions(Options):
         ]
 
 
-def _problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
+def problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
     """Return an error of one key, as pydantic reports errors of several keys from one check."""
     kind = PydanticCustomError("value_error", "{error}", {"error": sentence})
     return InitErrorDetails(type=kind, loc=place, input=None)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,34 +9,17 @@ from relnav_sim.arrays import Array
 from relnav_sim.astro.atmosphere import LayeredAtmosphere
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
+from relnav_sim.astro.orbits import Elements
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.dispersion_options import DispersionsOptions
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
-from relnav_sim.truth.force_options import ForcesOptions
+from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import RTOL, DenseTrajectory
+from relnav_sim.truth.states import Truth
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
-
-
-@dataclass(frozen=True)
-class Truth:
-    """True states at some epochs; b is the number of runs, or 1 where all runs share the truth.
-
-    A state is NaN from the time on at which the trajectory ended (`TruthTrajectory.failures`).
-
-    Attributes:
-        times_s: Epochs (K,), s.
-        chief: ECI state of the chief (b, K, 6), m and m/s.
-        deputy: ECI state of the deputy (b, K, 6), m and m/s.
-        relative: State of the deputy relative to the chief (b, K, 6), RTN, m and m/s.
-    """
-
-    times_s: Array
-    chief: Array
-    deputy: Array
-    relative: Array
 
 
 class TruthTrajectory:
@@ -107,7 +88,7 @@ class TruthTrajectory:
         normal = self.force.normal_acceleration(
             chief, self.ballistic_m2_kg[0, :, None], times, self.radiation_m2_kg[0, :, None]
         )
-        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
+        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal), normal)
 
     def felt(self, truth: Truth, step_s: float) -> Array:
         """Return the specific force that each craft feels in the steps that end at some epochs.
@@ -188,7 +169,11 @@ def _atmosphere(forces: ForcesOptions) -> ExponentialAtmosphere | LayeredAtmosph
 
 def nominal_chief(options: TruthOptions) -> ChiefOrbit:
     """Return what a filter is told of the chief's orbit: the nominal one, the same in all runs."""
-    orbit = options.chief_elements
+    return chief_orbit(options.chief_elements, options.constants)
+
+
+def chief_orbit(orbit: Elements, constants: ConstantsOptions) -> ChiefOrbit:
+    """Return the orbit of some elements about the Earth of some constants."""
     return ChiefOrbit(
         semi_major_axis_m=float(orbit.semi_major_axis_m),
         eccentricity=float(orbit.eccentricity),
@@ -196,11 +181,11 @@ def nominal_chief(options: TruthOptions) -> ChiefOrbit:
         raan_rad=float(orbit.raan_rad),
         argument_of_perigee_rad=float(orbit.argument_of_perigee_rad),
         true_anomaly_rad=float(orbit.true_anomaly_rad),
-        mu_m3_s2=options.constants.mu_m3_s2,
-        equatorial_radius_m=options.constants.radius_m,
-        j2=options.constants.j2,
-        j3=options.constants.j3,
-        j4=options.constants.j4,
+        mu_m3_s2=constants.mu_m3_s2,
+        equatorial_radius_m=constants.radius_m,
+        j2=constants.j2,
+        j3=constants.j3,
+        j4=constants.j4,
     )
 
 
