@@ -37,7 +37,7 @@ from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorOptions, sensor_kinds
-from relnav_sim.truth import TruthOptions
+from relnav_sim.truth import TruthSection
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
 _MISSING = frozenset({"na", "nan", "null", "none"})
@@ -101,7 +101,7 @@ class Settings(Options):
 
 SECTIONS: dict[str, tuple[Any, str]] = {
     "clock": (Clock, "Length of a run, step, and what is stored"),
-    "truth": (TruthOptions, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
+    "truth": (TruthSection, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
     "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
     "start": (StartOptions, "Where the filters start, all alike; default: at the first fix"),
     "statistics": (StatisticsOptions, "What the figures of the report are taken over"),

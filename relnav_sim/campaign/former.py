@@ -107,7 +107,8 @@ def former_content(
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(
-                _former_variable(text, values, content, truth, sensors, filters) for text, values in first[section].items()
+                _former_variable(text, values, content, truth, sensors, filters)
+                for text, values in first[section].items()
             )
     return first
 

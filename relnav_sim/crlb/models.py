@@ -20,7 +20,7 @@ from relnav_sim.dynamics.motion import ZonalMotion
 from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
-from relnav_sim.truth import nominal_chief
+from relnav_sim.truth import highest_zonal, nominal_chief
 
 
 class Model:
@@ -178,7 +178,7 @@ def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int, learn
 
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
     """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
-    orbit = nominal_chief(config.truth).up_to(config.truth.forces.highest_zonal)
+    orbit = nominal_chief(config.truth).up_to(highest_zonal(config.truth))
     motion = ZonalMotion(orbit, config.clock.step_s)
     return AboutChiefDynamics(motion, np.zeros((6, 6)), NominalChief(orbit, config.clock.step_s, motion))
 

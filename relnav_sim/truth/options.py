@@ -3,25 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import Field, StringConstraints, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.arrays import Array
+from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.frames import eci_from_rtn
 from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.astro.orbits import Elements, elements_from_state
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, DeputyOptions
 from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
 from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
+from relnav_sim.truth.named_files import located
 from relnav_sim.truth.start_context import StartContext
 
+Arcseconds = Annotated[float, Field(ge=-2, le=2)]
 ManoeuvreName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+
+
+class EarthOrientationOptions(Options):
+    """What only observation tells about the Earth's rotation, as the IERS publishes it; constant over a run."""
+
+    ut1_utc_s: float = Field(default=0.0, ge=-1, le=1, description="UT1 - UTC at the epoch, s; default 0")
+    polar_motion_arcsec: tuple[Arcseconds, Arcseconds] = Field(
+        default=(0.0, 0.0), description="Coordinates x and y of the pole, arcsec; default 0"
+    )
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """The same in SI units."""
+        x, y = self.polar_motion_arcsec
+        return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
+
+
+_Craft = TypeVar("_Craft", ChiefOptions, DeputyOptions)
 
 
 class TruthOptions(Options):
@@ -31,6 +53,10 @@ class TruthOptions(Options):
         default=None,
         description="Calendar time of the start, with its time scale (UTC, TAI, GPS or TT), as "
         "2010-07-27T00:00:00 UTC; default: none, or that of two-line elements",
+    )
+    earth_orientation: Annotated[EarthOrientationOptions | None, AddedLater()] = Field(
+        default=None,
+        description="How the Earth is turned, beyond what theory tells; UT1 - UTC and polar motion are 0 without it",
     )
     chief: ChiefOptions = Field(description="The chief: where it starts and what forces need to know of it")
     deputy: DeputyOptions = Field(description="The deputy: where it starts and what forces need to know of it")
@@ -57,6 +83,19 @@ class TruthOptions(Options):
         if epoch is not None:
             Epoch.parse(epoch)
         return epoch
+
+    @field_validator("chief", "deputy", mode="after")
+    @classmethod
+    def _state_read(cls, craft: _Craft, info: ValidationInfo) -> _Craft:
+        """Fill in a start from a recorded orbit, so that nothing later depends on the file."""
+        if craft.ephemeris is None or craft.ephemeris.state_read is not None:
+            return craft
+        given, chief = info.data.get("epoch"), info.data.get("chief")
+        epoch = chief.start.own_epoch if given is None and chief is not None else given and Epoch.parse(given)
+        turned = info.data.get("earth_orientation")
+        orientation = EarthOrientation() if turned is None else turned.orientation
+        start = craft.ephemeris.read(located(craft.ephemeris.file, info), epoch, orientation)
+        return craft.model_copy(update={"ephemeris": start})
 
     @field_validator("constants", mode="after")
     @classmethod
@@ -89,14 +128,21 @@ class TruthOptions(Options):
         """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
         if self.epoch is not None:
             return Epoch.parse(self.epoch)
-        return self.chief.start.own_epoch or (self.deputy.own_start and self.deputy.own_start.own_epoch)
+        starts = (self.chief.start, self.deputy.own_start)
+        return next((each.own_epoch for each in starts if each is not None and each.own_epoch is not None), None)
 
     @property
     def start_context(self) -> StartContext:
         """What the start states depend on."""
         values, highest = self.constants, self.forces.highest_zonal
         zonals = [j if n <= highest else 0.0 for n, j in ((2, values.j2), (3, values.j3), (4, values.j4))]
-        return StartContext(Gravity(values.mu_m3_s2, values.radius_m, *zonals), values.radius_m, self.start_epoch)
+        gravity = Gravity(values.mu_m3_s2, values.radius_m, *zonals)
+        return StartContext(gravity, values.radius_m, self.start_epoch, self.orientation)
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """What is known of the Earth's rotation."""
+        return EarthOrientation() if self.earth_orientation is None else self.earth_orientation.orientation
 
     @property
     def chief_state(self) -> Array:
@@ -142,7 +188,7 @@ class TruthOptions(Options):
         try:
             elements = osculating()
         except ValueError as error:
-            yield _problem((craft, key), str(error))
+            yield problem((craft, key), str(error))
             return
         a, e = float(elements.semi_major_axis_m), float(elements.eccentricity)
         perigee_km, surface_km = a * (1 - e) / 1e3, self.constants.radius_m / 1e3
@@ -150,15 +196,15 @@ class TruthOptions(Options):
             return
         if key in RELATIVE_STARTS:
             fate = f"with its perigee {perigee_km:.6g} km from the Earth's centre" if e < 1 else "that escapes"
-            yield _problem((craft, key), f"puts the deputy on an orbit {fate}; start it nearer to the chief")
+            yield problem((craft, key), f"puts the deputy on an orbit {fate}; start it nearer to the chief")
         elif e < 1:
-            yield _problem(
+            yield problem(
                 (craft, key),
                 f"the perigee is {perigee_km:.6g} km from the Earth's centre, below the surface at {surface_km:.6g} km"
                 f"{self._higher(craft, surface_km)}",
             )
         else:
-            yield _problem((craft, key), f"the eccentricity is {e:.6g}: the orbit escapes; check position and velocity")
+            yield problem((craft, key), f"the eccentricity is {e:.6g}: the orbit escapes; check position and velocity")
 
     def _higher(self, craft: str, surface_km: float) -> str:
         orbit = self.chief.orbit if craft == "chief" else self.deputy.orbit
@@ -176,7 +222,7 @@ class TruthOptions(Options):
         if force is None or self.start_epoch is not None:
             return []
         return [
-            _problem(
+            problem(
                 ("forces", force),
                 "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC",
             )
@@ -186,16 +232,14 @@ class TruthOptions(Options):
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
         names = {"drag": "drag", "radiation_pressure": "radiation pressure"}
         return [
-            _problem(
-                ("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}"
-            )
+            problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
             for name, force in NEEDED.items()
             if idle[force] and getattr(self.dispersions, name) is not None
         ]
 
     def _simultaneous(self) -> list[InitErrorDetails]:
         return [
-            _problem(
+            problem(
                 ("manoeuvres", later),
                 f"begins while {earlier!r} of the same craft is under way, at {self.manoeuvres[later].time_s:g} s; "
                 "add the two up, or move one",
@@ -204,7 +248,7 @@ class TruthOptions(Options):
         ]
 
 
-def _problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
+def problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
     """Return an error of one key, as pydantic reports errors of several keys from one check."""
     kind = PydanticCustomError("value_error", "{error}", {"error": sentence})
     return InitErrorDetails(type=kind, loc=place, input=None)
