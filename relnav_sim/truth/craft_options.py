@@ -39,8 +39,8 @@ class SpacecraftOptions(Options):
         default=1.3,
         ge=0,
         le=2,
-        description="Radiation-pressure coefficient Cr: 1 (all light absorbed) to 2 (all sent back); default 1.3, usual "
-        "for craft with solar panels",
+        description="Coefficient of radiation pressure, Cr: 1 (absorbs all light) to 2 (reflects all); default 1.3, "
+        "usual for craft with solar panels",
     )
 
     @property

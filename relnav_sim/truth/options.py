@@ -102,7 +102,8 @@ class TruthOptions(Options):
         """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
         if self.epoch is not None:
             return Epoch.parse(self.epoch)
-        return self.chief.start.own_epoch or (self.deputy.own_start and self.deputy.own_start.own_epoch)
+        starts = (self.chief.start, self.deputy.own_start)
+        return next((each.own_epoch for each in starts if each is not None and each.own_epoch is not None), None)
 
     @property
     def start_context(self) -> StartContext:
@@ -205,9 +206,7 @@ class TruthOptions(Options):
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
         names = {"drag": "drag", "radiation_pressure": "radiation pressure"}
         return [
-            problem(
-                ("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}"
-            )
+            problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
             for name, force in NEEDED.items()
             if idle[force] and getattr(self.dispersions, name) is not None
         ]
