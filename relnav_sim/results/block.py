@@ -277,6 +277,8 @@ class ResultHeader:
         constants: Constants of the models by name (unit in the name), as attributes of ``/constants``.
         only: The single run that the file is to hold; None: all of the campaign's.
         stopping: The rule of adaptive stopping and what came of it; empty without one.
+        replay: Of recorded readings: their files with SHA-256 digests, and the truth in words; empty for a campaign
+            that was simulated.
     """
 
     campaign_name: str
@@ -289,6 +291,7 @@ class ResultHeader:
     constants: Mapping[str, float | int | str] = field(default_factory=dict)
     only: int | None = None
     stopping: Mapping[str, Any] = field(default_factory=dict)
+    replay: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def planned(self) -> Sequence[int]:

@@ -35,6 +35,8 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
         file.attrs["only_run"] = header.only
     if header.stopping:
         file.attrs["stopping"] = json.dumps(dict(header.stopping))
+    if header.replay:
+        file.attrs["replay"] = json.dumps(dict(header.replay))
     for name, value in asdict(provenance).items():
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
@@ -76,6 +78,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         constants=store.attributes(store.subgroup(file, "constants")),
         only=store.whole_number(file, "only_run") if "only_run" in file.attrs else None,
         stopping=store.json_value(file, "stopping", dict) if "stopping" in file.attrs else {},
+        replay=store.json_value(file, "replay", dict) if "replay" in file.attrs else {},
     )
     if odd := odd_header(header):
         raise ResultsError(f"{file.filename}: {odd}; the file is damaged")
