@@ -1,0 +1,192 @@
+"""Instants of the calendar, exact in any of the time scales that orbits are told in.
+
+TAI counts SI seconds. TT and GPS time differ from it by constants, UTC by whole seconds that leap seconds change;
+pyerfa knows those. After its last leap second UTC is taken to go on as it is.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from dataclasses import dataclass
+from datetime import date
+from fractions import Fraction
+from functools import cache
+
+_PER_SECOND = 10**12
+_DAY_S = 86400
+_ZERO = date(2000, 1, 1).toordinal()
+_JULIAN_DATE_OF_ZERO = 2451544.5
+_YEARS = range(1900, 2101)
+"""What pyerfa's Sun and Moon cover."""
+
+_AFTER_TAI = {"TAI": Fraction(0), "GPS": Fraction(-19), "TT": Fraction("32.184")}
+"""Seconds by which the reading of a clock is later than that of TAI."""
+SCALES = ("UTC", "TAI", "GPS", "TT")
+
+_FORM = re.compile(
+    r"(?P<year>\d{4})-(?:(?P<month>\d\d)-(?P<day>\d\d)|(?P<day_of_year>\d{3}))"
+    r"(?:[T ](?P<hour>\d\d):(?P<minute>\d\d)(?::(?P<second>\d\d(?:\.\d*)?))?)?"
+    r"(?P<zulu>Z)?(?:\s+(?P<scale>[A-Za-z]\w*))?",
+    re.ASCII,
+)
+
+
+@dataclass(frozen=True, order=True)
+class Epoch:
+    """An instant, compared and subtracted without rounding.
+
+    Attributes:
+        tai_ps: Picoseconds of TAI since 2000-01-01T00:00:00 TAI.
+
+    >>> epoch = Epoch.parse("2010-07-27T00:00:00 GPS")
+    >>> epoch.text("UTC")
+    '2010-07-26T23:59:45 UTC'
+    >>> epoch.later(60.5).seconds_since(epoch)
+    60.5
+    """
+
+    tai_ps: int
+
+    @classmethod
+    def parse(cls, text: str, scale: str | None = None) -> Epoch:
+        """Return the instant that a text names.
+
+        Args:
+            text: A calendar date or a day of the year, a time of day, and a time scale: `2010-07-27T00:00:00 GPS`,
+                `2010-208T00:00:00.25 TAI`, `2016-12-31T23:59:60 UTC`. Seconds, or the whole time of day, may be left
+                out, and count as zero. A `Z` after the time stands for UTC. What is finer than a picosecond is rounded.
+            scale: The time scale, where it stands elsewhere, as in a file's header; a `Z` then says nothing more.
+
+        Raises:
+            ValueError: The text has another form, no time scale or an unknown one, or there is no such day or time.
+        """
+        found = _FORM.fullmatch(text.strip()) if isinstance(text, str) else None
+        if found is None:
+            raise ValueError(f"{text!r} is no epoch; write it as 2010-07-27T00:00:00 UTC, or with another time scale")
+        scale = _scale_of(text, found["scale"], bool(found["zulu"]), scale)
+        day = _day(text, found)
+        hour, minute = int(found["hour"] or 0), int(found["minute"] or 0)
+        second = Fraction(found["second"] or 0)
+        leap = scale == "UTC" and (hour, minute) == (23, 59) and 60 <= second < 61
+        if hour > 23 or minute > 59 or (second >= 60 and not leap):
+            raise ValueError(f"epoch {text!r}: there is no such time of day; it is at most 23:59:59")
+        if leap and day + 1 not in _leap_seconds()[0]:
+            raise ValueError(f"epoch {text!r}: no leap second was added on this day, so that 23:59:59 is its last")
+        clock = day * _DAY_S + hour * 3600 + minute * 60 + second
+        after = -_tai_minus_utc_on(day, text) if scale == "UTC" else _AFTER_TAI[scale]
+        return cls(round((clock - after) * _PER_SECOND))
+
+    def text(self, scale: str = "UTC") -> str:
+        """Return it as `parse` reads it, to the picosecond, in a time scale: UTC, TAI, GPS or TT.
+
+        Raises:
+            ValueError: The time scale is unknown; the instant is before 1972, and the scale UTC.
+        """
+        scale = _known(scale, f"text of {self}")
+        # Within a leap second UTC's clock stands at 23:59:59 and counts on.
+        leap = scale == "UTC" and self._in_leap_second()
+        clock = self.tai_ps - _PER_SECOND * (self.tai_minus_utc_s + leap) if scale == "UTC" else self._clock(scale)
+        day, rest = divmod(clock, _DAY_S * _PER_SECOND)
+        whole, fraction = divmod(rest, _PER_SECOND)
+        digits = f".{fraction:012d}".rstrip("0").rstrip(".")
+        minutes, second = divmod(whole, 60)
+        time = f"{minutes // 60:02d}:{minutes % 60:02d}:{second + leap:02d}"
+        return f"{date.fromordinal(_ZERO + day).isoformat()}T{time}{digits} {scale}"
+
+    def seconds_since(self, other: Epoch) -> float:
+        """Return the SI seconds from another instant to this one, rounded once."""
+        return (self.tai_ps - other.tai_ps) / _PER_SECOND
+
+    def later(self, seconds: float) -> Epoch:
+        """Return the instant that many SI seconds later, or earlier where they are negative, to the picosecond.
+
+        Raises:
+            ValueError: The seconds are not finite.
+        """
+        if not math.isfinite(seconds):
+            raise ValueError(f"an epoch can't be moved by {seconds} s; the time must be finite")
+        return Epoch(self.tai_ps + round(Fraction(seconds) * _PER_SECOND))
+
+    @property
+    def tt(self) -> tuple[float, float]:
+        """Terrestrial Time as a Julian date in two parts: midnight, and the fraction of the day (1e-11 s)."""
+        day, rest = divmod(self._clock("TT"), _DAY_S * _PER_SECOND)
+        return _JULIAN_DATE_OF_ZERO + day, rest / (_DAY_S * _PER_SECOND)
+
+    @property
+    def tai_minus_utc_s(self) -> int:
+        """TAI - UTC, whole seconds; within a leap second what it was before.
+
+        Raises:
+            ValueError: The instant is before 1972, when UTC did not yet go in whole seconds.
+        """
+        _, offsets, starts = _leap_seconds()
+        index = bisect_right(starts, self.tai_ps) - 1
+        if index < 0:
+            raise ValueError(f"an epoch before 1972 ({self.text('TAI')}) has no UTC in whole seconds; give it in TAI")
+        return offsets[index]
+
+    def _clock(self, scale: str) -> int:
+        return self.tai_ps + int(_AFTER_TAI[scale] * _PER_SECOND)
+
+    def _in_leap_second(self) -> bool:
+        starts = _leap_seconds()[2]
+        index = bisect_right(starts, self.tai_ps)
+        return 0 < index < len(starts) and self.tai_ps >= starts[index] - _PER_SECOND
+
+
+def _scale_of(text: str, named: str | None, zulu: bool, given: str | None) -> str:
+    if given is None:
+        if named is None and not zulu:
+            raise ValueError(f"epoch {text!r} names no time scale; write {text.strip()} UTC, or TAI, GPS or TT")
+        scale = _known(named or "UTC", f"epoch {text!r}")
+        if zulu and scale != "UTC":
+            raise ValueError(f"epoch {text!r}: Z stands for UTC, and {scale} is named too; leave one of them out")
+        return scale
+    scale = _known(given, f"epoch {text!r}")
+    if named is not None and _known(named, f"epoch {text!r}") != scale:
+        raise ValueError(f"epoch {text!r}: its time scale is {scale} elsewhere; leave one of them out")
+    return scale
+
+
+def _known(scale: str, what: str) -> str:
+    if scale.upper() not in SCALES:
+        raise ValueError(f"{what}: the time scale {scale!r} is unknown; it must be one of {', '.join(SCALES)}")
+    return scale.upper()
+
+
+def _day(text: str, found: re.Match[str]) -> int:
+    """Return days since 2000-01-01."""
+    year = int(found["year"])
+    if year not in _YEARS:
+        raise ValueError(f"epoch {text!r}: years go from {_YEARS[0]} to {_YEARS[-1]}")
+    try:
+        if found["day_of_year"] is None:
+            return date(year, int(found["month"]), int(found["day"])).toordinal() - _ZERO
+        first = date(year, 1, 1).toordinal()
+        if not 1 <= int(found["day_of_year"]) <= date(year + 1, 1, 1).toordinal() - first:
+            raise ValueError
+    except ValueError:
+        raise ValueError(f"epoch {text!r}: the calendar has no such day") from None
+    return first + int(found["day_of_year"]) - 1 - _ZERO
+
+
+@cache
+def _leap_seconds() -> tuple[list[int], list[int], list[int]]:
+    """Return for each whole TAI - UTC the first day of UTC, in days since 2000, the seconds, and `tai_ps` there."""
+    import erfa
+
+    table = [(int(year), int(month), round(float(offset))) for year, month, offset in erfa.leap_seconds.get()]
+    days = [date(year, month, 1).toordinal() - _ZERO for year, month, _ in table if year >= 1972]
+    offsets = [offset for year, _, offset in table if year >= 1972]
+    starts = [(day * _DAY_S + offset) * _PER_SECOND for day, offset in zip(days, offsets, strict=True)]
+    return days, offsets, starts
+
+
+def _tai_minus_utc_on(day: int, text: str) -> int:
+    days, offsets, _ = _leap_seconds()
+    if day < days[0]:
+        raise ValueError(f"epoch {text!r}: before 1972 UTC did not go in whole seconds; give the epoch in TAI")
+    return offsets[bisect_right(days, day) - 1]
