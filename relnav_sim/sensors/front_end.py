@@ -96,6 +96,7 @@ def sensor_measurement(
     assumed_noise: AssumedNoise = "total",
     assumed_latency: Literal["known", "none"] = "known",
     frame: Frame = "of_a_fix",
+    own_latencies: bool = False,
 ) -> Measurement:
     """Return a sensor as a filter is told of it, for the inputs of the same form that `filter_inputs` makes.
 
@@ -113,6 +114,8 @@ def sensor_measurement(
         assumed_latency: ``known`` or ``none``.
         frame: How the host's orbit frame errs, where `frame_is_told`: as ``of_a_fix``; as ``told`` with each reading,
             whose covariance is behind it by `with_frame`; or as a ``perfect`` one. Elsewhere always as of a fix.
+        own_latencies: Whether each reading comes with a latency of its own behind it by `with_latency`, which the
+            filter knows in any case.
 
     Raises:
         ValueError: The sensor has no such form.
@@ -128,4 +131,4 @@ def sensor_measurement(
     if frame == "told":
         model = FrameError(model)
     latency_s = 0.0 if assumed_latency == "none" else options.latency_s
-    return Delayed(model, latency_s) if latency_s else model
+    return Delayed(model, latency_s, told=own_latencies) if latency_s or own_latencies else model
