@@ -73,7 +73,10 @@ class Shape:
         kind = data.get("kind") if isinstance(data, dict) else None
         by_kind = [form for form in forms if kind is not None and form.kind == kind]
         wanted = "object" if isinstance(data, dict) else "array" if isinstance(data, list) else None
-        return next(iter(by_kind + [form for form in forms if form.node.get("type") == wanted]), forms[0])
+        fitting = [form for form in forms if form.node.get("type") == wanted]
+        if wanted == "object":  # where no kind tells, the keys do that must stand there
+            fitting.sort(key=lambda form: not form.required <= data.keys())
+        return next(iter(by_kind + fitting), forms[0])
 
     def _target(self) -> Shape:
         node = self.node

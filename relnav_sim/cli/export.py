@@ -1,4 +1,4 @@
-"""`relnav export`: a result as CSV."""
+"""`relnav export`: a result in formats that other programs read."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ class Format(StrEnum):
     """File formats."""
 
     CSV = "csv"
+    TDM = "tdm"
 
 
 class Part(StrEnum):
@@ -25,6 +26,7 @@ class Part(StrEnum):
 
     SUMMARY = "summary"
     SERIES = "series"
+    READINGS = "readings"
 
 
 def export(
@@ -34,7 +36,8 @@ def export(
         Part,
         typer.Option(
             case_sensitive=False,
-            help="summary: a row for each case, filter and run; series: for each stored epoch too.",
+            help="summary: a row for each case, filter and run; series: for each stored epoch too; readings: what the "
+            "filters of a case were given in a run, simulated again, to the bit.",
         ),
     ] = Part.SUMMARY,
     out: Annotated[
@@ -43,13 +46,42 @@ def export(
             metavar="PATH", help="The file, or a folder for it.", show_default="beside the result, NAME_PART.csv"
         ),
     ] = None,
+    case: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CASE",
+            help="Of --part readings: number, label or id of the case.",
+            show_default="the first",
+        ),
+    ] = None,
+    run: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="RUN",
+            help="Of --part readings: a run; may be given several times, each with files of its own.",
+            show_default="the first",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
-    """Write the numbers of a result to a file that other programs read."""
+    """Write the numbers of a result to a file that other programs read.
+
+    A TDM holds range, range rate and angles; what else the filters were given goes to a CSV file beside it.
+    """
     from relnav_sim.results import open_results
     from relnav_sim.results.export import export_series, export_summary
 
     existing(result, RESULTS)
+    if part is Part.READINGS:
+        from relnav_sim.cli.export_readings import export_readings
+
+        with readable(result) as file, open_results(file) as results:
+            export_readings(results, result, case, run or [], to.value, out, overwrite)
+        return
+    if case is not None or run:
+        raise UserError("--case and --run choose readings; give --part readings with them")
+    if to is not Format.CSV:
+        raise UserError(f"--to {to.value} is a format of readings; give --part readings with it")
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
     if path.exists() and result.exists() and path.samefile(result):

@@ -16,7 +16,7 @@ def number(text: str) -> float:
     """
     if _FORM.fullmatch(text) is None:
         if text.casefold().lstrip("+-") in {"nan", "inf", "infinity", "na", "null", "none", "n/a", "-"}:
-            raise ValueError("is no number; leave the cell of a missing reading empty")
+            raise ValueError("is no number; leave a missing reading out")
         if re.fullmatch(r"[+-]?\d+,\d+", text):
             raise ValueError("has a decimal comma; write a decimal point")
         raise ValueError("is no number")

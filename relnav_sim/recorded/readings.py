@@ -143,9 +143,14 @@ def _one_sensor(
     origins = np.zeros((len(times_s), 2), dtype=np.int64)
     for channel, (times, numbers, places) in sorted(joined.items(), reverse=True):
         rows = np.searchsorted(times_s, times)
-        values[rows, channel] = half_open(numbers) if quantities[channel].angle else numbers
+        values[rows, channel] = _within_a_turn(numbers) if quantities[channel].angle else numbers
         origins[rows] = places
     return SensorReadings(times_s, values, files, origins)
+
+
+def _within_a_turn(angles: Array) -> Array:
+    """Return angles in (-pi, pi]; those that are there already keep every bit, the sign of a zero included."""
+    return np.where((angles > -np.pi) & (angles <= np.pi), angles, half_open(angles))
 
 
 def _in_order(what: str, parts: Sequence[Column], files: Sequence[str], sort: bool) -> tuple[Array, Array, Integers]:

@@ -79,7 +79,7 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
         for values in [cells[:, index]]
         for there in [~np.isnan(values)]
     ]
-    return Recording(path, tuple(columns), _run(path, keys), own, _start(path, keys))
+    return Recording(path, tuple(columns), _run(path, keys), own, _start(path, keys), _notes(path, text, lines))
 
 
 def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[str, str] | None = None) -> None:
@@ -239,7 +239,8 @@ def _what_is_wrong(name: str, rest: str, candidates: Sequence[str], layout: Layo
             unit = rest.removeprefix(quantity.name)
             if unit != rest and (not unit or unit.startswith("_")):
                 known = factors(quantity.unit)
-                meant = nearest(unit[1:], known)
+                begun = [each for each in known if each and unit[1:].startswith(each)]
+                meant = nearest(unit[1:], known) or max(begun, key=len, default=None)
                 names = listed([f"_{each}" if each else "no unit" for each in known])
                 hint = f"; did you mean {sensor}.{quantity.name}_{meant}?" if meant else ""
                 said = f"has the unit {_shown(unit[1:])}" if unit else "names no unit"
@@ -285,6 +286,13 @@ def _number(name: str, text: str) -> float:
         return number(text)
     except ValueError as error:
         raise ValueError(f"{name}: {_shown(text)} {error}") from None
+
+
+def _notes(path: str, text: str, lines: Integers) -> tuple[str, ...]:
+    """Return a doubt about a file that may have been cut short: a number without its last digits is one, too."""
+    if text.endswith(("\n", "\r")):
+        return ()
+    return (f"{path}:{lines[-1]}: the last line has no end; see that the file is whole",)
 
 
 def _epoch(path: str, keys: Mapping[str, tuple[int, str]]) -> Epoch | None:

@@ -148,12 +148,13 @@ def _segments(path: str, text: str) -> tuple[list[_Segment], int | None]:
     segments: list[_Segment] = []
     run = None
     part = "header"
-    line = 0
+    last = 1
     seen: dict[str, int] = {}
     for line, content in enumerate(LINE_ENDS.split(text), start=1):
         said = content.strip()
         if not said:
             continue
+        last = line
         if said == "COMMENT" or said.startswith(("COMMENT ", "COMMENT\t")):
             if part == "header" and (found := re.fullmatch(r"COMMENT\s+run:\s*(\d{1,9})", said, re.ASCII)):
                 run = int(found[1])
@@ -188,7 +189,7 @@ def _segments(path: str, text: str) -> tuple[list[_Segment], int | None]:
         else:
             raise ReadingsError(f"{where}: {keyword} stands {part}; a segment is META_START to DATA_STOP")
     if not segments or part != "after the data":
-        raise ReadingsError(f"{path}:{line}: the file ends in the {part}; a segment is META_START to DATA_STOP")
+        raise ReadingsError(f"{path}:{last}: the file ends in the {part}; a segment is META_START to DATA_STOP")
     return segments, run
 
 

@@ -20,7 +20,7 @@ from relnav_sim.sensors.interface import Craft, Form
 from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
+from relnav_sim.truth import Trajectory, Truth, truth_trajectory
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[st
     return given
 
 
-def _earlier(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
+def _earlier(trajectory: Trajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
     """Return the states of both craft some time before the epochs, NaN before the start."""
     earlier = times_s - latency_s
     past = trajectory.at(np.maximum(earlier, 0.0))

@@ -9,7 +9,11 @@ import numpy as np
 
 from relnav_sim.astro.frames import eci_from_rtn, rtn_from_eci
 from relnav_sim.astro.orbits import elements_from_state
-from relnav_sim.truth.options import DispersionsOptions, OrbitOptions, RelativeOptions, TruthOptions
+from relnav_sim.truth.craft_options import ORBIT_STARTS, RELATIVE_STARTS
+from relnav_sim.truth.dispersion_options import DispersionsOptions
+from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.orbit_options import OrbitOptions
+from relnav_sim.truth.relative_options import RelativeOptions
 from relnav_sim.truth.stepping import Batch
 from relnav_sim.truth.trajectory import force_model, nominal_relative
 
@@ -27,7 +31,7 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
     """
     force = force_model(options)
     ballistic = np.array([options.chief.ballistic_m2_kg, options.deputy.ballistic_m2_kg])
-    chief = options.chief.orbit.state(force.mu_m3_s2)[None]
+    chief = options.chief_state[None]
     deputy = eci_from_rtn(chief, nominal_relative(options), force.normal_acceleration(chief, ballistic[0]))
     backwards = Batch(
         np.concatenate([chief, deputy]) * _TURNED,
@@ -56,8 +60,10 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
     start = RelativeOptions(position_m=(x, y, z), velocity_m_s=(vx, vy, vz))
     return options.model_copy(
         update={
-            "chief": options.chief.model_copy(update={"orbit": orbit}),
-            "deputy": options.deputy.model_copy(update={"relative": start, "orbit": None}),
+            "chief": options.chief.model_copy(update={**dict.fromkeys(ORBIT_STARTS), "orbit": orbit}),
+            "deputy": options.deputy.model_copy(
+                update={**dict.fromkeys((*RELATIVE_STARTS, *ORBIT_STARTS)), "relative": start}
+            ),
             "dispersions": DispersionsOptions(),
             "manoeuvres": {},
         }

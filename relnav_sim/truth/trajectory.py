@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import radians
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
+from relnav_sim.astro.orbits import Elements
 from relnav_sim.streams import RandomSource
+from relnav_sim.truth.dispersion_options import DispersionsOptions
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
+from relnav_sim.truth.force_options import ConstantsOptions
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.manoeuvres import ExecutionErrors
-from relnav_sim.truth.options import DispersionsOptions, TruthOptions
+from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import RTOL, DenseTrajectory
+from relnav_sim.truth.states import Truth
 from relnav_sim.truth.thrust import CRAFT, schedule, step_forces, thrusts_of
-
-
-@dataclass(frozen=True)
-class Truth:
-    """True states at some epochs; b is the number of runs, or 1 where all runs share the truth.
-
-    A state is NaN from the time on at which the trajectory ended (`TruthTrajectory.failures`).
-
-    Attributes:
-        times_s: Epochs (K,), s.
-        chief: ECI state of the chief (b, K, 6), m and m/s.
-        deputy: ECI state of the deputy (b, K, 6), m and m/s.
-        relative: State of the deputy relative to the chief (b, K, 6), RTN, m and m/s.
-    """
-
-    times_s: Array
-    chief: Array
-    deputy: Array
-    relative: Array
 
 
 class TruthTrajectory:
@@ -66,7 +48,7 @@ class TruthTrajectory:
         self._duration_s = duration_s
         self._asked_s = 0.0
 
-        chief = np.broadcast_to(options.chief.orbit.state(self.force.mu_m3_s2), (runs, 6))
+        chief = np.broadcast_to(options.chief_state, (runs, 6))
         relative = np.tile(nominal_relative(options), (runs, 1))
         relative[:, :3] += _offsets(dispersions.relative_position, "truth.relative_position", source, runs)
         relative[:, 3:] += _offsets(dispersions.relative_velocity, "truth.relative_velocity", source, runs)
@@ -153,7 +135,7 @@ def force_model(options: TruthOptions) -> ForceModel:
     return ForceModel(
         mu_m3_s2=values.mu_m3_s2,
         radius_m=values.radius_m,
-        zonals=(values.j2, values.j3, values.j4)[: max(options.forces.zonals - 1, 0)],
+        zonals=(values.j2, values.j3, values.j4)[: max(options.forces.highest_zonal - 1, 0)],
         atmosphere=atmosphere if options.forces.drag == "exponential" else None,
         rotation_rad_s=values.rotation_rad_s,
     )
@@ -161,19 +143,23 @@ def force_model(options: TruthOptions) -> ForceModel:
 
 def nominal_chief(options: TruthOptions) -> ChiefOrbit:
     """Return what a filter is told of the chief's orbit: the nominal one, the same in all runs."""
-    orbit = options.chief.orbit
+    return chief_orbit(options.chief_elements, options.constants)
+
+
+def chief_orbit(orbit: Elements, constants: ConstantsOptions) -> ChiefOrbit:
+    """Return the orbit of some elements about the Earth of some constants."""
     return ChiefOrbit(
-        semi_major_axis_m=orbit.a_km * 1e3,
-        eccentricity=orbit.e,
-        inclination_rad=radians(orbit.i_deg),
-        raan_rad=radians(orbit.raan_deg),
-        argument_of_perigee_rad=radians(orbit.argp_deg),
-        true_anomaly_rad=radians(orbit.ta_deg),
-        mu_m3_s2=options.constants.mu_m3_s2,
-        equatorial_radius_m=options.constants.radius_m,
-        j2=options.constants.j2,
-        j3=options.constants.j3,
-        j4=options.constants.j4,
+        semi_major_axis_m=float(orbit.semi_major_axis_m),
+        eccentricity=float(orbit.eccentricity),
+        inclination_rad=float(orbit.inclination_rad),
+        raan_rad=float(orbit.raan_rad),
+        argument_of_perigee_rad=float(orbit.argument_of_perigee_rad),
+        true_anomaly_rad=float(orbit.true_anomaly_rad),
+        mu_m3_s2=constants.mu_m3_s2,
+        equatorial_radius_m=constants.radius_m,
+        j2=constants.j2,
+        j3=constants.j3,
+        j4=constants.j4,
     )
 
 
@@ -191,13 +177,13 @@ def nominal_truth(options: TruthOptions) -> TruthOptions:
 
 def nominal_relative(options: TruthOptions) -> Array:
     """Return the deputy's nominal state relative to the chief at the start, (6,), RTN, m and m/s."""
-    if options.deputy.orbit is None:
-        assert options.deputy.relative is not None  # the options hold exactly one of the two
+    deputy = options.deputy_state
+    if deputy is None:
+        assert options.deputy.relative is not None  # the options hold exactly one way to start
         return options.deputy.relative.rtn
-    force = force_model(options)
-    chief = options.chief.orbit.state(force.mu_m3_s2)
-    normal = force.normal_acceleration(chief, options.chief.ballistic_m2_kg)
-    return rtn_from_eci(chief, options.deputy.orbit.state(force.mu_m3_s2), normal)
+    chief = options.chief_state
+    normal = force_model(options).normal_acceleration(chief, options.chief.ballistic_m2_kg)
+    return rtn_from_eci(chief, deputy, normal)
 
 
 def _factors(dispersion: FactorDispersion | None, name: str, source: RandomSource, runs: int) -> Array:
