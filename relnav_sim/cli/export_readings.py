@@ -43,7 +43,7 @@ def export_readings(
     chosen = _chosen(results, result, runs)
     campaign = stored_campaign(results)
     config = campaign.cases[index].config
-    epoch = getattr(config.truth, "start_epoch", None)
+    epoch = config.truth.start_epoch
     if to == "tdm" and epoch is None:
         raise UserError(
             "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "
