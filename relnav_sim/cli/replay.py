@@ -87,6 +87,7 @@ def replay(
         if folder.is_dir() and any(folder.iterdir()) and not overwrite:
             raise UserError(f"{folder} holds something already; give another --out, or --overwrite to replace it")
 
+        from relnav_sim.recorded import EphemerisError
         from relnav_sim.recorded.readings import ReadingsError
         from relnav_sim.report.replay import figures_of, verdict, write_replay
         from relnav_sim.runner.replay import replay_campaign, write_result
@@ -94,7 +95,7 @@ def replay(
 
         try:
             done = replay_campaign(campaign, files, case, filters or (), runs or (), sort, truth.value)
-        except (ReadingsError, ReplayError) as error:
+        except (ReadingsError, EphemerisError, ReplayError) as error:
             raise UserError(str(error)) from None
         for sentence in (*done.notes, *done.block.warnings):
             say(f"warning: {sentence}", err=True)

@@ -17,6 +17,7 @@ from relnav_sim.campaign.identity import campaign_hash
 from relnav_sim.campaign.problems import no_such
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
+from relnav_sim.results.block import ReplayHeader
 from relnav_sim.results.merge import merge_shards, run_ranges
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.shards import write_shard
@@ -28,6 +29,7 @@ from relnav_sim.simulation.origin import are_of_campaign
 from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch
 from relnav_sim.simulation.replay import replay_block
 from relnav_sim.simulation.replayed import RecordedFile, Replay, joined
+from relnav_sim.truth import EphemerisTruthOptions, start_epoch
 
 TruthChoice = Literal["auto", "campaign", "none"]
 _MOST_NUMBERS = 30_000_000
@@ -64,9 +66,7 @@ def replay_campaign(
     started, clock = datetime.now(UTC), time.monotonic()
     chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
     config = chosen.config
-    recorded = _of_runs(
-        load_readings(files, readings_layout(config.sensors), getattr(config.truth, "start_epoch", None), sort), runs
-    )
+    recorded = _of_runs(load_readings(files, readings_layout(config.sensors), start_epoch(config.truth), sort), runs)
     against = _truth(campaign, chosen, recorded, truth)
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)
@@ -102,12 +102,7 @@ def write_result(replay: Replay, out: Path) -> Path:
     campaign, case = replay.campaign, replay.case
     header = replace(
         result_header(replace(campaign, runs=max(runs) + 1)),
-        only=runs[0] if len(runs) == 1 else None,
-        replay={
-            "files": {file.path: file.sha256 for file in replay.files},
-            "truth": replay.truth,
-            "epochs": len(replay.block.times_s),
-        },
+        replay=ReplayHeader({file.path: file.sha256 for file in replay.files}, replay.truth, tuple(runs)),
     )
     out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
@@ -145,7 +140,7 @@ def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice:
     """Return what estimates are scored against, in words; empty: nothing."""
     if choice == "none":
         return ""
-    if hasattr(case.config.truth, "ephemeris"):
+    if isinstance(case.config.truth, EphemerisTruthOptions):
         return "the orbits of the campaign's truth.ephemeris"
     if choice == "campaign":
         return "the truth that the campaign simulates, taken on trust"
