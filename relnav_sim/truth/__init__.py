@@ -14,6 +14,7 @@ from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions, 
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import propagate
+from relnav_sim.truth.start_warnings import start_warnings
 from relnav_sim.truth.states import Truth
 from relnav_sim.truth.trajectory import TruthTrajectory
 
@@ -35,5 +36,6 @@ __all__ = [
     "propagate",
     "rtn_from_eci",
     "start_epoch",
+    "start_warnings",
     "truth_trajectory",
 ]
