@@ -100,9 +100,7 @@ def ellipse(
     p = a * (1 - eccentricity) * (1 + eccentricity)
     u, r, speed = perigee + anomaly, p / (1 + eccentricity * cos(anomaly)), sqrt(gravity.mu_m3_s2 / p)
     position = r * np.array([cos(u), sin(u), 0.0])
-    velocity = speed * np.array(
-        [-eccentricity * sin(perigee) - sin(u), eccentricity * cos(perigee) + cos(u), 0.0]
-    )
+    velocity = speed * np.array([-eccentricity * sin(perigee) - sin(u), eccentricity * cos(perigee) + cos(u), 0.0])
     axis = np.array([cos(phase_rad), -sin(phase_rad), 0.0])
     tilted = [_turned(vector, axis, normal_m / a) for vector in (position, velocity)]
     radial, along, normal = _own_axes(chief)

@@ -94,8 +94,9 @@ class MeanElements:
 
         error, position_km, velocity_km_s = self._satellite().sgp4_tsince(epoch.seconds_since(self.epoch) / 60)
         if error:
-            raise ValueError(f"SGP4 does not reach {epoch.text()} from elements of {self.epoch.text()}: "
-                             f"{SGP4_ERRORS[error]}")
+            raise ValueError(
+                f"SGP4 does not reach {epoch.text()} from elements of {self.epoch.text()}: {SGP4_ERRORS[error]}"
+            )
         return eme2000_from_teme(np.array([*position_km, *velocity_km_s]) * 1e3, epoch)
 
     def _satellite(self) -> Satrec:
@@ -127,7 +128,9 @@ def _check_line(number: int, line: str) -> None:
         raise ValueError(f"line {number} of a two-line element set has {_LINE} characters and begins with {number!r}")
     total = sum(int(c) if c.isdigit() else c == "-" for c in line[:_CHECKED]) % 10
     if line[_CHECKED] != str(total):
-        raise ValueError(f"line {number} of a two-line element set ends with {line[_CHECKED]}, but its digits add to {total}")
+        raise ValueError(
+            f"line {number} of a two-line element set ends with {line[_CHECKED]}, but its digits add to {total}"
+        )
 
 
 def _epoch_of(text: str) -> Epoch:

@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sampling as sampling
     from relnav_sim.kernels import sight as sight
     from relnav_sim.kernels import sigma_points as sigma_points
-    from relnav_sim.kernels import spherical_harmonics as spherical_harmonics
     from relnav_sim.kernels import sky as sky
+    from relnav_sim.kernels import spherical_harmonics as spherical_harmonics
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
     from relnav_sim.kernels import two_step as two_step

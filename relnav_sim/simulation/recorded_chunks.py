@@ -17,7 +17,7 @@ from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.chunks import Chunk, FrontEnd
 from relnav_sim.simulation.host_orbits import believed_gravity
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthTrajectory
+from relnav_sim.truth import Trajectory, Truth
 
 ON_EPOCH = 1e-6
 """Share of a step within which a reading is one of the epoch itself; calendar dates are not more exact than that."""
@@ -93,7 +93,7 @@ def orbit_readings(config: CaseConfig) -> set[str]:
 
 
 def recorded_chunks(
-    config: CaseConfig, source: RandomSource, readings: ReadingsOnClock, trajectory: TruthTrajectory | None
+    config: CaseConfig, source: RandomSource, readings: ReadingsOnClock, trajectory: Trajectory | None
 ) -> Iterator[Chunk]:
     """Yield recorded readings of a block, a chunk of epochs at a time, as `chunks` yields simulated ones.
 

@@ -177,9 +177,7 @@ class TruthOptions(Options):
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
         names = {"drag": "drag", "radiation_pressure": "radiation pressure"}
         return [
-            problem(
-                ("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}"
-            )
+            problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
             for name, force in NEEDED.items()
             if idle[force] and getattr(self.dispersions, name) is not None
         ]
