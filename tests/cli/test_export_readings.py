@@ -144,17 +144,6 @@ def test_what_is_refused(here):
     succeeds(*readings, "--overwrite")
 
 
-def test_a_sensor_with_the_name_of_a_known_orbit(here):
-    """The name is one that files give an orbit, so the sensor must have another."""
-    text = TEXT.replace("radar:", "chief_orbit: {kind: radar, ").replace("radar, {", "radar, ").replace("grid:", "zip:")
-    text = text.replace("sensors.radar.range", "sensors.chief_orbit.range")
-    Path("named.yaml").write_text(text)
-    succeeds("run", "named.yaml", "--backend", "sequential", "--out", "named.h5")
-    assert "the campaign's sensor chief_orbit has the name that files give an orbit; rename the sensor" in fails(
-        "export", "named.h5", "--part", "readings"
-    )
-
-
 def test_the_result_itself_is_never_written_over(here):
     before = Path("small.h5").read_bytes()
     fails("export", "small.h5", "--part", "readings", "--out", "small.h5", "--overwrite")
