@@ -5,6 +5,7 @@ import pytest
 
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.campaign.manoeuvres import default_thrust
+from relnav_sim.recorded.readings import ReadingsError
 from relnav_sim.recorded.readings_csv import write_csv
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.recorded.tdm_writing import fits_tdm
@@ -167,3 +168,9 @@ def test_runs_do_not_depend_on_their_company(monkeypatch):
 def test_what_a_tdm_can_hold():
     layout = readings_layout(case(CHAINS["everything"][0]).sensors)
     assert [name for name, quantities in layout.items() if fits_tdm(quantities)] == ["radar"]
+
+
+def test_a_sensor_can_not_have_the_name_of_a_known_orbit():
+    sensors = case([RADAR.replace("radar: {", "chief_orbit: {kind: radar, "), TRACKER]).sensors
+    with pytest.raises(ReadingsError, match="sensor chief_orbit has the name that files give an orbit; rename"):
+        readings_layout(sensors)
