@@ -39,13 +39,12 @@ def export_readings(
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
-    from relnav_sim.truth import start_epoch
 
     index = results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
     chosen = chosen_runs(results, result, runs)
     campaign = stored_campaign(results)
     config = campaign.cases[index].config
-    epoch = start_epoch(config.truth)
+    epoch = config.truth.start_epoch
     if to == "tdm" and epoch is None:
         raise UserError(
             "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "

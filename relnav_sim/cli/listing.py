@@ -15,7 +15,9 @@ LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns", "templates")
 
 
 def list_names(
-    what: Annotated[str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise, campaigns or templates.")],
+    what: Annotated[
+        str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise, campaigns or templates.")
+    ],
 ) -> None:
     """List the filters, sensors, dynamics, kinds of noise, the campaigns of this folder, or what `new` starts from."""
     what = f"{what}s" if f"{what}s" in LISTS else what

@@ -98,7 +98,9 @@ def load_ephemeris(
         states.append(segment.states[kept])
         rows += len(at)
     named = segments[0].frame
-    notes = (f"{named} is taken for the ITRF: its realisations differ by centimetres.",) if is_realisation(named) else ()
+    notes = (
+        (f"{named} is taken for the ITRF: its realisations differ by centimetres.",) if is_realisation(named) else ()
+    )
     return Ephemeris(name, first, np.concatenate(times), np.concatenate(states), named, tuple(spans), notes)
 
 

@@ -292,8 +292,8 @@ def _held_velocities(held: Mapping[str, Sequence[Array]], config: CaseConfig) ->
         step_s = config.clock.step_s * np.sqrt(HELD_WARNED / off)
         sentence = (
             f"readings of {name} lie up to {config.clock.step_s:g} s before the epochs at which they count, and "
-            f"velocities held constant meanwhile put them off by {off:.2g} sigma; choose a clock.step_s of {step_s:.2g} "
-            "or less"
+            f"velocities held constant meanwhile put them off by {off:.2g} sigma; choose a clock.step_s of "
+            f"{step_s:.2g} or less"
         )
         if off > HELD_REFUSED:
             raise ReplayError(sentence)

@@ -7,7 +7,6 @@ from relnav_sim.truth.either import (
     highest_zonal,
     nominal_chief,
     nominal_truth,
-    start_epoch,
     truth_trajectory,
 )
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions, TruthSection
@@ -35,7 +34,6 @@ __all__ = [
     "nominal_truth",
     "propagate",
     "rtn_from_eci",
-    "start_epoch",
     "start_warnings",
     "truth_trajectory",
 ]

@@ -16,6 +16,7 @@ from relnav_sim.truth.thrust import CRAFT
 UNOBSERVED = EarthOrientation()
 """The Earth's rotation as theory alone tells it."""
 
+
 def first_instant(options: EphemerisOptions) -> Epoch:
     """Return the first instant that both files cover.
 
