@@ -74,9 +74,13 @@ def export(
     existing(result, RESULTS)
     if part is Part.READINGS:
         from relnav_sim.cli.export_readings import export_readings
+        from relnav_sim.recorded.readings import ReadingsError
 
         with readable(result) as file, open_results(file) as results:
-            export_readings(results, result, case, run or [], to.value, out, overwrite)
+            try:
+                export_readings(results, result, case, run or [], to.value, out, overwrite)
+            except ReadingsError as error:
+                raise UserError(str(error)) from None
         return
     if case is not None or run:
         raise UserError("--case and --run choose readings; give --part readings with them")
