@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -84,6 +85,15 @@ class GravityField:
                 )
         found = read_gfc(path, degree, order)
         return cls(found.mu_m3_s2, found.radius_m, found.C, found.S, order, found.tide_system, found.name)
+
+    @classmethod
+    def zonal(cls, mu_m3_s2: float, radius_m: float, zonals: Sequence[float]) -> GravityField:
+        """Return the field of unnormalised J2, J3, ...: C_n0 = -J_n / sqrt(2n + 1)."""
+        degree = len(zonals) + 1
+        C, S = np.zeros((2, degree + 1, degree + 1))
+        C[0, 0] = 1.0
+        C[2:, 0] = -np.array(zonals, dtype=float) / np.sqrt(2 * np.arange(2.0, degree + 1) + 1)
+        return cls(float(mu_m3_s2), float(radius_m), C, S, 0, name="zonal")
 
     @property
     def degree(self) -> int:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.celestial_frames import eme2000_from_teme
 from relnav_sim.astro.epoch import Epoch
 
 if TYPE_CHECKING:
@@ -123,6 +122,21 @@ class MeanElements:
         return satellite
 
 
+def eme2000_from_teme(state: Array, epoch: Epoch) -> Array:
+    """Return a state (6,) in m and m/s, given in TEME axes of an epoch, in those of EME2000.
+
+    TEME has the true equator of date and a mean equinox (Vallado, Fundamentals of Astrodynamics and Applications, 4th
+    ed., section 3.7): the equation of the equinoxes leads to the true equinox, and nutation and precession of IAU
+    1976/1980, which the elements are made with, from there to J2000.
+    """
+    import erfa
+
+    day, fraction = epoch.tt
+    true_equinox = erfa.rz(-erfa.eqeq94(day, fraction), np.eye(3))
+    rotation = erfa.pnm80(day, fraction).T @ true_equinox
+    return np.concatenate([rotation @ state[:3], rotation @ state[3:]])
+
+
 def _check_line(number: int, line: str) -> None:
     if len(line) != _LINE or not line.startswith(f"{number} ") or not line.isascii():
         raise ValueError(f"line {number} of a two-line element set has {_LINE} characters and begins with {number!r}")
@@ -136,7 +150,8 @@ def _check_line(number: int, line: str) -> None:
 def _epoch_of(text: str) -> Epoch:
     """Return the instant of a year of two digits and a day of the year with its fraction, UTC."""
     year, day = int(text[:2]), Fraction(text[2:].strip())
-    whole = int(day)
-    century = 1900 if year >= _FIRST_YEAR else 2000
-    midnight = Epoch.parse(f"{century + year:04d}-{whole:03d}T00:00:00 UTC")
-    return midnight.later(float((day - whole) * _DAY_S))
+    whole, century = int(day), 1900 if year >= _FIRST_YEAR else 2000
+    microseconds = round((day - whole) * _DAY_S * 1_000_000)  # the last digit of the day is 864 of them
+    minutes, rest = divmod(microseconds, 60_000_000)
+    clock = f"{minutes // 60:02d}:{minutes % 60:02d}:{rest // 1_000_000:02d}.{rest % 1_000_000:06d}"
+    return Epoch.parse(f"{century + year:04d}-{whole:03d}T{clock} UTC")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim import kernels
+from relnav_sim.arrays import Integers
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sky_table import sky_table
@@ -28,6 +29,26 @@ def sky_between(epoch: Epoch, first_s: float, last_s: float, orientation: EarthO
         orientation: UT1 - UTC and polar motion; zero if not given.
     """
     orientation = orientation or EarthOrientation()
-    days = np.arange(np.floor(first_s / DAY_S) - 1, np.floor(last_s / DAY_S) + 2, dtype=np.int64)
+    days = _days(first_s, last_s)
     angle = orientation.rotation_angle(epoch)
     return kernels.sky.Sky(float(days[0]), sky_table(epoch, days), angle, np.ascontiguousarray(orientation.pole()))
+
+
+def about_eci_z(sky: Sky) -> Sky:
+    """Return the same sky over an Earth whose axis is ECI z, as that of zonal bodies is."""
+    days = sky.days.copy()
+    days[:, : kernels.sky.SUN] = 0.0
+    return sky._replace(days=days, pole=np.eye(3))
+
+
+def still_sky(first_s: float, last_s: float) -> Sky:
+    """Return a sky without Sun and Moon over an Earth that turns evenly about ECI z, for spans as in `sky_between`.
+
+    The Earth's rotation angle is 0 at time 0.
+    """
+    days = _days(first_s, last_s)
+    return kernels.sky.Sky(float(days[0]), np.zeros((len(days), kernels.sky.ROWS, 1)), 0.0, np.eye(3))
+
+
+def _days(first_s: float, last_s: float) -> Integers:
+    return np.arange(np.floor(first_s / DAY_S) - 1, np.floor(last_s / DAY_S) + 2, dtype=np.int64)

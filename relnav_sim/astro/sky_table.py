@@ -41,7 +41,7 @@ def _day(epoch: Epoch, day: int) -> Array:
     nodes, powers_of_values = _interpolation()
     times = DAY_S * (day + (nodes + 1) / 2)
     values = np.concatenate([_intermediate(times, epoch), sun_position(times, epoch), moon_position(times, epoch)], 1)
-    return np.einsum("pk,kr->rp", powers_of_values, values)
+    return np.ascontiguousarray(np.einsum("pk,kr->rp", powers_of_values, values))
 
 
 @cache

@@ -19,7 +19,7 @@ from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.sensors.conformity import complaints
 from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, nominal_chief
-from relnav_sim.truth.ephemeris_truth import flown, start_epoch
+from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.thrust import CRAFT
 
 MOST_EPOCHS = 10_000_000
@@ -83,9 +83,10 @@ def check_together(parts: Parts) -> Iterator[Problem]:
 def _check_recorded(truth: EphemerisTruthOptions, parts: Parts) -> Iterator[Problem]:
     """Yield what can't be flown of recorded orbits, and what they can't tell."""
     try:
-        epoch = start_epoch(truth)
+        epoch = truth.start_epoch
         for craft in CRAFT:
-            flown(truth.ephemeris, craft, epoch, 0.0 if parts.clock is None else parts.clock.duration_s)
+            duration_s = 0.0 if parts.clock is None else parts.clock.duration_s
+            flown(truth.ephemeris, craft, epoch, duration_s, truth.orientation)
         nominal_chief(truth)
     except (ValueError, OSError) as error:
         yield Problem(("truth", "ephemeris"), str(error))

@@ -10,7 +10,7 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.campaign.warnings import together
 from relnav_sim.recorded import Ephemeris
 from relnav_sim.truth import EphemerisTruthOptions
-from relnav_sim.truth.ephemeris_truth import flown, start_epoch
+from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.thrust import CRAFT
 from relnav_sim.wording import counted, significant
 
@@ -24,8 +24,8 @@ def _told(config: CaseConfig) -> list[str]:
     truth = config.truth
     if not isinstance(truth, EphemerisTruthOptions):
         return []
-    epoch = start_epoch(truth)
-    orbits = [flown(truth.ephemeris, craft, epoch, config.clock.duration_s) for craft in CRAFT]
+    epoch = truth.start_epoch
+    orbits = [flown(truth.ephemeris, craft, epoch, config.clock.duration_s, truth.orientation) for craft in CRAFT]
     sentences = [_sentence(craft, orbit) for craft, orbit in zip(CRAFT, orbits, strict=True)]
     return [
         f"The run starts at {epoch.text()}.",

@@ -28,6 +28,7 @@ from relnav_sim.truth import (
     TruthSection,
     eci_from_rtn,
     nominal_truth,
+    start_warnings,
     truth_trajectory,
 )
 from relnav_sim.truth.trajectory import force_model
@@ -115,7 +116,8 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
                 f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
                 "fail; take start.kind dispersed or given."
             )
-    return [*ended, *sentences]
+    starts = [] if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    return [*starts, *ended, *sentences]
 
 
 def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
@@ -139,7 +141,7 @@ def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array)
     alone = all(each.host == "chief" for each in relative_sensors(sensors).values())
     chief = trajectory.at(times_s[:1] if alone else times_s).chief
     chief = np.broadcast_to(chief, (*relative.shape[:2], 6))
-    deputy = eci_from_rtn(chief, relative, force_model(options).normal_acceleration(chief))
+    deputy = eci_from_rtn(chief, relative, force_model(options).normal_acceleration(chief, 0.0, times_s))
     return Truth(times_s, chief, deputy, relative)
 
 

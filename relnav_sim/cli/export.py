@@ -19,6 +19,7 @@ class Format(StrEnum):
 
     CSV = "csv"
     TDM = "tdm"
+    OEM = "oem"
 
 
 class Part(StrEnum):
@@ -27,6 +28,12 @@ class Part(StrEnum):
     SUMMARY = "summary"
     SERIES = "series"
     READINGS = "readings"
+    TRUTH = "truth"
+    ESTIMATES = "estimates"
+
+
+_ORBITS = (Part.TRUTH, Part.ESTIMATES)
+_OTHER_PART = {Format.TDM: "--part readings", Format.OEM: "--part truth or --part estimates"}
 
 
 def export(
@@ -37,7 +44,8 @@ def export(
         typer.Option(
             case_sensitive=False,
             help="summary: a row for each case, filter and run; series: for each stored epoch too; readings: what the "
-            "filters of a case were given in a run, simulated again, to the bit.",
+            "filters of a case were given in a run; truth: the orbits of both craft; estimates: the deputy's orbit by "
+            "a filter, with covariance. The last three are simulated again, to the bit.",
         ),
     ] = Part.SUMMARY,
     out: Annotated[
@@ -50,7 +58,7 @@ def export(
         str | None,
         typer.Option(
             metavar="CASE",
-            help="Of --part readings: number, label or id of the case.",
+            help="Of readings, truth and estimates: number, label or id of the case.",
             show_default="the first",
         ),
     ] = None,
@@ -58,21 +66,38 @@ def export(
         list[int] | None,
         typer.Option(
             metavar="RUN",
-            help="Of --part readings: a run; may be given several times, each with files of its own.",
+            help="Of the same: a run; may be given several times, each with files of its own.",
             show_default="the first",
         ),
+    ] = None,
+    filter: Annotated[
+        str | None,
+        typer.Option(metavar="FILTER", help="Of estimates: whose.", show_default="the only one"),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write the numbers of a result to a file that other programs read.
 
-    A TDM holds range, range rate and angles; what else the filters were given goes to a CSV file beside it.
+    A TDM holds range, range rate and angles; what else the filters were given goes to a CSV file beside it. Orbits are
+    written as CCSDS OEM, and need a truth.epoch.
     """
     from relnav_sim.results import open_results
     from relnav_sim.results.export import export_series, export_summary
 
     existing(result, RESULTS)
+    if filter is not None and part is not Part.ESTIMATES:
+        raise UserError("--filter chooses estimates; give --part estimates with it")
+    if part in _ORBITS:
+        from relnav_sim.cli.export_orbits import export_orbits
+
+        if to is not Format.OEM:
+            raise UserError(f"{part.value} is written as an OEM; give --to oem with it")
+        with readable(result) as file, open_results(file) as results:
+            export_orbits(results, result, part.value, case, filter, run or [], out, overwrite)
+        return
     if part is Part.READINGS:
+        if to is Format.OEM:
+            raise UserError(f"--to oem is no format of readings; give {_OTHER_PART[to]} with it")
         from relnav_sim.cli.export_readings import export_readings
         from relnav_sim.recorded.readings import ReadingsError
 
@@ -83,9 +108,9 @@ def export(
                 raise UserError(str(error)) from None
         return
     if case is not None or run:
-        raise UserError("--case and --run choose readings; give --part readings with them")
+        raise UserError("--case and --run choose a run; give --part readings, truth or estimates with them")
     if to is not Format.CSV:
-        raise UserError(f"--to {to.value} is a format of readings; give --part readings with it")
+        raise UserError(f"--to {to.value} is no format of {part.value}; give {_OTHER_PART[to]} with it")
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
     if path.exists() and result.exists() and path.samefile(result):

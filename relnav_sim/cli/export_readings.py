@@ -38,13 +38,12 @@ def export_readings(
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
-    from relnav_sim.truth import start_epoch
 
     index = results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
-    chosen = _chosen(results, result, runs)
+    chosen = chosen_runs(results, result, runs)
     campaign = stored_campaign(results)
     config = campaign.cases[index].config
-    epoch = start_epoch(config.truth)
+    epoch = config.truth.start_epoch
     if to == "tdm" and epoch is None:
         raise UserError(
             "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "
@@ -71,7 +70,12 @@ def export_readings(
         _write_csv(path, readings, layout, comments)
 
 
-def _chosen(results: Results, result: Path, runs: Sequence[int]) -> list[int]:
+def chosen_runs(results: Results, result: Path, runs: Sequence[int]) -> list[int]:
+    """Return the numbers of the runs to be written; the first that the result holds where none is asked for.
+
+    Raises:
+        UserError: The result does not hold one of them.
+    """
     held = results.runs
     if not held:
         raise UserError(f"{result} holds no run yet")
@@ -101,9 +105,7 @@ def _write_csv(path: Path, readings: Readings, layout: Layout, comments: dict[st
 
 def _write_tdm(path: Path, readings: Readings, layout: Layout, config: CaseConfig, epoch: Epoch) -> Readings:
     """Write what a TDM can hold; return the rest."""
-    from datetime import UTC, datetime
-
-    from relnav_sim.astro.epoch import Epoch
+    from relnav_sim.astro.epoch import now
     from relnav_sim.recorded.tdm_writing import fits_tdm, write_tdm
     from relnav_sim.results.atomic import written_whole
     from relnav_sim.sensors import relative_sensors
@@ -116,7 +118,7 @@ def _write_tdm(path: Path, readings: Readings, layout: Layout, config: CaseConfi
     fitting = {name: one for name, one in readings.sensors.items() if name in targets}
     if not fitting:
         raise UserError("no sensor of the campaign measures range, range rate or two angles alone; export --to csv")
-    created = Epoch.parse(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S} UTC")
+    created = now()
     with written_whole(path) as temporary:
         write_tdm(temporary, replace(readings, sensors=fitting), layout, epoch, targets, created)
     say(f"wrote {path}: {', '.join(fitting)}")

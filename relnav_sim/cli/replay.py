@@ -106,6 +106,7 @@ def replay(
             say(f"{name} broke: {why.reason}", err=True)
         say("")
         _print(found, done.truth)
+        (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
         if done.truth:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from relnav_sim.kernels import angles as angles
+    from relnav_sim.kernels import atmosphere as atmosphere
     from relnav_sim.kernels import bound as bound
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import counting as counting
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import field_forces as field_forces
     from relnav_sim.kernels import forces as forces
     from relnav_sim.kernels import frame_error as frame_error
     from relnav_sim.kernels import frames as frames

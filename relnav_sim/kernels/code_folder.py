@@ -92,7 +92,7 @@ def _sources() -> dict[str, bytes]:
 
 def kernel_names() -> list[str]:
     """Return every kernel as `theme.function`, from the text of the sources."""
-    found = re.compile(r"^@kernel\(.*?^def (\w+)", re.MULTILINE | re.DOTALL)
+    found = re.compile(r"^@kernel(?:_like)?\(.*?^def (\w+)", re.MULTILINE | re.DOTALL)
     return [
         f"{name.removesuffix('.py')}.{function}"
         for name, source in _sources().items()

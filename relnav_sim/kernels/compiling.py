@@ -55,7 +55,14 @@ def written(axes: int, of: Kind = number) -> Kind:
 
 def record(named_tuple: type, *kinds: Kind) -> Kind:
     """Return the type of a named tuple whose fields are of these types."""
-    return lambda types: types.NamedTuple([kind(types) for kind in kinds], named_tuple)
+
+    def of(types: Any) -> Any:
+        fields = [kind(types) for kind in kinds]
+        if all(field == fields[0] for field in fields):  # numba tells these apart
+            return types.NamedUniTuple(fields[0], len(fields), named_tuple)
+        return types.NamedTuple(fields, named_tuple)
+
+    return of
 
 
 def kernel(*arguments: Kind) -> Callable[[Function], Function]:
@@ -65,6 +72,30 @@ def kernel(*arguments: Kind) -> Callable[[Function], Function]:
     is written, and no product is fused with a sum: the bits are those of the loops as they stand, on every machine.
     """
     return lambda function: Uncompiled(function, arguments)  # type: ignore[return-value]  # it is called as one
+
+
+def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Callable[[Function], Function]:
+    """Let a function be a kernel that does what another one of its module does, with some names standing for others.
+
+    Two kernels are written once so, and each compiles only what it needs. (A function can't be passed to one that is
+    compiled: its address would be part of the code that is kept.)
+
+    Args:
+        other: The other kernel.
+        arguments: Types, as for `kernel`.
+        names: What names of its module stand for.
+    """
+
+    def made(function: Function) -> Function:
+        assert isinstance(other, Uncompiled) and isinstance(function, FunctionType)
+        copy = FunctionType(other.function.__code__, function.__globals__, function.__name__)
+        _STAND_FOR[copy] = names
+        return Uncompiled(copy, arguments)  # type: ignore[return-value]  # it is called as one
+
+    return made
+
+
+_STAND_FOR: dict[Callable[..., Any], dict[str, Any]] = {}
 
 
 class Uncompiled:
@@ -126,7 +157,7 @@ def _as_interpreted(name: str, value: Any) -> Any:
 
 
 _Seen = Callable[[str, Any], Any]
-_modules: dict[tuple[str, _Seen], dict[str, Any]] = {}
+_modules: dict[tuple[str, _Seen, tuple[Any, ...]], dict[str, Any]] = {}
 
 
 def in_terms_of(function: Callable[..., Any], seen: _Seen) -> FunctionType:
@@ -137,12 +168,13 @@ def in_terms_of(function: Callable[..., Any], seen: _Seen) -> FunctionType:
         seen: From a name and its value to another value; always the same one.
     """
     assert isinstance(function, FunctionType)
-    module = function.__module__
-    if (module, seen) not in _modules:
-        names = _modules[module, seen] = dict(vars(sys.modules[module]))
+    module, others = function.__module__, _STAND_FOR.get(function, {})
+    key = module, seen, tuple(others.items())
+    if key not in _modules:
+        names = _modules[key] = {**vars(sys.modules[module]), **others}
         for name, value in names.items():  # functions refer to one another by what is being filled here
             names[name] = seen(name, value)
-    copy = FunctionType(function.__code__, _modules[module, seen], function.__name__, function.__defaults__)
+    copy = FunctionType(function.__code__, _modules[key], function.__name__, function.__defaults__)
     copy.__qualname__ = function.__qualname__
     return copy
 

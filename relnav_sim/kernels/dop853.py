@@ -34,6 +34,8 @@ def _weights(rows: list[tableau.Row]) -> Array:
 
 
 A = _weights([tableau.STAGE_ROWS.get(stage, {}) for stage in range(ALL_STAGES)])
+NODES = A.sum(axis=1)
+"""Where in the step each stage is."""
 # The weights of the end derivative are zero in these, so a rejected step never evaluates it.
 B, E5, E3 = _weights([tableau.END_ROW, tableau.ERROR5_ROW, tableau.ERROR3_ROW])
 D = _weights(list(tableau.DENSE_ROWS))
@@ -62,6 +64,13 @@ def stage_state(i: int, y: Array, h: Array, stages: Array, at: Array) -> None:
     weighted_sum(A[i], stages, at)
     for k in range(6 * LANES):
         at[k] = y[k] + h[k] * at[k]
+
+
+@inner
+def stage_time(i: int, start: Array, h: Array, clock: Array) -> None:
+    """Set clock (LANES,) to when stage i is taken of steps that begin at the times `start` (LANES,), s."""
+    for b in range(LANES):
+        clock[b] = start[b] + NODES[i] * h[b]
 
 
 @inner

@@ -42,14 +42,17 @@ ROOM = 6
 
 
 @inner
-def derivative(y: Array, used: int, forces: Forces, ballistic: Array, thrust: Array, room: Array, out: Array) -> None:
+def derivative(
+    y: Array, clock: Array, used: int, forces: Forces, areas: Array, thrust: Array, room: Array, out: Array
+) -> None:
     """Set out (6,) to the derivative of states y (6,): the velocity, and the sum of all forces.
 
     Args:
         y: Position and velocity, m and m/s.
+        clock: Time, s; these forces don't change with it.
         used: How many lanes count.
         forces: The environment.
-        ballistic: Cd A / m of each lane, m^2/kg.
+        areas: Of each lane (1,) or more: Cd A / m, m^2/kg.
         thrust: Acceleration (3,) in the RTN axes of each craft's own orbit, m/s^2.
         room: (ROOM,) to work in.
         out: Where it goes.
@@ -60,7 +63,7 @@ def derivative(y: Array, used: int, forces: Forces, ballistic: Array, thrust: Ar
     a = out[3:]
     pull(y, forces.mu, forces.radius, forces.J, room, a)
     if forces.density > 0:
-        add_drag(y, forces, ballistic, a)
+        add_drag(y, forces, areas[0], a)
     for b in range(used):
         if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
             add_thrust(y, b, thrust, a)
@@ -99,13 +102,13 @@ def acceleration(forces: Forces, states: Array, ballistic: Array) -> Array:
     """Return the acceleration (n, 3) of craft that do not thrust, m/s^2, from states (n, 6) and Cd A / m (n,)."""
     n = len(states)
     found = np.empty((n, 3))
-    y, room, out, of_lanes = np.empty((6, LANES)), np.empty((ROOM, LANES)), np.empty((6, LANES)), np.empty(LANES)
-    idle = np.zeros((3, LANES))
+    y, room, out, areas = np.empty((6, LANES)), np.empty((ROOM, LANES)), np.empty((6, LANES)), np.empty((1, LANES))
+    clock, idle = np.empty(LANES), np.zeros((3, LANES))
     for first in range(0, n, LANES):
         used = min(LANES, n - first)
         load_vectors(states, first, used, y)
         for b in range(used):
-            of_lanes[b] = ballistic[first + b]
-        derivative(y, used, forces, of_lanes, idle, room, out)
+            areas[0, b] = ballistic[first + b]
+        derivative(y, clock, used, forces, areas, idle, room, out)
         store_vectors(out[3:], first, used, found)
     return found

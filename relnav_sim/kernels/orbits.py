@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, number, record, written
+from relnav_sim.kernels import field_forces
+from relnav_sim.kernels.compiling import given, inner, integer, kernel, kernel_like, number, record, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
@@ -19,8 +20,10 @@ from relnav_sim.kernels.dop853 import (
     interpolant,
     length2,
     stage_state,
+    stage_time,
     weighted_sum,
 )
+from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces
 from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
 from relnav_sim.kernels.lanes import LANES
 
@@ -42,7 +45,7 @@ class Flights(NamedTuple):
         states: (n, 6) at time `reached`, m and m/s.
         carry: Rounding errors of the states (n, 6), to be added to the next step.
         slope: Derivative of the states (n, 6).
-        ballistic: Cd A / m, (n,), m^2/kg.
+        areas: Areas per mass (n, 2): Cd A / m for the air's drag and Cr A / m for sunlight, m^2/kg.
         thrust: Acceleration (n, 3) in the RTN axes of each craft's own orbit, m/s^2.
         reached: Time (n,), s.
         event: Time (n,) at which the thrust changes next, s; infinity for never.
@@ -59,7 +62,7 @@ class Flights(NamedTuple):
     states: Array
     carry: Array
     slope: Array
-    ballistic: Array
+    areas: Array
     thrust: Array
     reached: Array
     event: Array
@@ -73,16 +76,20 @@ class Flights(NamedTuple):
     spans: Array
 
 
-_OF_FLIGHTS = [written(2), written(2), written(2), written(1), written(2)] + [written(1)] * 4
+_OF_FLIGHTS = [written(2)] * 5 + [written(1)] * 4
 FLIGHTS = record(Flights, *_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3))
 
 
-@kernel(FORCES, FLIGHTS, number, number, number, given(1), written(1, integer), written(3))
+_FLY = FLIGHTS, number, number, number, number, given(1), written(1, integer), written(3)
+
+
+@kernel(FORCES, *_FLY)
 def fly(
     forces: Forces,
     flights: Flights,
     rtol: float,
     aim: float,
+    longest: float,
     surface: float,
     times: Array,
     place: Integers,
@@ -95,6 +102,7 @@ def fly(
         flights: n orbits; brought up to date.
         rtol: Largest error of a step, as `error_estimate` counts it.
         aim: The next step may be longer if its error is expected to stay below this.
+        longest: No step is made longer than this, s.
         surface: A flight stops after a step that may have come nearer to the centre than this, m.
         times: (T,), s, increasing.
         place: For each flight, the first time that is not written yet, (n,); brought up to date.
@@ -106,8 +114,8 @@ def fly(
     stages, at = stage_lanes.reshape(ALL_STAGES, 6 * LANES), at_lanes.reshape(6 * LANES)
     y, carry, h, ends = np.ones(6 * LANES), np.zeros(6 * LANES), np.zeros(6 * LANES), np.empty(6 * LANES)
     terms = np.empty((TERMS, 6 * LANES))
-    until, ballistic, error = np.empty(LANES), np.zeros(LANES), np.empty(LANES)
-    thrust, room = np.zeros((3, LANES)), np.empty((ROOM, LANES))
+    until, now, error, clock = np.empty(LANES), np.zeros(LANES), np.empty(LANES), np.empty(LANES)
+    areas, thrust, room = np.zeros((2, LANES)), np.zeros((3, LANES)), np.empty((ROOM, LANES))
     used = waiting = 0
     while True:
         # Whoever has arrived makes room for the next.
@@ -134,10 +142,13 @@ def fly(
                 h[k] = step
             for c in range(3):
                 thrust[c, b] = flights.thrust[i, c]
-            ballistic[b] = flights.ballistic[i]
+            for c in range(2):
+                areas[c, b] = flights.areas[i, c]
+            now[b] = flights.reached[i]
         for s in range(1, STAGES):
             stage_state(s, y, h, stages, at)
-            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+            stage_time(s, now, h, clock)
+            derivative(at_lanes, clock, used, forces, areas, thrust, room, stage_lanes[s])
         weighted_sum(B, stages, ends)
         for k in range(6 * LANES):
             step = h[k] * ends[k] + carry[k]
@@ -156,16 +167,17 @@ def fly(
         if good:
             for k in range(6 * LANES):
                 at[k] = ends[k]
-            derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[STAGES])
+            derivative(at_lanes, until, used, forces, areas, thrust, room, stage_lanes[STAGES])
             for s in range(STAGES + 1, ALL_STAGES):
                 stage_state(s, y, h, stages, at)
-                derivative(at_lanes, used, forces, ballistic, thrust, room, stage_lanes[s])
+                stage_time(s, now, h, clock)
+                derivative(at_lanes, clock, used, forces, areas, thrust, room, stage_lanes[s])
             interpolant(y, ends, h, stages, terms)
         for b in range(used):
             i = row[b]
             if error[b] <= rtol:
                 accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
-                resize(flights, i, error[b], aim)
+                resize(flights, i, error[b], aim, longest)
                 if not clears(terms, b, surface):
                     flights.doing[i] = NEAR_SURFACE
                 recall(flights, i, 1, times, place, out)
@@ -173,6 +185,21 @@ def fly(
                 flights.level[i] -= 1
                 if flights.level[i] < FINEST:
                     flights.doing[i] = STUCK
+
+
+@kernel_like(fly, FIELD_FORCES, *_FLY, derivative=field_forces.derivative, ROOM=field_forces.ROOM)
+def fly_in_field(
+    forces: FieldForces,
+    flights: Flights,
+    rtol: float,
+    aim: float,
+    longest: float,
+    surface: float,
+    times: Array,
+    place: Integers,
+    out: Array,
+) -> None:
+    """Do as `fly` about the Earth as it is."""
 
 
 @inner
@@ -225,7 +252,7 @@ def accept(
 
 
 @inner
-def resize(flights: Flights, i: int, error: float, aim: float) -> None:
+def resize(flights: Flights, i: int, error: float, aim: float, longest: float) -> None:
     """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
 
     A double step must start at a multiple of itself, or orbits would drift apart on the grid.
@@ -233,7 +260,8 @@ def resize(flights: Flights, i: int, error: float, aim: float) -> None:
     level = flights.level[i]
     flights.ticks[i] += 1 << (level - FINEST)
     aligned = flights.ticks[i] & ((2 << (level - FINEST)) - 1) == 0
-    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST:
+    short = level < COARSEST and math.ldexp(flights.base[i], int(level) + 1) <= longest
+    if aligned and short and error * ERROR_RATIO_OF_DOUBLING <= aim:
         flights.level[i] += 1
 
 

@@ -57,7 +57,7 @@ def sums(series: Series, r: Array, used: int, room: Array, out: Array) -> None:
         r: Positions in the body's axes, m; rows after the third are not looked at.
         used: How many lanes count.
         room: (ROOM LANES,) to work in.
-        out: Where the sums go.
+        out: Where the sums go; may be r.
     """
     # Rows of one flat array, so that the compiler knows that they don't overlap.
     u, v, w, q, real, imaginary, before, last = (

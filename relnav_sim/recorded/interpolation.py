@@ -102,9 +102,9 @@ def _newton(times_s: Array, values: Array, slopes: Array | None, at_s: Array) ->
         slopes: The derivatives there, for Hermite's polynomial; None: Lagrange's.
         at_s: The times.
     """
-    # Nodes in units of their own spacing, counted from the time asked for, nearest first: a time that is a node gets
-    # that node's value to the bit, and the differences stay well scaled.
-    unit = (times_s[:, -1] - times_s[:, 0]) / (times_s.shape[1] - 1)
+    # Nodes in units of about their spacing, so that differences stay well scaled; counted from the time asked for,
+    # nearest first, and in a power of two, so that a time that is a node gets that node's value to the bit.
+    unit = np.exp2(np.round(np.log2((times_s[:, -1] - times_s[:, 0]) / (times_s.shape[1] - 1))))
     z = (times_s - at_s[:, None]) / unit[:, None]
     order = np.argsort(np.abs(z), axis=1, kind="stable")
     z = np.take_along_axis(z, order, axis=1)

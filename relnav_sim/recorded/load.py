@@ -19,7 +19,7 @@ from relnav_sim.recorded.errors import at_line
 from relnav_sim.recorded.interpolation import Interpolation
 from relnav_sim.recorded.oem import VERSION_KEY, read_oem
 from relnav_sim.recorded.oem_xml import read_oem_xml
-from relnav_sim.recorded.segment import Place, Segment
+from relnav_sim.recorded.segment import Place, Segment, is_realisation
 from relnav_sim.recorded.stated import Stated
 from relnav_sim.wording import counted, listed
 
@@ -97,7 +97,11 @@ def load_ephemeris(
         times.append(at)
         states.append(segment.states[kept])
         rows += len(at)
-    return Ephemeris(name, first, np.concatenate(times), np.concatenate(states), segments[0].frame, tuple(spans))
+    named = segments[0].frame
+    notes = (
+        (f"{named} is taken for the ITRF: its realisations differ by centimetres.",) if is_realisation(named) else ()
+    )
+    return Ephemeris(name, first, np.concatenate(times), np.concatenate(states), named, tuple(spans), notes)
 
 
 def _text(name: str) -> str:

@@ -291,5 +291,4 @@ class Rows:
                 raise entries["INTERPOLATION_DEGREE"][1].error("a degree is given without INTERPOLATION")
             return None
         kind, place = entries["INTERPOLATION"]
-        degree = entries.get("INTERPOLATION_DEGREE")
-        return place.interpolation(kind, degree[0] if degree else None)
+        return place.interpolation(kind, *entries.get("INTERPOLATION_DEGREE", (None, None)))

@@ -99,8 +99,13 @@ class Place:
             raise self.error(f"the time system {name!r} is not read; it must be one of {', '.join(SCALES)}")
         return name.strip().upper()
 
-    def interpolation(self, name: str, degree: str | None) -> Interpolation:
+    def interpolation(self, name: str, degree: str | None, degree_at: Place | None = None) -> Interpolation:
         """Return the interpolation that a file or a caller names.
+
+        Args:
+            name: Its name.
+            degree: Its degree; None: not given.
+            degree_at: Where the degree stands; None: here.
 
         Raises:
             EphemerisError: There is no such interpolation, or no degree or an impossible one.
@@ -110,12 +115,12 @@ class Place:
             raise self.error(f"the interpolation {name!r} is not known; it must be LAGRANGE, HERMITE or LINEAR")
         if kind == "LINEAR":
             if degree not in (None, "1"):
-                raise self.error(f"a LINEAR interpolation has degree 1, not {degree}")
+                raise (degree_at or self).error(f"a LINEAR interpolation has degree 1, not {degree}")
             return Interpolation(kind, 1)
         if degree is None:
             raise self.error(f"the interpolation {kind} needs a degree")
         if not re.fullmatch(r"\d+", degree, re.ASCII) or not 1 <= int(degree[:9]) <= _MOST_DEGREE:
-            raise self.error(
+            raise (degree_at or self).error(
                 f"the interpolation degree is {degree!r}; it must be a whole number from 1 to {_MOST_DEGREE}"
             )
         return Interpolation(kind, int(degree))
@@ -124,6 +129,11 @@ class Place:
 def is_inertial(frame: str) -> bool:
     """Return whether a frame does not turn: EME2000 (J2000), or ICRF and GCRF, which are the same at the Earth."""
     return frame in ("EME2000", "J2000") or is_celestial(frame)
+
+
+def is_realisation(frame: str) -> bool:
+    """Return whether a frame is one realisation of the ITRF, as ITRF2014 or ITRF-93."""
+    return frame != "ITRF" and _ITRF.fullmatch(frame) is not None
 
 
 def is_celestial(frame: str) -> bool:

@@ -29,7 +29,7 @@ from relnav_sim.simulation.origin import are_of_campaign
 from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch
 from relnav_sim.simulation.replay import replay_block
 from relnav_sim.simulation.replayed import RecordedFile, Replay, joined
-from relnav_sim.truth import EphemerisTruthOptions, start_epoch
+from relnav_sim.truth import EphemerisTruthOptions
 
 TruthChoice = Literal["auto", "campaign", "none"]
 _MOST_NUMBERS = 30_000_000
@@ -66,7 +66,7 @@ def replay_campaign(
     started, clock = datetime.now(UTC), time.monotonic()
     chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
     config = chosen.config
-    recorded = _of_runs(load_readings(files, readings_layout(config.sensors), start_epoch(config.truth), sort), runs)
+    recorded = _of_runs(load_readings(files, readings_layout(config.sensors), config.truth.start_epoch, sort), runs)
     against = _truth(campaign, chosen, recorded, truth)
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)

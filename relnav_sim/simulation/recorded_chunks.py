@@ -172,8 +172,8 @@ def _placed(name: str, one: SensorReadings, config: CaseConfig, epochs: int) -> 
 
 
 def _step_for(shortest_s: float, step_s: float) -> float:
-    """Return a step that a campaign's own step is a multiple of, and in which no two readings are."""
-    return step_s / np.ceil(step_s / shortest_s * (1 + 1e-9))
+    """Return the longest part of a campaign's own step in which no two readings are."""
+    return step_s / np.ceil(step_s / shortest_s * (1 - 1e-9))
 
 
 def _unknown(times_s: Array) -> Truth:

@@ -17,6 +17,7 @@ from relnav_sim.filters.history import FilterHistory
 from relnav_sim.filters.recorded_flow import RecordedFlow, joined_flow, recorded_flow
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.measurements.channel import Channel
+from relnav_sim.measurements.partial import all_channels, sensors_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.results import layout
 from relnav_sim.sensors import readings_layout, relative_sensors
@@ -28,7 +29,12 @@ from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch, on_cl
 from relnav_sim.simulation.replayed import ReplayedBlock, ReplayedFilter
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import truth_trajectory
+from relnav_sim.truth import nominal_chief, truth_trajectory
+
+HELD_WARNED = 0.1
+"""Sigmas of a reading by which velocities held constant may put it off, root mean square, without a word."""
+HELD_REFUSED = 1.0
+"""The same without a refusal."""
 
 
 def replay_block(
@@ -59,10 +65,11 @@ def replay_block(
     config = _shortened(case.config, epochs)
     prior = _prior(config, recorded, readings.z, with_truth)
     trajectory = truth_trajectory(config.truth, duration_s, source) if with_truth else None
-    watch = _Collector(config.clock.step_s)
+    watch = _Collector(config.clock.step_s, nominal_chief(config.truth).mean_motion_rad_s)
     short = Case(case.id, case.label, case.variables, config)
     arriving = watch.counting(recorded_chunks(config, source, readings, trajectory))
     outcome = filter_block(short, source, arriving, prior=prior, watch=watch)
+    held = list(_held_velocities(watch.held, config))
     return ReplayedBlock(
         times_s=config.clock.step_s * np.arange(epochs, dtype=np.float64),
         config=config,
@@ -74,19 +81,21 @@ def replay_block(
         broken=outcome.broken,
         results=(outcome.result,) if with_truth else (),
         longest_late_s=readings.longest_late_s,
-        warnings=tuple(_lost_readings(watch.read, watch.lost)),
+        warnings=(*_lost_readings(watch.read, watch.lost), *held),
     )
 
 
 class _Collector:
     """Keeps what every filter says, and how its dynamics moved its estimates."""
 
-    def __init__(self, step_s: float) -> None:
+    def __init__(self, step_s: float, mean_motion_rad_s: float) -> None:
         self._step_s = step_s
+        self._n = mean_motion_rad_s
         self._histories: dict[str, list[FilterHistory]] = {}
         self._flows: dict[str, list[RecordedFlow]] = {}
         self.read: dict[str, int] = {}
         self.lost: dict[str, int] = {}
+        self.held: dict[str, list[Array]] = {}
 
     def counting(self, arriving: Iterable[Chunk]) -> Iterator[Chunk]:
         """Yield the chunks, and count the readings that no filter gets, for want of its host's own frame."""
@@ -106,6 +115,29 @@ class _Collector:
         if chunk.first_epoch:
             means, first_epoch = np.concatenate([before[:, None], means], axis=1), chunk.first_epoch
         self._flows.setdefault(name, []).append(recorded_flow(filter.dynamics, means, first_epoch, self._step_s))
+        if chunk.late:
+            self._take_down_held(filter, chunk, history)
+
+    def _take_down_held(self, filter: Filter, chunk: Chunk, history: FilterHistory) -> None:
+        """Take down by how many sigmas late readings are off because velocities are held constant meanwhile.
+
+        The position some time t ago is taken as r - v t; a t^2 / 2 is left out, with the relative acceleration a that
+        Clohessy and Wiltshire's equations have at the estimate.
+        """
+        measurement = all_channels(filter.measurement)
+        for sensor in sensors_of(filter.measurement):
+            late_s = chunk.late.get(sensor.name)
+            if late_s is None:
+                continue
+            sigma = history.residuals_by[sensor.name].sigma
+            for k in np.flatnonzero((late_s > 0).any(axis=0)):
+                mean = np.ascontiguousarray(history.mean[:, k])
+                moved = mean.copy()
+                moved[:, :3] += 0.5 * late_s[:, k, None] ** 2 * _relative_acceleration(mean, self._n)
+                epoch = chunk.first_epoch + int(k)
+                shift = measurement.residual(measurement.predict(moved, epoch), measurement.predict(mean, epoch))
+                off = np.abs(shift[:, sensor.channels]) / sigma[:, k]
+                self.held.setdefault(sensor.name, []).append(off[np.isfinite(off)])
 
     def replayed(self, name: str, entry: FilterEntry, config: CaseConfig) -> ReplayedFilter:
         """Return everything that a filter has said."""
@@ -149,6 +181,12 @@ def _channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel
         name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
         for name, form in sensor_forms(entry, config).items()
     }
+
+
+def _relative_acceleration(states: Array, n: float) -> Array:
+    """Return the relative acceleration (runs, 3) at states (runs, ...), RTN, by Clohessy and Wiltshire (1960)."""
+    x, _, z, vx, vy, _ = states[:, :6].T
+    return np.stack([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z], axis=1)
 
 
 def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s: float) -> Array:
@@ -239,3 +277,24 @@ def _lost_readings(read: Mapping[str, int], lost: Mapping[str, int]) -> Iterator
                 "orbit or attitude then; where its receiver has gaps, give it a period_s or an outage, and its own "
                 "orbit filter carries it over them"
             )
+
+
+def _held_velocities(held: Mapping[str, Sequence[Array]], config: CaseConfig) -> Iterator[str]:
+    """Yield a sentence on sensors whose late readings suffer from velocities that are held constant.
+
+    Raises:
+        ReplayError: They suffer by more than their own sigma.
+    """
+    for name, parts in held.items():
+        off = float(np.sqrt(np.mean(np.square(np.concatenate(parts)))))
+        if off <= HELD_WARNED:
+            continue
+        step_s = config.clock.step_s * np.sqrt(HELD_WARNED / off)
+        sentence = (
+            f"readings of {name} lie up to {config.clock.step_s:g} s before the epochs at which they count, and "
+            f"velocities held constant meanwhile put them off by {off:.2g} sigma; choose a clock.step_s of "
+            f"{step_s:.2g} or less"
+        )
+        if off > HELD_REFUSED:
+            raise ReplayError(sentence)
+        yield sentence

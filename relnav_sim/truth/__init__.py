@@ -7,13 +7,13 @@ from relnav_sim.truth.either import (
     highest_zonal,
     nominal_chief,
     nominal_truth,
-    start_epoch,
     truth_trajectory,
 )
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions, TruthSection
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.options import TruthOptions
 from relnav_sim.truth.propagation import propagate
+from relnav_sim.truth.start_warnings import start_warnings
 from relnav_sim.truth.states import Truth
 from relnav_sim.truth.trajectory import TruthTrajectory
 
@@ -34,6 +34,6 @@ __all__ = [
     "nominal_truth",
     "propagate",
     "rtn_from_eci",
-    "start_epoch",
+    "start_warnings",
     "truth_trajectory",
 ]

@@ -9,12 +9,10 @@ from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.epoch import Epoch
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import trajectory
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions
 from relnav_sim.truth.ephemeris_truth import EphemerisTrajectory, flown_chief
-from relnav_sim.truth.ephemeris_truth import start_epoch as recorded_start
 from relnav_sim.truth.propagation import RTOL
 from relnav_sim.truth.states import Truth
 
@@ -56,15 +54,6 @@ def nominal_chief(options: AnyTruth) -> ChiefOrbit:
     It is the nominal one; of a recorded orbit the one that osculates at the start.
     """
     return flown_chief(options) if isinstance(options, EphemerisTruthOptions) else trajectory.nominal_chief(options)
-
-
-def start_epoch(options: AnyTruth) -> Epoch | None:
-    """Return the instant of a run's 0 s; None where the campaign has no calendar.
-
-    Raises:
-        EphemerisError: A recorded orbit can't be used.
-    """
-    return recorded_start(options) if isinstance(options, EphemerisTruthOptions) else options.start_epoch
 
 
 def nominal_truth(options: AnyTruth) -> AnyTruth:

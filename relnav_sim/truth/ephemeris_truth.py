@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.frames import rtn_from_eci
 from relnav_sim.astro.orbits import elements_from_state
-from relnav_sim.recorded import Ephemeris, EphemerisError, load_ephemeris
-from relnav_sim.truth.ephemeris_options import EphemerisOptions, EphemerisTruthOptions
-from relnav_sim.truth.named_files import digest_of
+from relnav_sim.truth.ephemeris_options import EphemerisTruthOptions
+from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.states import Truth
+from relnav_sim.truth.thrust import CRAFT
 from relnav_sim.truth.trajectory import chief_orbit
 
 
@@ -33,8 +30,8 @@ class EphemerisTrajectory:
 
     def __init__(self, options: EphemerisTruthOptions, duration_s: float) -> None:
         self.failures: Mapping[int, str] = {}
-        epoch = start_epoch(options)
-        self._craft = [flown(options.ephemeris, craft, epoch, duration_s) for craft in ("chief", "deputy")]
+        epoch = options.start_epoch
+        self._craft = [flown(options.ephemeris, craft, epoch, duration_s, options.orientation) for craft in CRAFT]
         self._begin_s = [epoch.seconds_since(each.epoch) for each in self._craft]
         self._duration_s = duration_s
 
@@ -53,7 +50,7 @@ class EphemerisTrajectory:
         normal = np.cross(chief[:, :3], chief[:, 3:])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         pulled = (self._craft[0].accelerations(self._begin_s[0] + inside) * normal).sum(axis=1)
-        return Truth(times, chief[None], deputy[None], rtn_from_eci(chief, deputy, pulled)[None])
+        return Truth(times, chief[None], deputy[None], rtn_from_eci(chief, deputy, pulled)[None], pulled[None])
 
     def felt(self, truth: Truth, step_s: float) -> Array:
         """Refuse to say what the craft feel; a campaign that asks for it is refused when it is loaded.
@@ -71,46 +68,7 @@ def flown_chief(options: EphemerisTruthOptions) -> ChiefOrbit:
         EphemerisError: A file can't be used.
         ValueError: The chief is on no ellipse.
     """
-    epoch = start_epoch(options)
-    chief = flown(options.ephemeris, "chief", epoch)
+    epoch = options.start_epoch
+    chief = flown(options.ephemeris, "chief", epoch, orientation=options.orientation)
     state = chief.at(epoch.seconds_since(chief.epoch))
     return chief_orbit(elements_from_state(state, options.constants.mu_m3_s2), options.constants)
-
-
-def start_epoch(options: EphemerisTruthOptions) -> Epoch:
-    """Return when the run starts: `epoch`, or the first instant that both files cover.
-
-    Raises:
-        EphemerisError: A file can't be used, or they cover no instant together.
-    """
-    if options.epoch is not None:
-        return Epoch.parse(options.epoch)
-    both = [flown(options.ephemeris, craft) for craft in ("chief", "deputy")]
-    begin = max(each.epoch.later(each.spans[0].start_s) for each in both)
-    for each in both:
-        if not each.covers(begin.seconds_since(each.epoch), begin.seconds_since(each.epoch)):
-            raise EphemerisError(
-                f"{each.path} does not cover {begin.text()}, when the other file begins; it covers {each.coverage}"
-            )
-    return begin
-
-
-def flown(options: EphemerisOptions, craft: str, epoch: Epoch | None = None, duration_s: float = 0.0) -> Ephemeris:
-    """Return the orbit of a craft, ECI, over a run; over all of the file where no epoch is given.
-
-    Raises:
-        EphemerisError: The file can't be used, is not what it was, or does not cover the run.
-    """
-    name, digest = options.file(craft)
-    stop = None if epoch is None else epoch.later(duration_s)
-    return _loaded(name, digest, tuple(options.read_as.items()), epoch, stop)
-
-
-@lru_cache(maxsize=8)
-def _loaded(
-    name: str, digest: str | None, read_as: tuple[tuple[str, str], ...], start: Epoch | None, stop: Epoch | None
-) -> Ephemeris:
-    """Return an orbit in ECI; read once in a process."""
-    if digest is not None and digest_of(Path(name)) != digest:
-        raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
-    return load_ephemeris(name, start=start, stop=stop, **dict(read_as)).eci()  # type: ignore[arg-type]

@@ -56,7 +56,12 @@ class GravityOptions(Options):
     @field_validator("model", mode="after")
     @classmethod
     def _where(cls, model: str, info: ValidationInfo) -> str:
-        return model if model in SHIPPED or not model.lower().endswith(".gfc") else str(located(model, info))
+        if model in SHIPPED or not model.lower().endswith(".gfc"):
+            return model
+        path = located(model, info)
+        if not path.is_file():
+            raise ValueError(f"there is no file {path}")
+        return str(path)
 
     @field_validator("sha256", mode="after")
     @classmethod

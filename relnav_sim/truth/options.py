@@ -9,9 +9,11 @@ from pydantic import Field, StringConstraints, ValidationError, ValidationInfo, 
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.arrays import Array
+from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.frames import eci_from_rtn
 from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.astro.orbits import Elements, elements_from_state
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, DeputyOptions
@@ -20,7 +22,23 @@ from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
 from relnav_sim.truth.start_context import StartContext
 
+Arcseconds = Annotated[float, Field(ge=-2, le=2)]
 ManoeuvreName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+
+
+class EarthOrientationOptions(Options):
+    """What only observation tells about the Earth's rotation, as the IERS publishes it; constant over a run."""
+
+    ut1_utc_s: float = Field(default=0.0, ge=-1, le=1, description="UT1 - UTC at the epoch, s; default 0")
+    polar_motion_arcsec: tuple[Arcseconds, Arcseconds] = Field(
+        default=(0.0, 0.0), description="Coordinates x and y of the pole, arcsec; default 0"
+    )
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """The same in SI units."""
+        x, y = self.polar_motion_arcsec
+        return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
 
 
 class TruthOptions(Options):
@@ -30,6 +48,10 @@ class TruthOptions(Options):
         default=None,
         description="Calendar time of the start, with its time scale (UTC, TAI, GPS or TT), as "
         "2010-07-27T00:00:00 UTC; default: none, or that of two-line elements",
+    )
+    earth_orientation: Annotated[EarthOrientationOptions | None, AddedLater()] = Field(
+        default=None,
+        description="How the Earth is turned, beyond what theory tells; UT1 - UTC and polar motion are 0 without it",
     )
     chief: ChiefOptions = Field(description="The chief: where it starts and what forces need to know of it")
     deputy: DeputyOptions = Field(description="The deputy: where it starts and what forces need to know of it")
@@ -87,7 +109,13 @@ class TruthOptions(Options):
         """What the start states depend on."""
         values, highest = self.constants, self.forces.highest_zonal
         zonals = [j if n <= highest else 0.0 for n, j in ((2, values.j2), (3, values.j3), (4, values.j4))]
-        return StartContext(Gravity(values.mu_m3_s2, values.radius_m, *zonals), values.radius_m, self.start_epoch)
+        gravity = Gravity(values.mu_m3_s2, values.radius_m, *zonals)
+        return StartContext(gravity, values.radius_m, self.start_epoch, self.orientation)
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """What is known of the Earth's rotation."""
+        return EarthOrientation() if self.earth_orientation is None else self.earth_orientation.orientation
 
     @property
     def chief_state(self) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.celestial_frames import eme2000_from_gcrf
+from relnav_sim.astro.earth_orientation import eme2000_from_gcrf
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.mean_elements import MeanElements
 from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
@@ -123,8 +123,6 @@ class CartesianOptions(OrbitStart):
             [_in_metres(self.position_m, self.position_km), _in_metres(self.velocity_m_s, self.velocity_km_s)]
         )
         if self.frame == "ITRF":
-            if context.epoch is None:
-                raise ValueError("frame ITRF turns with the Earth, so that the start needs truth.epoch")
             return context.eci_from_itrf(given)
         return eme2000_from_gcrf(given) if self.frame == "GCRF" else given
 

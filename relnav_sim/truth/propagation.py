@@ -25,6 +25,7 @@ def propagate(
     force: ForceModel,
     ballistic_m2_kg: ArrayLike = 0.0,
     rtol: float = 1e-12,
+    radiation_m2_kg: ArrayLike = 0.0,
 ) -> Array:
     """Return the states (B, T, 6) in m and m/s, ECI, of B orbits at T times.
 
@@ -33,11 +34,12 @@ def propagate(
     others in the batch nor on the other times asked for.
 
     Args:
-        state0: Position and velocity (B, 6) in m and m/s, ECI, at time 0.
+        state0: Position and velocity (B, 6) in m and m/s, ECI, at time 0, the force model's epoch if it has one.
         times_s: Times (T,) in s after `state0`; increasing, not negative, on any grid.
         force: The force model.
         ballistic_m2_kg: Cd A / m in m^2/kg, a number or (B,); only the atmosphere uses it.
         rtol: Tolerated error per radian of orbit, relative to the orbit's size and speed.
+        radiation_m2_kg: Cr A / m in m^2/kg, a number or (B,); only the pressure of sunlight uses it.
 
     Raises:
         ValueError: An argument has the wrong shape or a value that makes no sense; the message says which.
@@ -48,7 +50,9 @@ def propagate(
             whatever times. Without an atmosphere there is no surface, as about a point mass.
     """
     surface_m = force.radius_m if force.atmosphere is not None else None
-    trajectory = DenseTrajectory(state0, force, ballistic_m2_kg, rtol, surface_m=surface_m)
+    trajectory = DenseTrajectory(
+        state0, force, ballistic_m2_kg, rtol, surface_m=surface_m, radiation_m2_kg=radiation_m2_kg
+    )
     states = trajectory.at(times_s)
     for row, (time_s, why) in sorted(trajectory.failures.items()):
         if np.isnan(states[row]).any():  # or it ends later than anyone asked
@@ -77,6 +81,7 @@ class DenseTrajectory:
         rtol: float = RTOL,
         schedule: Schedule | None = None,
         surface_m: float | None = None,
+        radiation_m2_kg: ArrayLike = 0.0,
     ) -> None:
         states = np.array(state0, dtype=float)
         if states.ndim != 2 or states.shape[1] != 6:
@@ -85,16 +90,13 @@ class DenseTrajectory:
             raise ValueError("state0 must hold finite numbers")
         if not (states[:, :3] != 0).any(axis=1).all():
             raise ValueError("a position in state0 is at the centre of attraction")
-        ballistic = np.asarray(ballistic_m2_kg, dtype=float)
-        if ballistic.shape not in ((), (len(states),)):
-            raise ValueError(f"ballistic_m2_kg has shape {ballistic.shape}; it must be a number or ({len(states)},)")
-        if not (np.isfinite(ballistic) & (ballistic >= 0)).all():
-            raise ValueError("ballistic_m2_kg must hold finite numbers of at least 0")
+        areas = {"ballistic_m2_kg": ballistic_m2_kg, "radiation_m2_kg": radiation_m2_kg}
+        ballistic, radiation = (_of_each(name, given, len(states)) for name, given in areas.items())
         if not SMALLEST_RTOL <= rtol <= 1e-3:
             raise ValueError(f"rtol is {rtol}; it must be between {SMALLEST_RTOL} and 1e-3")
         self._rows = len(states)
         kept = max(KEPT_STEPS // max(self._rows, 1), 2)
-        self._batch = Batch(states, force, np.broadcast_to(ballistic, self._rows), rtol, kept, schedule, surface_m)
+        self._batch = Batch(states, force, ballistic, radiation, rtol, kept, schedule, surface_m)
 
     @property
     def failures(self) -> dict[int, Ending]:
@@ -120,3 +122,13 @@ class DenseTrajectory:
         if states.size:
             self._batch.write(np.ascontiguousarray(times), states)
         return states
+
+
+def _of_each(name: str, given: ArrayLike, rows: int) -> Array:
+    """Return a number of each craft (rows,), given so or as one for all."""
+    values = np.asarray(given, dtype=float)
+    if values.shape not in ((), (rows,)):
+        raise ValueError(f"{name} has shape {values.shape}; it must be a number or ({rows},)")
+    if not (np.isfinite(values) & (values >= 0)).all():
+        raise ValueError(f"{name} must hold finite numbers of at least 0")
+    return np.broadcast_to(values, rows)

@@ -18,9 +18,11 @@ class Truth:
         chief: ECI state of the chief (b, K, 6), m and m/s.
         deputy: ECI state of the deputy (b, K, 6), m and m/s.
         relative: State of the deputy relative to the chief (b, K, 6), RTN, m and m/s.
+        normal_acceleration_m_s2: The chief's along its orbit normal (b, K), which turns its RTN axes; None: not known.
     """
 
     times_s: Array
     chief: Array
     deputy: Array
     relative: Array
+    normal_acceleration_m_s2: Array | None = None

@@ -9,6 +9,8 @@ Where an orbit's thrust changes, its step ends: the step is cut there, the veloc
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.frames import inertial_from_own
+from relnav_sim.kernels.sky import DAY_S
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.surface import TERMS, first_below
 from relnav_sim.truth.thrust import Schedule
@@ -44,22 +47,30 @@ class Batch:
         state0: Array,
         force: ForceModel,
         ballistic: Array,
+        radiation: Array,
         rtol: float,
         kept_steps: int,
         schedule: Schedule | None = None,
         surface_m: float | None = None,
+        sense: float = 1.0,
     ) -> None:
-        """Take states (n, 6) and ballistic coefficients (n,); each orbit's last `kept_steps` can be looked back to."""
+        """Take states (n, 6), Cd A / m and Cr A / m (n,); each orbit's last `kept_steps` can be looked back to.
+
+        Times are seconds after the force's epoch, or before it where `sense` is -1.
+        """
         n = len(state0)
         self._state0, self._force, self._rtol, self._schedule = state0, force, rtol, schedule
+        self._sense = sense
         self._surface_m = -np.inf if surface_m is None else surface_m
+        # The last step may begin when the forces are still known, and end when they are not unless it is so short.
+        self._longest_s = np.inf if force.is_plain else DAY_S
         self.failures: dict[int, Ending] = {}
         self._event = np.zeros(n, dtype=np.int64)
         self._flights = kernels.orbits.Flights(
             states=np.empty((n, 6)),
             carry=np.empty((n, 6)),
             slope=np.empty((n, 6)),
-            ballistic=np.array(ballistic),
+            areas=np.stack([ballistic, radiation], axis=1),
             thrust=np.empty((n, 3)),
             reached=np.empty(n),
             event=np.empty(n),
@@ -96,10 +107,10 @@ class Batch:
         kept = flights.spans.shape[1]
         oldest = flights.spans[np.arange(len(flights.steps)), flights.steps % kept, 0]
         self._start(np.flatnonzero((flights.steps > kept) & (times[0] < oldest)))
-        forces, place = self._force.compiled, np.zeros(len(states), dtype=np.int64)
+        fly, place = self._fly_until(times[-1]), np.zeros(len(states), dtype=np.int64)
         flying = True
         while flying:
-            orbits.fly(forces, flights, self._rtol, AIM * self._rtol, self._surface_m, times, place, states)
+            fly(flights, self._rtol, AIM * self._rtol, self._longest_s, self._surface_m, times, place, states)
             stuck = np.flatnonzero(flights.doing == orbits.STUCK)
             self._end(stuck, flights.reached[stuck], "falls into the centre, or into another singularity")
             near, due = (np.flatnonzero(flights.doing == what) for what in (orbits.NEAR_SURFACE, orbits.EVENT_DUE))
@@ -109,13 +120,22 @@ class Batch:
         for row, ending in self.failures.items():
             states[row, np.searchsorted(times, ending.time_s) :] = np.nan
 
+    def _fly_until(self, last_s: float) -> Callable[..., None]:
+        """Return the kernel that lets flights go on, told of the forces until a time and some steps after it."""
+        if self._force.is_plain:
+            return partial(kernels.orbits.fly, self._force.plain)
+        first, last = sorted((0.0, self._sense * last_s))
+        return partial(kernels.orbits.fly_in_field, self._force.between(first, last, self._sense))
+
     def _begin_grid(self, rows: Integers) -> None:
         """Begin a new grid of steps for the rows where they are, from their states."""
         flights = self._flights
         states = flights.states[rows]
         flights.origin[rows], flights.ticks[rows] = flights.reached[rows], 0
-        flights.base[rows], flights.level[rows] = base_step(states, self._force.mu_m3_s2, self._rtol)
-        slope = np.concatenate([states[:, 3:], self._force.acceleration(states, flights.ballistic[rows])], axis=1)
+        flights.base[rows], flights.level[rows] = base_step(states, self._force.mu_m3_s2, self._rtol, self._longest_s)
+        ballistic, radiation = flights.areas[rows].T
+        pull = self._force.acceleration(states, ballistic, self._sense * flights.reached[rows], radiation)
+        slope = np.concatenate([states[:, 3:], pull], axis=1)
         thrust = flights.thrust[rows]
         burns = thrust.any(axis=1)
         slope[burns, 3:] += inertial_from_own(states[burns].T, thrust[burns].T).T
@@ -160,7 +180,7 @@ class Batch:
         self.failures |= {row: Ending(end, why) for row, end in zip(rows.tolist(), ends, strict=True)}
 
 
-def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:
+def base_step(states: Array, mu: float, rtol: float, longest_s: float) -> tuple[Array, Integers]:
     """Return the base step (n,) in s of states (n, 6), and by how many doublings (n,) to start above it.
 
     The base guesses the longest step at perigee, rounded down to four significant bits. There the error is made, so
@@ -175,10 +195,10 @@ def base_step(states: Array, mu: float, rtol: float) -> tuple[Array, Integers]:
     # A fall straight to the centre has its perigee there; an orbit's step must start from something.
     perigee = np.maximum(momentum2 / (mu * (1 + eccentricity)), r / 64)
     radian_s = np.sqrt(perigee * perigee * perigee / (mu * (1 + eccentricity)))
-    guess = radian_s * (AIM * rtol / CIRCULAR_ERROR) ** (1 / 7)
+    guess = np.minimum(radian_s * (AIM * rtol / CIRCULAR_ERROR) ** (1 / 7), longest_s)
     mantissa, exponent = np.frexp(guess)
     base_s = np.ldexp(np.floor(16 * mantissa) / 16, exponent)
-    _, doublings = np.frexp(np.sqrt(r * r * r / mu) / radian_s)
+    _, doublings = np.frexp(np.minimum(np.sqrt(r * r * r / mu) / radian_s, longest_s / base_s))
     return base_s, np.maximum(doublings.astype(np.int64) - 1, 0)
 
 

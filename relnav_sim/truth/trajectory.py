@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
+from relnav_sim.astro.atmosphere import LayeredAtmosphere
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.frames import eci_from_rtn, own_from_inertial, rtn_from_eci
 from relnav_sim.astro.orbits import Elements
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth.dispersion_options import DispersionsOptions
 from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
-from relnav_sim.truth.force_options import ConstantsOptions
+from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.options import TruthOptions
@@ -27,6 +28,7 @@ class TruthTrajectory:
     Attributes:
         force: The force model of both craft.
         ballistic_m2_kg: Cd A / m times the density's factor, (2, b): chief and deputy.
+        radiation_m2_kg: Cr A / m, (2, b).
         failures: Why the truth of a run of the block (its index, from 0) ends before the run does.
     """
 
@@ -44,6 +46,11 @@ class TruthTrajectory:
                 options.deputy.ballistic_m2_kg * deputy_factor * density,
             ]
         )
+        chief_radiation = _factors(dispersions.chief_radiation, "truth.chief_radiation", source, runs)
+        deputy_radiation = _factors(dispersions.deputy_radiation, "truth.deputy_radiation", source, runs)
+        self.radiation_m2_kg = np.stack(
+            [options.chief.radiation_m2_kg * chief_radiation, options.deputy.radiation_m2_kg * deputy_radiation]
+        )
         self.failures: dict[int, str] = {}
         self._duration_s = duration_s
         self._asked_s = 0.0
@@ -52,7 +59,7 @@ class TruthTrajectory:
         relative = np.tile(nominal_relative(options), (runs, 1))
         relative[:, :3] += _offsets(dispersions.relative_position, "truth.relative_position", source, runs)
         relative[:, 3:] += _offsets(dispersions.relative_velocity, "truth.relative_velocity", source, runs)
-        normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0])
+        normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0], 0.0, self.radiation_m2_kg[0])
         deputy = eci_from_rtn(chief, relative, normal)
         self._thrusts = thrusts_of(options.manoeuvres, options.execution_errors, source, runs)
         self._both = DenseTrajectory(
@@ -62,6 +69,7 @@ class TruthTrajectory:
             rtol,
             schedule=schedule(self._thrusts, runs) if self._thrusts else None,
             surface_m=self.force.radius_m,
+            radiation_m2_kg=self.radiation_m2_kg.ravel(),
         )
 
     def at(self, times_s: ArrayLike) -> Truth:
@@ -77,13 +85,15 @@ class TruthTrajectory:
         states = self._both.at(times).reshape(2, -1, len(times), 6)
         self._note_ends(times)
         chief, deputy = states
-        normal = self.force.normal_acceleration(chief, self.ballistic_m2_kg[0, :, None])
-        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal))
+        normal = self.force.normal_acceleration(
+            chief, self.ballistic_m2_kg[0, :, None], times, self.radiation_m2_kg[0, :, None]
+        )
+        return Truth(times, chief, deputy, rtn_from_eci(chief, deputy, normal), normal)
 
     def felt(self, truth: Truth, step_s: float) -> Array:
-        """Return the specific force that each craft feels in the steps that end at some epochs, thrust and drag.
+        """Return the specific force that each craft feels in the steps that end at some epochs.
 
-        Gravity is not felt. Drag is taken where the step ends.
+        Thrust, drag and the pressure of sunlight are felt, gravity is not. All but thrust is taken where the step ends.
 
         Args:
             truth: From `at`; b runs, K epochs.
@@ -96,11 +106,12 @@ class TruthTrajectory:
         felt = np.zeros((truth.chief.shape[0], len(truth.times_s), len(CRAFT), 2, 3))
         for thrust in self._thrusts:
             felt[:, :, thrust.craft] += step_forces(thrust, truth.times_s, step_s)
-        if self.force.atmosphere is not None:
+        if self.force.atmosphere is not None or self.force.radiation:
             for craft, states in enumerate((truth.chief, truth.deputy)):
-                ballistic = self.ballistic_m2_kg[craft, :, None]
-                drag = self.force.acceleration(states, ballistic) - self.force.acceleration(states)
-                felt[:, :, craft] += own_from_inertial(states, drag)[:, :, None]
+                areas = self.ballistic_m2_kg[craft, :, None], self.radiation_m2_kg[craft, :, None]
+                pull = self.force.acceleration(states, 0.0, truth.times_s)
+                surface = self.force.acceleration(states, areas[0], truth.times_s, areas[1]) - pull
+                felt[:, :, craft] += own_from_inertial(states, surface)[:, :, None]
         return felt
 
     def _note_ends(self, times: Array) -> None:
@@ -130,15 +141,30 @@ def truth_trajectory(
 
 def force_model(options: TruthOptions) -> ForceModel:
     """Return the force model that the options describe."""
-    values, air = options.constants, options.forces.atmosphere
-    atmosphere = ExponentialAtmosphere(air.base_altitude_m, air.density_kg_m3, air.scale_height_m)
+    values, forces = options.constants, options.forces
     return ForceModel(
         mu_m3_s2=values.mu_m3_s2,
         radius_m=values.radius_m,
-        zonals=(values.j2, values.j3, values.j4)[: max(options.forces.highest_zonal - 1, 0)],
-        atmosphere=atmosphere if options.forces.drag == "exponential" else None,
+        zonals=(values.j2, values.j3, values.j4)[: max((forces.zonals or 0) - 1, 0)],
+        atmosphere=_atmosphere(forces),
         rotation_rad_s=values.rotation_rad_s,
+        gravity=None if forces.gravity is None else forces.gravity.field,
+        epoch=options.start_epoch,
+        third_bodies=forces.third_bodies,
+        radiation=forces.radiation_pressure,
+        orientation=options.orientation,
     )
+
+
+def _atmosphere(forces: ForcesOptions) -> ExponentialAtmosphere | LayeredAtmosphere | None:
+    air = forces.atmosphere
+    match forces.drag:
+        case "exponential":
+            return ExponentialAtmosphere(air.base_altitude_m, air.density_kg_m3, air.scale_height_m)
+        case "layers":
+            return LayeredAtmosphere()
+        case _:
+            return None
 
 
 def nominal_chief(options: TruthOptions) -> ChiefOrbit:
@@ -182,7 +208,8 @@ def nominal_relative(options: TruthOptions) -> Array:
         assert options.deputy.relative is not None  # the options hold exactly one way to start
         return options.deputy.relative.rtn
     chief = options.chief_state
-    normal = force_model(options).normal_acceleration(chief, options.chief.ballistic_m2_kg)
+    areas = options.chief.ballistic_m2_kg, options.chief.radiation_m2_kg
+    normal = force_model(options).normal_acceleration(chief, areas[0], 0.0, areas[1])
     return rtn_from_eci(chief, deputy, normal)
 
 

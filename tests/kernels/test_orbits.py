@@ -14,7 +14,7 @@ STATE = np.array([6.9e6, 4e5, -3e5, 2e2, 5.1e3, 5.6e3])
 def test_a_step_is_scipys():
     """The same step of the same pair: its end, and the dense output within."""
     force, length = ForceModel(MU, RADIUS), 97.0
-    batch = Batch(STATE[None], force, np.zeros(1), 1e-6, kept_steps=1)
+    batch = Batch(STATE[None], force, np.zeros(1), np.zeros(1), 1e-6, kept_steps=1)
     batch._flights.base[:], batch._flights.level[:] = length, 0
     times, found = np.linspace(0.0, 96.9, 90), np.empty((1, 90, 6))
     batch.write(times, found)
@@ -35,7 +35,7 @@ def test_energy_and_polar_momentum_are_conserved(zonals):
     """Zonal fields are still and round: energy and the momentum about the axis stay, for a day, to 1e-13."""
     rng = np.random.default_rng(2)
     states = STATE + rng.normal(size=(40, 6)) * np.repeat([1e5, 50.0], 3)
-    batch = Batch(states, ForceModel(MU, RADIUS, zonals), np.zeros(40), 1e-12, kept_steps=2)
+    batch = Batch(states, ForceModel(MU, RADIUS, zonals), np.zeros(40), np.zeros(40), 1e-12, kept_steps=2)
     times, found = np.linspace(0.0, 86_400.0, 25), np.empty((40, 25, 6))
     batch.write(times, found)
     x, y, z, vx, vy, vz = np.moveaxis(found, -1, 0)

@@ -68,7 +68,7 @@ def test_the_method_has_order_eight_and_its_dense_output_order_seven(orbits):
     lengths = np.array([150.0, 200.0, 280.0, 400.0])
     end_errors, inside_errors = [], []
     for length in lengths:
-        batch = Batch(state[None], force, np.zeros(1), 1e-3, kept_steps=1)
+        batch = Batch(state[None], force, np.zeros(1), np.zeros(1), 1e-3, kept_steps=1)
         batch._flights.base[:], batch._flights.level[:] = length, 0
         times = np.linspace(0, length, 41)
         found = np.empty((1, 40, 6))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.statistics.residual_checks import ChannelCheck, NisCheck
+from relnav_sim.statistics.scores import Scores
 from relnav_sim.wording import listed, significant
 
 
@@ -16,6 +19,10 @@ def verdict(filter: FilterFigures, runs: int) -> str:
         filter: Its figures.
         runs: Number of runs replayed.
     """
+    return _by_residuals(filter, runs) + ("" if filter.scores is None else _against_truth(filter.scores))
+
+
+def _by_residuals(filter: FilterFigures, runs: int) -> str:
     failed = len(filter.replayed.failures)
     if failed == runs:
         first = min(filter.replayed.failures, key=lambda failure: failure.epoch)
@@ -41,6 +48,16 @@ def verdict(filter: FilterFigures, runs: int) -> str:
     if not read:
         return "not tested: no reading reached it"
     return f"consistent: {_nis(read)}; residuals white; filter and smoother agree"
+
+
+def _against_truth(scores: Scores) -> str:
+    settled = np.isfinite(scores.position_rms_m[1])
+    position_m, anees = (each[int(settled)] for each in (scores.position_rms_m, scores.anees))
+    if not np.isfinite(position_m):
+        return ""
+    return (
+        f"; against the truth {significant(position_m)} m RMS{' settled' * bool(settled)}, ANEES {significant(anees)}"
+    )
 
 
 def _nis(checks: Sequence[NisCheck]) -> str:
