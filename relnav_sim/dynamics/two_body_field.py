@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 from typing import ClassVar, Literal
 
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.epoch import Epoch
@@ -41,13 +42,22 @@ class NonlinearFieldOptions(DynamicsOptions):
         default="nonlinear_field", description="Exact relative motion in a gravity field about the chief's orbit"
     )
     model: str = Field(
-        default="ggm05s", description="The field: ggm05s (comes with relnav, to degree 60; default) or a `.gfc` file"
+        default="ggm05s",
+        description="The field: ggm05s (comes with relnav, to degree 60; default) or a `.gfc` file, relative to the "
+        "campaign's",
     )
     degree: int = Field(default=20, ge=2, description="Largest degree; default 20")
     order: int | None = Field(default=None, ge=0, description="Largest order; default: the degree")
     chief_orbit: OrbitFilterOptions = Field(
         default=OrbitFilterOptions(), description="How the chief's orbit is estimated from its GNSS fixes"
     )
+
+    @field_validator("model", mode="after")
+    @classmethod
+    def _beside_the_campaign(cls, model: str, info: ValidationInfo) -> str:
+        if not model.lower().endswith(".gfc"):
+            return model
+        return str((Path((info.context or {}).get("folder", "")) / model).absolute())
 
     @model_validator(mode="after")
     def _there_is_such_a_field(self) -> NonlinearFieldOptions:
