@@ -41,7 +41,7 @@ class _Place:
 
 
 def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -> Recording:
-    """Return what a CSV file of readings holds.
+    """Return what a CSV file of readings holds; one that says where filters start need hold no readings.
 
     Args:
         path: The file's name, for messages.
@@ -59,6 +59,9 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
     where = f"{path}:{header_line}"
     time_column = _time_column(where, names)
     places = _places(where, names, layout)
+    start = _start(path, keys)
+    if not places and start is None:
+        raise ReadingsError(f"{where}: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say")
     scale = TIME_COLUMNS[_plain(names[time_column])]
     if scale is not None and zero is None:
         raise ReadingsError(
@@ -73,13 +76,16 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
         return Epoch.parse(cell, scale).seconds_since(zero)
 
     lines, times, cells = _numbers(path, names, rows, time_column, seconds)
+    if not len(lines) and start is None:
+        raise ReadingsError(f"{path}: it holds no row of readings after the header")
+    with np.errstate(over="ignore"):  # what is not finite then is refused where columns are put together
+        si = {index: cells[:, index] * place.factor for index, place in places.items()}
     columns = [
-        Column(place.sensor, place.channel, times[there], values[there] * place.factor, path, lines[there])
+        Column(place.sensor, place.channel, times[there], si[index][there], path, lines[there])
         for index, place in places.items()
-        for values in [cells[:, index]]
-        for there in [~np.isnan(values)]
+        for there in [~np.isnan(si[index])]
     ]
-    return Recording(path, tuple(columns), _run(path, keys), own, _start(path, keys), _notes(path, text, lines))
+    return Recording(path, tuple(columns), _run(path, keys), own, start, _notes(path, text))
 
 
 def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[str, str] | None = None) -> None:
@@ -201,8 +207,6 @@ def _places(where: str, names: Sequence[str], layout: Layout) -> dict[int, _Plac
                 f"{where}: the column {_shown(name)} gives what {_shown(other)} gives; leave one of them"
             )
         places[index] = place
-    if not places:
-        raise ReadingsError(f"{where}: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say")
     return places
 
 
@@ -269,16 +273,14 @@ def _numbers(
             times.append(seconds(row[time_column].strip()))
             cells.append(
                 [
-                    np.nan if index == time_column or not cell.strip() else _number(names[index], cell.strip())
+                    np.nan if index == time_column or not (text := cell.strip()) else _number(names[index], text)
                     for index, cell in enumerate(row)
                 ]
             )
         except ValueError as error:
             raise ReadingsError(f"{path}:{line}: {error}") from None
         lines.append(line)
-    if not lines:
-        raise ReadingsError(f"{path}: it holds no row of readings after the header")
-    return np.array(lines), np.array(times), np.array(cells)
+    return np.array(lines, dtype=np.int64), np.array(times), np.array(cells).reshape(len(lines), len(names))
 
 
 def _number(name: str, text: str) -> float:
@@ -288,11 +290,11 @@ def _number(name: str, text: str) -> float:
         raise ValueError(f"{name}: {_shown(text)} {error}") from None
 
 
-def _notes(path: str, text: str, lines: Integers) -> tuple[str, ...]:
+def _notes(path: str, text: str) -> tuple[str, ...]:
     """Return a doubt about a file that may have been cut short: a number without its last digits is one, too."""
     if text.endswith(("\n", "\r")):
         return ()
-    return (f"{path}:{lines[-1]}: the last line has no end; see that the file is whole",)
+    return (f"{path}:{len(LINE_ENDS.split(text))}: the last line has no end; see that the file is whole",)
 
 
 def _epoch(path: str, keys: Mapping[str, tuple[int, str]]) -> Epoch | None:
