@@ -10,10 +10,18 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.line_of_sight import half_open
+from relnav_sim.printable import printable
+
+_LONGEST_QUOTED = 60
 
 
 class ReadingsError(ValueError):
     """A file of readings can't be used; the message is one sentence that names file, line and remedy."""
+
+
+def quoted(text: str) -> str:
+    """Return a piece of a file as a sentence has it: in quotes, of bounded length, without characters that act."""
+    return repr(printable(text, _LONGEST_QUOTED))
 
 
 class Quantity(Protocol):
