@@ -91,7 +91,7 @@ def replay(
         from relnav_sim.recorded.readings import ReadingsError
         from relnav_sim.report.replay import figures_of, verdict, write_replay
         from relnav_sim.runner.replay import replay_campaign, write_result
-        from relnav_sim.simulation.recorded_chunks import ReplayError
+        from relnav_sim.simulation.own_readings import ReplayError
 
         try:
             done = replay_campaign(campaign, files, case, filters or (), runs or (), sort, truth.value)

@@ -26,7 +26,8 @@ from relnav_sim.runner.single import case_number
 from relnav_sim.runner.work import with_filters
 from relnav_sim.sensors import readings_layout
 from relnav_sim.simulation.origin import are_of_campaign
-from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch
+from relnav_sim.simulation.own_readings import ReplayError
+from relnav_sim.simulation.recorded_chunks import last_epoch
 from relnav_sim.simulation.replay import replay_block
 from relnav_sim.simulation.replayed import RecordedFile, Replay, joined
 from relnav_sim.truth import EphemerisTruthOptions

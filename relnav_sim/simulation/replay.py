@@ -9,7 +9,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, exact
+from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, GivenStart, exact
 from relnav_sim.campaign.problems import listed
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.channel_residuals import ChannelResiduals
@@ -25,7 +25,8 @@ from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.block import filter_block, sensor_forms
 from relnav_sim.simulation.chunks import Chunk
-from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch, on_clock, recorded_chunks
+from relnav_sim.simulation.own_readings import ReplayError
+from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock, recorded_chunks
 from relnav_sim.simulation.replayed import ReplayedBlock, ReplayedFilter
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
@@ -81,7 +82,7 @@ def replay_block(
         broken=outcome.broken,
         results=(outcome.result,) if with_truth else (),
         longest_late_s=readings.longest_late_s,
-        warnings=(*_lost_readings(watch.read, watch.lost), *held),
+        warnings=(*_other_starts(config, prior), *_lost_readings(watch.read, watch.lost), *held),
     )
 
 
@@ -259,6 +260,15 @@ def _prior(
                 "(start: first_fix); begin the campaign at such a reading, or give it start: {kind: given, ...}"
             )
     return None
+
+
+def _other_starts(config: CaseConfig, prior: Gaussian | None) -> Iterator[str]:
+    """Yield a sentence where the files say otherwise than the campaign where the filters start."""
+    if prior is None or not isinstance(config.start, GivenStart):
+        return
+    given = np.array([*config.start.position_m, *config.start.velocity_m_s])
+    if (np.abs(prior.mean - given) > 1e-9 * np.abs(given).max()).any():
+        yield "filters start where the files of readings say, not at the campaign's start"
 
 
 def _shortened(config: CaseConfig, epochs: int) -> CaseConfig:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from relnav_sim.astro.attitude import nadir_axes, quaternion_from_axes
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.recorded.readings import Readings, SensorReadings
@@ -13,7 +14,8 @@ from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.sensors import readings_layout
 from relnav_sim.simulation.block import simulate_block
 from relnav_sim.simulation.origin import are_of_campaign
-from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch, on_clock
+from relnav_sim.simulation.own_readings import ReplayError
+from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock
 from relnav_sim.simulation.recording import record
 from relnav_sim.simulation.replay import replay_block
 from relnav_sim.truth import ForceModel, propagate
@@ -180,6 +182,36 @@ def test_fixes_between_epochs_are_carried_on_in_free_fall():
     z = on_clock(config, [Readings({"gnss": fixes})], 4).z["gnss"][0]
     np.testing.assert_allclose(z[[1, 2], :3], flown[[2, 4], :3], atol=1e-4)
     np.testing.assert_allclose(z[[1, 2], 3:], flown[[2, 4], 3:], atol=1e-6)
+
+
+def test_attitudes_between_epochs_turn_with_the_orbit():
+    made = campaign([RADAR, GNSS, TRACKER], {"ekf": EKF}, step="10")
+    config = made.cases[0].config
+    values = config.truth.constants
+    state = np.array([[6878e3, 0, 0, 0, 4733.0, 5972.0]])
+    times_s = np.array([0.0, 6.0, 10.0])
+    flown = propagate(state, times_s, ForceModel(values.mu_m3_s2, values.radius_m, (values.j2,)))[0]
+    quaternions = np.stack(quaternion_from_axes(nadir_axes(flown)), axis=-1)
+    origins = np.zeros((2, 2), dtype=np.int64)
+    own = {
+        "gnss": SensorReadings(times_s[[0, 2]], flown[[0, 2]], ("x",), origins),
+        "star_tracker": SensorReadings(times_s[:2], quaternions[:2], ("x",), origins),
+    }
+    turned = on_clock(config, [Readings(own)], 2).z["star_tracker"][0, 1]
+    # Against the nadir frame of the orbit flown. A perturbed orbit's plane turns, by 1e-6 rad in 4 s; unturned is 4e-3.
+    angle = 2 * np.arccos(np.clip(np.abs(turned @ quaternions[2]), 0, 1))
+    assert angle < 5e-6
+    assert 2 * np.arccos(np.abs(quaternions[1] @ quaternions[2])) > 4e-3
+
+
+def test_accelerometers_are_read_at_the_epochs():
+    accelerometer = "accelerometer: {velocity_random_walk_m_s_sqrt_s: 1.0e-4, host: deputy}"
+    made = campaign([RADAR, accelerometer], {"ekf": EKF}, "{kind: first_fix}")
+    one = next(record(made.cases[0].config, made.seed, [0]))
+    felt = one.sensors["deputy_accelerometer"]
+    late = replace(felt, times_s=felt.times_s + 0.5)
+    with pytest.raises(ReplayError, match="readings of deputy_accelerometer lie between the epochs"):
+        on_clock(made.cases[0].config, [replace(one, sensors={**one.sensors, "deputy_accelerometer": late})], 302)
 
 
 def radar_only(times_s, m=3):
