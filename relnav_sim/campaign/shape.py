@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from relnav_sim.campaign.paths import inside
@@ -57,6 +58,14 @@ class Shape:
         kind: dict[str, str] = self._target().node.get("properties", {}).get("kind", {})
         return kind.get("const")
 
+    @cached_property
+    def homes(self) -> Mapping[str, Sequence[Path]]:
+        """The sections below here in which each key is known, for a key written in the wrong one."""
+        homes: dict[str, list[Path]] = {}
+        for key, place in _places(self):
+            homes.setdefault(key, []).append(place)
+        return homes
+
     def at(self, path: Path, data: Any) -> Shape | None:
         """Return the shape of a place in the data, following each `kind` that stands there; None if unknown."""
         shape: Shape | None = self
@@ -95,11 +104,14 @@ class Shape:
         return Shape(found, self.definitions) if isinstance(found, dict) else None
 
 
-def places_of(key: str, shape: Shape, path: Path = (), depth: int = 4) -> Iterator[Path]:
-    """Yield the sections in which a key is known, for a key written in the wrong one."""
+_DEEPEST = 4
+"""Sections inside each other in which a key is looked for."""
+
+
+def _places(shape: Shape, path: Path = ()) -> Iterator[tuple[str, Path]]:
+    """Yield every key with the section in which it is known."""
     for form in shape.alternatives:
         for name, child in form.keys.items():
-            if name == key:
-                yield path
-            if depth and name not in ("grid", "zip"):
-                yield from places_of(key, child, (*path, name), depth - 1)
+            yield name, path
+            if len(path) < _DEEPEST and name not in ("grid", "zip"):
+                yield from _places(child, (*path, name))

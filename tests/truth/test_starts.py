@@ -401,7 +401,11 @@ def test_a_start_on_a_recorded_orbit(recorded, epoch, after_s):
 @pytest.mark.parametrize(
     ("ephemeris", "epoch", "sentence"),
     [
-        ({"file": "chief.oem"}, "2026-01-01T02:00:00 UTC", "chief.oem does not cover 2026-01-01T02:00:00 UTC; it covers"),
+        (
+            {"file": "chief.oem"},
+            "2026-01-01T02:00:00 UTC",
+            "chief.oem does not cover 2026-01-01T02:00:00 UTC; it covers",
+        ),
         ({"file": "none.oem"}, None, "none.oem: No such file or directory"),
     ],
 )
