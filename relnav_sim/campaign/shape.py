@@ -60,11 +60,11 @@ class Shape:
 
     @cached_property
     def homes(self) -> Mapping[str, Sequence[Path]]:
-        """The sections below here in which each key is known, for a key written in the wrong one."""
-        homes: dict[str, list[Path]] = {}
-        for key, place in _places(self):
-            homes.setdefault(key, []).append(place)
-        return homes
+        """Every key below this place, with the sections that it is known in."""
+        found: dict[str, list[Path]] = {}
+        for key, path in _keys_below(self):
+            found.setdefault(key, []).append(path)
+        return found
 
     def at(self, path: Path, data: Any) -> Shape | None:
         """Return the shape of a place in the data, following each `kind` that stands there; None if unknown."""
@@ -104,14 +104,10 @@ class Shape:
         return Shape(found, self.definitions) if isinstance(found, dict) else None
 
 
-_DEEPEST = 4
-"""Sections inside each other in which a key is looked for."""
-
-
-def _places(shape: Shape, path: Path = ()) -> Iterator[tuple[str, Path]]:
-    """Yield every key with the section in which it is known."""
+def _keys_below(shape: Shape, path: Path = (), depth: int = 4) -> Iterator[tuple[str, Path]]:
+    """Yield every key below a place, with the section that it is known in."""
     for form in shape.alternatives:
         for name, child in form.keys.items():
             yield name, path
-            if len(path) < _DEEPEST and name not in ("grid", "zip"):
-                yield from _places(child, (*path, name))
+            if depth and name not in ("grid", "zip"):
+                yield from _keys_below(child, (*path, name), depth - 1)
