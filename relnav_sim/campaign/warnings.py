@@ -28,6 +28,7 @@ from relnav_sim.truth import (
     TruthSection,
     eci_from_rtn,
     nominal_truth,
+    rough_truth,
     start_warnings,
     truth_trajectory,
 )
@@ -40,6 +41,10 @@ MOST_EPOCHS = 20_000
 ROUGH = 1e-9
 """Relative error of such a trajectory: centimetres change nothing in what a sensor sees."""
 _LABEL_SHOWN = 120
+_NOT_LOOKED_AT = (
+    "The geometry was not looked at: the result was made by another version of relnav, or a file that it names "
+    "is not there or has changed."
+)
 
 
 def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
@@ -84,7 +89,7 @@ def flown_warnings(
             truth: AnyTruth = TypeAdapter(TruthSection).validate_json(json.dumps(varied["truth"]))
             sensors = sensors_from(varied["sensors"])
         except ValidationError:
-            said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
+            said.append((label, [_NOT_LOOKED_AT]))
             continue
         every = tuple(relative_sensors(sensors))
         going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
@@ -101,7 +106,7 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
     clock, relative = config.clock, relative_sensors(config.sensors)
     every = min((steps_per_reading(each.period_s, clock.step_s) for each in relative.values()), default=1)
     every *= -(-clock.epochs // (every * MOST_EPOCHS))
-    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
+    trajectory = truth_trajectory(rough_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
     at_start = trajectory.at([0.0])
     truth = trajectory.at(np.arange(0, clock.epochs, every) * clock.step_s)
     ended = [

@@ -2,7 +2,14 @@
 
 from relnav_sim.astro.frames import eci_from_rtn, rtn_from_eci
 from relnav_sim.truth.earlier import begun_earlier
-from relnav_sim.truth.either import Trajectory, highest_zonal, nominal_chief, nominal_truth, truth_trajectory
+from relnav_sim.truth.either import (
+    Trajectory,
+    highest_zonal,
+    nominal_chief,
+    nominal_truth,
+    rough_truth,
+    truth_trajectory,
+)
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions, TruthSection
 from relnav_sim.truth.forces import ExponentialAtmosphere, ForceModel
 from relnav_sim.truth.options import TruthOptions
@@ -27,6 +34,7 @@ __all__ = [
     "nominal_chief",
     "nominal_truth",
     "propagate",
+    "rough_truth",
     "rtn_from_eci",
     "start_warnings",
     "truth_trajectory",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from math import radians, tau
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
@@ -24,7 +24,13 @@ Vector = tuple[float, float, float]
 
 
 class OrbitStart(Options):
-    """A craft's state at the start of a run."""
+    """A craft's state at the start of a run.
+
+    Attributes:
+        is_mean: Whether it comes from mean elements, which are good to about a kilometre.
+    """
+
+    is_mean: ClassVar[bool] = False
 
     @property
     def own_epoch(self) -> Epoch | None:
@@ -129,6 +135,8 @@ class CartesianOptions(OrbitStart):
 
 class MeanElementsStart(OrbitStart):
     """Mean elements that SGP4 propagates to the start."""
+
+    is_mean: ClassVar[bool] = True
 
     @property
     @abstractmethod

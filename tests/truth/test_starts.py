@@ -198,7 +198,7 @@ def test_shapes_in_the_plane_hardly_drift_under_zonal_harmonics(deputy, bound_m)
 
 NO_STATE = {"position_km": [7000, 0, 0], "velocity_km_s": [0, 7.5, 0]}
 REFUSED = {
-    "no start": ({}, BEHIND, "chief", "give exactly one of orbit, cartesian, tle and omm"),
+    "no start": ({}, BEHIND, "chief", "give exactly one of orbit, cartesian, tle, omm and ephemeris"),
     "two starts": ({**ORBIT, "cartesian": NO_STATE}, BEHIND, "chief", "give exactly one of orbit, cartesian, tle"),
     "two of the deputy": (ORBIT, {**BEHIND, **ORBIT}, "deputy", "give exactly one of relative, roe, shape, orbit"),
     "no size": ({"orbit": {"i_deg": 50}}, BEHIND, "chief.orbit", "give exactly one of a_km and altitude_km"),
@@ -351,3 +351,64 @@ def test_an_omm_in_xml(tmp_path):
     assert both[0] == both[1]
     assert both[0].i_deg == 88.997
     assert radians(both[0].i_deg) == both[0].mean.inclination_rad
+
+
+OEM = """CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-01-01T00:00:00
+ORIGINATOR = SOMEONE
+
+META_START
+OBJECT_NAME = CHIEF
+OBJECT_ID = 2026-001A
+CENTER_NAME = EARTH
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+START_TIME = {first}
+STOP_TIME = {last}
+META_STOP
+
+{rows}
+"""
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A two-body orbit every 30 s for an hour."""
+    epoch = Epoch.parse("2026-01-01T00:00:00 UTC")
+    rows, rate = [], np.sqrt(MU_M3_S2 / 7e6**3)
+    for k in range(121):
+        state = state_from_elements(Elements(7e6, 0.0, 1.0, 0.5, 0.0, 30.0 * k * rate), MU_M3_S2) / 1e3
+        rows.append(" ".join([epoch.later(30.0 * k).text()[:-4], *(f"{value:.12f}" for value in state)]))
+    first, last = rows[0].split()[0], rows[-1].split()[0]
+    (tmp_path / "chief.oem").write_text(OEM.format(first=first, last=last, rows="\n".join(rows)))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("epoch", "after_s"), [(None, 0.0), ("2026-01-01T00:10:17 UTC", 617.0)])
+def test_a_start_on_a_recorded_orbit(recorded, epoch, after_s):
+    sections = {} if epoch is None else {"epoch": epoch}
+    options = truth({"ephemeris": {"file": "chief.oem"}}, folder=recorded, **sections)
+    angle = after_s * np.sqrt(MU_M3_S2 / 7e6**3)
+    expected = state_from_elements(Elements(7e6, 0.0, 1.0, 0.5, 0.0, angle), MU_M3_S2)
+    np.testing.assert_allclose(options.chief_state[:3], expected[:3], atol=1e-3)
+    np.testing.assert_allclose(options.chief_state[3:], expected[3:], atol=1e-6)
+    assert options.start_epoch == Epoch.parse("2026-01-01T00:00:00 UTC").later(after_s)
+    assert start_warnings(options) == []
+    (recorded / "chief.oem").unlink()
+    assert TruthOptions.model_validate_json(options.model_dump_json()) == options
+
+
+@pytest.mark.parametrize(
+    ("ephemeris", "epoch", "sentence"),
+    [
+        (
+            {"file": "chief.oem"},
+            "2026-01-01T02:00:00 UTC",
+            "chief.oem does not cover 2026-01-01T02:00:00 UTC; it covers",
+        ),
+        ({"file": "none.oem"}, None, "none.oem: No such file or directory"),
+    ],
+)
+def test_a_recorded_orbit_that_gives_no_start(recorded, ephemeris, epoch, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        truth({"ephemeris": ephemeris}, folder=recorded, epoch=epoch)
