@@ -18,8 +18,8 @@ _PER_SECOND = 10**12
 _DAY_S = 86400
 _ZERO = date(2000, 1, 1).toordinal()
 _JULIAN_DATE_OF_ZERO = 2451544.5
-_YEARS = range(1900, 2101)
-"""What pyerfa's Sun and Moon cover."""
+_YEARS = range(1901, 2100)
+"""What pyerfa's Sun covers."""
 
 _AFTER_TAI = {"TAI": Fraction(0), "GPS": Fraction(-19), "TT": Fraction("32.184")}
 """Seconds by which the reading of a clock is later than that of TAI."""
@@ -40,11 +40,13 @@ class Epoch:
     Attributes:
         tai_ps: Picoseconds of TAI since 2000-01-01T00:00:00 TAI.
 
-    >>> epoch = Epoch.parse("2010-07-27T00:00:00 GPS")
-    >>> epoch.text("UTC")
-    '2010-07-26T23:59:45 UTC'
-    >>> epoch.later(60.5).seconds_since(epoch)
-    60.5
+    Examples:
+        >>> from relnav_sim import Epoch
+        >>> epoch = Epoch.parse("2010-07-27T00:00:00 GPS")
+        >>> epoch.text("UTC")
+        '2010-07-26T23:59:45 UTC'
+        >>> epoch.later(60.5).seconds_since(epoch)
+        60.5
     """
 
     tai_ps: int

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import Field, StringConstraints, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -20,6 +20,7 @@ from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, Deputy
 from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
 from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
+from relnav_sim.truth.named_files import located
 from relnav_sim.truth.start_context import StartContext
 
 Arcseconds = Annotated[float, Field(ge=-2, le=2)]
@@ -39,6 +40,9 @@ class EarthOrientationOptions(Options):
         """The same in SI units."""
         x, y = self.polar_motion_arcsec
         return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
+
+
+_Craft = TypeVar("_Craft", ChiefOptions, DeputyOptions)
 
 
 class TruthOptions(Options):
@@ -79,6 +83,19 @@ class TruthOptions(Options):
             Epoch.parse(epoch)
         return epoch
 
+    @field_validator("chief", "deputy", mode="after")
+    @classmethod
+    def _state_read(cls, craft: _Craft, info: ValidationInfo) -> _Craft:
+        """Fill in a start from a recorded orbit, so that nothing later depends on the file."""
+        if craft.ephemeris is None or craft.ephemeris.state_read is not None:
+            return craft
+        given, chief = info.data.get("epoch"), info.data.get("chief")
+        epoch = chief.start.own_epoch if given is None and chief is not None else given and Epoch.parse(given)
+        turned = info.data.get("earth_orientation")
+        orientation = EarthOrientation() if turned is None else turned.orientation
+        start = craft.ephemeris.read(located(craft.ephemeris.file, info), epoch, orientation)
+        return craft.model_copy(update={"ephemeris": start})
+
     @field_validator("constants", mode="after")
     @classmethod
     def _of_the_field(cls, constants: ConstantsOptions, info: ValidationInfo) -> ConstantsOptions:
@@ -102,7 +119,8 @@ class TruthOptions(Options):
         """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
         if self.epoch is not None:
             return Epoch.parse(self.epoch)
-        return self.chief.start.own_epoch or (self.deputy.own_start and self.deputy.own_start.own_epoch)
+        starts = (self.chief.start, self.deputy.own_start)
+        return next((each.own_epoch for each in starts if each is not None and each.own_epoch is not None), None)
 
     @property
     def start_context(self) -> StartContext:
