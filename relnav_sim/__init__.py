@@ -26,6 +26,7 @@ _HOME = {
     "ForceModel": "truth",
     "ExponentialAtmosphere": "truth",
     "GravityField": "astro.gravity_field",
+    "LayeredAtmosphere": "astro.atmosphere",
     "Epoch": "astro.epoch",
     "eci_from_itrf": "astro.earth_orientation",
     "itrf_from_eci": "astro.earth_orientation",

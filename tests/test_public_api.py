@@ -17,6 +17,8 @@ SIGNATURES = {
     "ExponentialAtmosphere": ["base_altitude_m", "density_kg_m3", "scale_height_m"],
     "rtn_from_eci": ["chief", "deputy", "normal_acceleration_m_s2"],
     "eci_from_rtn": ["chief", "relative", "normal_acceleration_m_s2"],
+    "eci_from_itrf": ["states", "times_s", "epoch"],
+    "itrf_from_eci": ["states", "times_s", "epoch"],
     "simulate": ["campaign", "case", "runs"],
     "create_filter": ["name", "dynamics", "measurement"],
     "LinearDynamics": ["transition", "process_noise"],

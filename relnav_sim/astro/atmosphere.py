@@ -44,8 +44,10 @@ class LayeredAtmosphere:
     Raises:
         ValueError: The factor is not a positive number.
 
-    >>> float(LayeredAtmosphere().density(400e3))
-    3.725e-12
+    Examples:
+        >>> from relnav_sim import LayeredAtmosphere
+        >>> float(LayeredAtmosphere().density(400e3))
+        3.725e-12
     """
 
     density_factor: float = 1.0

@@ -106,9 +106,11 @@ def itrf_from_eci(
     Raises:
         ValueError: The shapes do not fit, a time is not finite, the text is no epoch, or orientation is out of range.
 
-    >>> pole = itrf_from_eci([[0.0, 0.0, 7e6, 0.0, 0.0, 0.0]], [0.0], "2025-07-01T00:00:00 UTC")
-    >>> [round(float(x)) for x in pole[0, :3]]  # 25 years of precession, 0.14 deg
-    [-2473, -17207, 6999978]
+    Examples:
+        >>> from relnav_sim import itrf_from_eci
+        >>> pole = itrf_from_eci([[0.0, 0.0, 7e6, 0.0, 0.0, 0.0]], [0.0], "2025-07-01T00:00:00 UTC")
+        >>> [round(float(x)) for x in pole[0, :3]]  # 25 years of precession, 0.14 deg
+        [-2473, -17207, 6999978]
     """
     r, v, turned, turning = _parts(states, times_s, epoch, EarthOrientation(ut1_utc_s, polar_motion_rad))
     return np.concatenate([_product(turned, r), _product(turned, v) + _product(turning, r)], axis=-1)
@@ -133,6 +135,12 @@ def eci_from_itrf(
 
     Raises:
         ValueError: As `itrf_from_eci`.
+
+    Examples:
+        >>> from relnav_sim import eci_from_itrf
+        >>> ground = eci_from_itrf([[6378137.0, 0.0, 0.0, 0.0, 0.0, 0.0]], [0.0], "2025-07-01T00:00:00 UTC")
+        >>> round(float(ground[0, 3] ** 2 + ground[0, 4] ** 2 + ground[0, 5] ** 2) ** 0.5, 2)  # it moves with the Earth
+        465.1
     """
     r, v, turned, turning = _parts(states, times_s, epoch, EarthOrientation(ut1_utc_s, polar_motion_rad))
     back = np.swapaxes(turned, -1, -2)

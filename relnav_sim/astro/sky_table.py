@@ -15,13 +15,11 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sun_moon import moon_position, sun_position
-from relnav_sim.kernels.sky import DAY_S
-
-DEGREE = 7
+from relnav_sim.kernels.sky import DAY_S, POWERS
 
 
 def sky_table(epoch: Epoch, days: Integers) -> Array:
-    """Return polynomials for days (n,) counted from the epoch, (n, ROWS, DEGREE + 1), lowest power first.
+    """Return polynomials for days (n,) counted from the epoch, (n, ROWS, POWERS), lowest power first.
 
     The rows are those of `kernels.sky`. The variable goes from -1 at the beginning of the day to 1 at its end;
     `day_and_variable` gives both.
@@ -47,13 +45,13 @@ def _day(epoch: Epoch, day: int) -> Array:
 @cache
 def _interpolation() -> tuple[Array, Array]:
     """Return the nodes, and the matrix from values there to coefficients of powers."""
-    chebyshev, count = np.polynomial.chebyshev, DEGREE + 1
-    nodes = np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    series_of_values = 2 / count * chebyshev.chebvander(nodes, DEGREE).T
+    chebyshev = np.polynomial.chebyshev
+    nodes = np.cos(math.pi * (np.arange(POWERS) + 0.5) / POWERS)
+    series_of_values = 2 / POWERS * chebyshev.chebvander(nodes, POWERS - 1).T
     series_of_values[0] /= 2
-    powers_of_series = np.zeros((count, count))
-    for k in range(count):
-        powers_of_series[: k + 1, k] = chebyshev.cheb2poly(np.eye(count)[k, : k + 1])
+    powers_of_series = np.zeros((POWERS, POWERS))
+    for k in range(POWERS):
+        powers_of_series[: k + 1, k] = chebyshev.cheb2poly(np.eye(POWERS)[k, : k + 1])
     return nodes, np.einsum("ps,sk->pk", powers_of_series, series_of_values)
 
 

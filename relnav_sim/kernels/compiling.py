@@ -83,7 +83,7 @@ def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Ca
     Args:
         other: The other kernel.
         arguments: Types, as for `kernel`.
-        names: What names of its module stand for.
+        names: What names stand for in that kernel, not in the functions that it calls.
     """
 
     def made(function: Function) -> Function:

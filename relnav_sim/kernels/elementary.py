@@ -25,6 +25,7 @@ TAN_EIGHTH_PI = 0.41421356237309503
 _PER_LOG_2 = 1 / math.log(2)
 _LOG_2_HEAD, _LOG_2_TAIL = 0.6931467056274414, 4.7493250390316726e-07
 """ln 2 in two parts, the first with bits to spare for a factor."""
+_PER_HALF_PI, _HALF_PI, _HALF_PI_REST = 2 / math.pi, math.pi / 2, 6.123233995736766e-17
 _HUGE, _TINY, _SCALE = 2.0**1000, 2.0**-900, 2.0**100
 
 
@@ -118,6 +119,48 @@ def log(x: float) -> float:
     result = x if x == math.inf else result
     result = -math.inf if x == 0.0 else result
     return result if x >= 0.0 else math.nan
+
+
+@inlined
+def sin(x: float) -> float:
+    """Return the sine of an angle within 1e5 rad; next to a zero its error is up to 1e-27, whatever the last place."""
+    return _sine_of_quarters(x, 0)
+
+
+@inlined
+def cos(x: float) -> float:
+    """Return the cosine as `sin` the sine; where both are taken of one angle, most of it is done once."""
+    return _sine_of_quarters(x, 1)
+
+
+@inlined
+def _sine_of_quarters(x: float, quarters: int) -> float:
+    """Return sin(x + quarters pi/2), x = k pi/2 + r, |r| <= pi/4, by the sine or the cosine of r."""
+    shifted = fused(x, _PER_HALF_PI, _ROUNDER)
+    k = shifted - _ROUNDER
+    head = fused(-k, _HALF_PI, x)  # exact, as all digits that cancel are there
+    r = fused(-k, _HALF_PI_REST, head)
+    rest = fused(-k, _HALF_PI_REST, head - r)
+    s = r * r
+    p = 1.589682797208026e-10
+    p = fused(p, s, -2.5050758654059164e-08)
+    p = fused(p, s, 2.7557313695231838e-06)
+    p = fused(p, s, -0.00019841269829816966)
+    p = fused(p, s, 0.008333333333322425)
+    p = fused(p, s, -0.16666666666666632)
+    sine = r + fused(r * s, p, rest)
+    q = -1.1359669919201633e-11
+    q = fused(q, s, 2.08757236853627e-09)
+    q = fused(q, s, -2.7557314355248025e-07)
+    q = fused(q, s, 2.4801587289491847e-05)
+    q = fused(q, s, -0.0013888888888874138)
+    q = fused(q, s, 0.0416666666666666)
+    half = 0.5 * s
+    most = 1.0 - half
+    cosine = most + (((1.0 - most) - half) + fused(s * s, q, -r * rest))
+    quarter = bits(shifted) + quarters
+    value = cosine if (quarter & 1) == 1 else sine
+    return -value if (quarter & 2) == 2 else value
 
 
 @inlined

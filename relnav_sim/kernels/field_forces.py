@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.kernels import spherical_harmonics
 from relnav_sim.kernels.atmosphere import LAYERS, Layers, add_layered_drag
-from relnav_sim.kernels.compiling import flag, given, inner, kernel, number, record
+from relnav_sim.kernels.compiling import flag, given, inner, kernel, number, record, written
+from relnav_sim.kernels.dop853 import CIRCULAR_ERROR
 from relnav_sim.kernels.forces import add_thrust
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 from relnav_sim.kernels.sky import (
+    DAY_S,
     MOON,
     ROWS,
     SKY,
@@ -42,6 +45,8 @@ class FieldForces(NamedTuple):
         air: Layers, none for no drag.
         rotation: Of the air about z, rad/s.
         sense: Of time: 1, or -1 on the way back from the epoch.
+        roughness: What the field's degrees 3, 4, ... add to the error of a step, by the squares of R/r to the power of
+            the degree; empty for a field so smooth that this does not matter.
     """
 
     mu: float
@@ -54,9 +59,12 @@ class FieldForces(NamedTuple):
     air: Layers
     rotation: float
     sense: float
+    roughness: Array
 
 
-FIELD_FORCES = record(FieldForces, number, number, SERIES, SKY, number, number, flag, LAYERS, number, number)
+FIELD_FORCES = record(
+    FieldForces, number, number, SERIES, SKY, number, number, flag, LAYERS, number, number, written(1)
+)
 _TURN, _FIXED, _TIME, _FIELD = ROWS, ROWS + 9, ROWS + 12, ROWS + 13
 ROOM = _FIELD + spherical_harmonics.ROOM
 """Rows of lanes that the forces need to work in."""
@@ -101,6 +109,24 @@ def derivative(
     for b in range(used):
         if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
             add_thrust(y, b, thrust, a)
+
+
+@inner
+def longest_step(forces: FieldForces, aim: float, states: Array, i: int) -> float:
+    """Return how long a step from state i may be, s: by how rough the field can be at its distance, and a day at most.
+
+    The error estimate alone would double steps over smooth regions and reject them at the next mountains, and
+    neighbours would not take the same steps.
+    """
+    x, y, z, vx, vy, vz = states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5]
+    r2 = x * x + y * y + z * z
+    q, rough = min(forces.radius * forces.radius / r2, 1.0), 0.0
+    for k in range(len(forces.roughness) - 1, -1, -1):
+        rough = q * (forces.roughness[k] + rough)
+    error = CIRCULAR_ERROR * (1 + q * q * rough)
+    hx, hy, hz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
+    radian = r2 / math.sqrt(hx * hx + hy * hy + hz * hz)  # s
+    return min(radian * (aim / error) ** (1 / 7), DAY_S)
 
 
 @kernel(FIELD_FORCES, given(2), given(2), given(1))

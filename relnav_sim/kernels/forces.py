@@ -70,6 +70,12 @@ def derivative(
 
 
 @inner
+def longest_step(forces: Forces, aim: float, states: Array, i: int) -> float:
+    """Return how long a step from state i may be, s: the error estimate alone decides."""
+    return math.inf
+
+
+@inner
 def add_drag(y: Array, forces: Forces, ballistic: Array, a: Array) -> None:
     """Add -1/2 Cd A/m rho |u| u, u being the velocity past air that turns with the body (Vallado, section 8.6)."""
     for b in range(LANES):

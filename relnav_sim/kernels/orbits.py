@@ -24,7 +24,7 @@ from relnav_sim.kernels.dop853 import (
     weighted_sum,
 )
 from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces
-from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative
+from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative, longest_step
 from relnav_sim.kernels.lanes import LANES
 
 FINEST = -24
@@ -33,6 +33,9 @@ COARSEST = 16
 """Steps may grow to 2^COARSEST base steps: an escaping orbit needs ever longer ones."""
 ERROR_RATIO_OF_DOUBLING = 2.0**7
 """The estimate per unit time grows with the seventh power of the step."""
+
+SLACK = 1.5
+"""A step is not halved for what is longest where it begins unless it is this many times as long."""
 
 FLIES, EVENT_DUE, NEAR_SURFACE, STUCK, ENDED = range(5)
 """What a flight is doing. Only one that flies goes on; of the others its owner has to decide."""
@@ -80,7 +83,7 @@ _OF_FLIGHTS = [written(2)] * 5 + [written(1)] * 4
 FLIGHTS = record(Flights, *_OF_FLIGHTS, *[written(1, integer)] * 4, written(4), written(3))
 
 
-_FLY = FLIGHTS, number, number, number, number, given(1), written(1, integer), written(3)
+_FLY = FLIGHTS, number, number, number, given(1), written(1, integer), written(3)
 
 
 @kernel(FORCES, *_FLY)
@@ -89,7 +92,6 @@ def fly(
     flights: Flights,
     rtol: float,
     aim: float,
-    longest: float,
     surface: float,
     times: Array,
     place: Integers,
@@ -102,7 +104,6 @@ def fly(
         flights: n orbits; brought up to date.
         rtol: Largest error of a step, as `error_estimate` counts it.
         aim: The next step may be longer if its error is expected to stay below this.
-        longest: No step is made longer than this, s.
         surface: A flight stops after a step that may have come nearer to the centre than this, m.
         times: (T,), s, increasing.
         place: For each flight, the first time that is not written yet, (n,); brought up to date.
@@ -177,7 +178,7 @@ def fly(
             i = row[b]
             if error[b] <= rtol:
                 accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
-                resize(flights, i, error[b], aim, longest)
+                resize(flights, i, error[b], aim, longest_step(forces, aim, flights.states, i))
                 if not clears(terms, b, surface):
                     flights.doing[i] = NEAR_SURFACE
                 recall(flights, i, 1, times, place, out)
@@ -187,13 +188,19 @@ def fly(
                     flights.doing[i] = STUCK
 
 
-@kernel_like(fly, FIELD_FORCES, *_FLY, derivative=field_forces.derivative, ROOM=field_forces.ROOM)
+@kernel_like(
+    fly,
+    FIELD_FORCES,
+    *_FLY,
+    derivative=field_forces.derivative,
+    longest_step=field_forces.longest_step,
+    ROOM=field_forces.ROOM,
+)
 def fly_in_field(
     forces: FieldForces,
     flights: Flights,
     rtol: float,
     aim: float,
-    longest: float,
     surface: float,
     times: Array,
     place: Integers,
@@ -255,14 +262,17 @@ def accept(
 def resize(flights: Flights, i: int, error: float, aim: float, longest: float) -> None:
     """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
 
-    A double step must start at a multiple of itself, or orbits would drift apart on the grid.
+    A double step must start at a multiple of itself, or orbits would drift apart on the grid. None should be longer
+    than `longest`, s.
     """
     level = flights.level[i]
     flights.ticks[i] += 1 << (level - FINEST)
     aligned = flights.ticks[i] & ((2 << (level - FINEST)) - 1) == 0
-    short = level < COARSEST and math.ldexp(flights.base[i], int(level) + 1) <= longest
-    if aligned and short and error * ERROR_RATIO_OF_DOUBLING <= aim:
+    step = math.ldexp(flights.base[i], int(level))
+    if aligned and error * ERROR_RATIO_OF_DOUBLING <= aim and level < COARSEST and 2 * step <= longest:
         flights.level[i] += 1
+    elif step > SLACK * longest and level > FINEST:
+        flights.level[i] -= 1
 
 
 @inner

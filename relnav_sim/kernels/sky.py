@@ -12,6 +12,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inner, kernel, number, record, written
+from relnav_sim.kernels.elementary import cos, sin
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 
 DAY_S = 86400.0
@@ -20,6 +21,8 @@ TURNS_A_DAY_BEYOND_ONE = 0.00273781191135448
 X, Y, S, SUN, MOON, ROWS = 0, 1, 2, 3, 6, 9
 """Rows of a table of the sky: the celestial intermediate pole's X and Y and the origin's s, less s' of the terrestrial
 one, rad; from SUN and from MOON on, three components of a position, m. All refer to EME2000."""
+POWERS = 8
+"""Coefficients of a row's polynomial."""
 AU_M = 149597870700.0
 """The astronomical unit (IAU 2012, resolution B2), m."""
 SUN_RADIUS_M = 6.957e8
@@ -33,7 +36,7 @@ class Sky(NamedTuple):
 
     Attributes:
         first_day: Number of the first day.
-        days: Polynomials (days, ROWS, powers), lowest power first, of a variable from -1 to 1 over each day.
+        days: Polynomials (days, ROWS, POWERS), lowest power first, of a variable from -1 to 1 over each day.
         angle: The Earth's rotation angle at the epoch, rad.
         pole: Rotation (3, 3) from the axes of the intermediate pole to the Earth-fixed ones: polar motion.
     """
@@ -49,20 +52,33 @@ SKY = record(Sky, number, written(3), number, written(2))
 
 @inner
 def look_up(sky: Sky, times: Array, used: int, found: Array) -> None:
-    """Set found (ROWS,) to the table's rows at times, s from the epoch; NaN outside the table's days."""
-    powers = sky.days.shape[2]
+    """Set found (ROWS,) to the table's rows at times, s from the epoch; NaN outside the table's days.
+
+    A day at a time, for the lanes that are in it: mostly all are in the same.
+    """
+    day, u = np.empty(LANES), np.empty(LANES)
     for b in range(used):
-        day = math.floor(times[b] / DAY_S) if abs(times[b]) < math.inf else math.nan
-        if not sky.first_day <= day < sky.first_day + len(sky.days):
-            for row in range(ROWS):
-                found[row, b] = math.nan
-            continue
-        table, u = sky.days[int(day - sky.first_day)], (times[b] - day * DAY_S) / (DAY_S / 2) - 1
+        day[b] = np.floor(times[b] / DAY_S)
+        u[b] = (times[b] - day[b] * DAY_S) / (DAY_S / 2) - 1
+    for row in range(ROWS):
+        for b in range(used):
+            found[row, b] = math.nan
+    reached = sky.first_day - 1
+    while True:
+        following = sky.first_day + len(sky.days)
+        for b in range(used):
+            following = day[b] if reached < day[b] < following else following
+        if following == sky.first_day + len(sky.days):
+            break
+        reached = following
+        table = sky.days[int(reached - sky.first_day)]
         for row in range(ROWS):
-            value = table[row, powers - 1]
-            for k in range(powers - 2, -1, -1):
-                value = value * u + table[row, k]
-            found[row, b] = value
+            c0, c1, c2, c3 = table[row, 0], table[row, 1], table[row, 2], table[row, 3]
+            c4, c5, c6, c7 = table[row, 4], table[row, 5], table[row, 6], table[row, 7]
+            for b in range(used):
+                value = c4 + u[b] * (c5 + u[b] * (c6 + u[b] * c7))
+                value = c0 + u[b] * (c1 + u[b] * (c2 + u[b] * (c3 + u[b] * value)))
+                found[row, b] = value if day[b] == reached else found[row, b]
 
 
 @inner
@@ -74,19 +90,21 @@ def set_orientation(sky: Sky, times: Array, found: Array, used: int, Q: Array) -
     for b in range(used):
         days = times[b] / DAY_S
         # Whole turns are left out before they can cost digits.
-        turns = (times[b] - math.floor(days) * DAY_S) / DAY_S + TURNS_A_DAY_BEYOND_ONE * days
+        turns = (times[b] - np.floor(days) * DAY_S) / DAY_S + TURNS_A_DAY_BEYOND_ONE * days
         angle = sky.angle + 2 * math.pi * turns - found[S, b]
-        c, s = math.cos(angle), math.sin(angle)
+        c, s = cos(angle), sin(angle)
         x, y = found[X, b], found[Y, b]
         a = 1 / (1 + math.sqrt(1 - x * x - y * y))
         xx, xy, yy = 1 - a * x * x, -a * x * y, 1 - a * y * y
-        first = c * xx + s * xy, c * xy + s * yy, -c * x - s * y
-        second = c * xy - s * xx, c * yy - s * xy, s * x - c * y
-        third = x, y, 1 - a * (x * x + y * y)
-        for i in range(3):
-            u, v, w = sky.pole[i, 0], sky.pole[i, 1], sky.pole[i, 2]
-            for j in range(3):
-                Q[i, j, b] = u * first[j] + v * second[j] + w * third[j]
+        Q[0, 0, b], Q[0, 1, b], Q[0, 2, b] = c * xx + s * xy, c * xy + s * yy, -c * x - s * y
+        Q[1, 0, b], Q[1, 1, b], Q[1, 2, b] = c * xy - s * xx, c * yy - s * xy, s * x - c * y
+        Q[2, 0, b], Q[2, 1, b], Q[2, 2, b] = x, y, 1 - a * (x * x + y * y)
+    P = sky.pole
+    for j in range(3):
+        for b in range(used):
+            u, v, w = Q[0, j, b], Q[1, j, b], Q[2, j, b]
+            for i in range(3):
+                Q[i, j, b] = P[i, 0] * u + P[i, 1] * v + P[i, 2] * w
 
 
 @inner

@@ -14,9 +14,13 @@ class Stated:
         time_scale: UTC, TAI, GPS or TT.
         velocity_frame: The frame, or inertial.
         epoch: The epoch from which seconds count.
+        interpolation: LAGRANGE, HERMITE or LINEAR.
+        interpolation_degree: Its degree.
     """
 
     frame: str | None = None
     time_scale: str | None = None
     velocity_frame: str | None = None
     epoch: str | None = None
+    interpolation: str | None = None
+    interpolation_degree: int | None = None

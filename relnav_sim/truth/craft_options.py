@@ -8,12 +8,13 @@ from pydantic import Field, model_validator
 
 from relnav_sim.arrays import Array
 from relnav_sim.options import AddedLater, Options
+from relnav_sim.truth.ephemeris_start import EphemerisStart
 from relnav_sim.truth.orbit_options import CartesianOptions, OmmOptions, OrbitOptions, OrbitStart, TleOptions
 from relnav_sim.truth.relative_options import RelativeOptions, RoeOptions, ShapeOptions
 from relnav_sim.truth.start_context import StartContext
 from relnav_sim.wording import listed
 
-ORBIT_STARTS = ("orbit", "cartesian", "tle", "omm")
+ORBIT_STARTS = ("orbit", "cartesian", "tle", "omm", "ephemeris")
 """Keys that say where a craft starts by itself."""
 RELATIVE_STARTS = ("relative", "roe", "shape")
 """Keys that say where the deputy starts, seen from the chief."""
@@ -21,9 +22,11 @@ RELATIVE_STARTS = ("relative", "roe", "shape")
 _Cartesian = Annotated[CartesianOptions | None, AddedLater()]
 _Tle = Annotated[TleOptions | None, AddedLater()]
 _Omm = Annotated[OmmOptions | None, AddedLater()]
+_Ephemeris = Annotated[EphemerisStart | None, AddedLater()]
 _ORBIT = "its orbit at the start, as elements"
 _CARTESIAN = "its position and velocity at the start"
 _TLE = "a two-line element set, for SGP4"
+_EPHEMERIS = "its state in a file of its orbit"
 _OMM = "an OMM's mean elements, for SGP4"
 
 
@@ -39,8 +42,8 @@ class SpacecraftOptions(Options):
         default=1.3,
         ge=0,
         le=2,
-        description="Radiation-pressure coefficient Cr: 1 (all light absorbed) to 2 (all sent back); default 1.3, usual "
-        "for craft with solar panels",
+        description="Coefficient of radiation pressure, Cr: 1 (absorbs all light) to 2 (reflects all); default 1.3, "
+        "usual for craft with solar panels",
     )
 
     @property
@@ -72,6 +75,7 @@ class ChiefOptions(SpacecraftOptions):
     cartesian: _Cartesian = Field(default=None, description=f"The chief's start: {_CARTESIAN}")
     tle: _Tle = Field(default=None, description=f"The chief's start: {_TLE}")
     omm: _Omm = Field(default=None, description=f"The chief's start: {_OMM}")
+    ephemeris: _Ephemeris = Field(default=None, description=f"The chief's start: {_EPHEMERIS}")
 
     @model_validator(mode="after")
     def _one_start(self) -> ChiefOptions:
@@ -100,6 +104,7 @@ class DeputyOptions(SpacecraftOptions):
     cartesian: _Cartesian = Field(default=None, description=f"The deputy's start: {_CARTESIAN}")
     tle: _Tle = Field(default=None, description=f"The deputy's start: {_TLE}")
     omm: _Omm = Field(default=None, description=f"The deputy's start: {_OMM}")
+    ephemeris: _Ephemeris = Field(default=None, description=f"The deputy's start: {_EPHEMERIS}")
     roe: Annotated[RoeOptions | None, AddedLater()] = Field(
         default=None, description="The deputy's start: relative orbital elements"
     )

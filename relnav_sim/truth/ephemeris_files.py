@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from relnav_sim.options import Options, Origin
+from relnav_sim.recorded.stated import Stated
 from relnav_sim.truth.named_files import digest_of, in_campaign, located
 
 
@@ -71,13 +72,13 @@ class EphemerisOptions(Options):
         return name, digest
 
     @property
-    def read_as(self) -> dict[str, Any]:
-        """What `load_ephemeris` is told of either file."""
-        return {
-            "frame": self.frame,
-            "time_scale": self.time_scale,
-            "velocity_frame": self.velocity_frame,
-            "epoch": self.table_epoch,
-            "interpolation": self.interpolation,
-            "interpolation_degree": self.interpolation_degree,
-        }
+    def stated(self) -> Stated:
+        """What is stated of either file."""
+        return Stated(
+            frame=self.frame,
+            time_scale=self.time_scale,
+            velocity_frame=self.velocity_frame,
+            epoch=self.table_epoch,
+            interpolation=self.interpolation,
+            interpolation_degree=self.interpolation_degree,
+        )

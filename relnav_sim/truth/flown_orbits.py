@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
-from relnav_sim.recorded import Ephemeris, EphemerisError, load_ephemeris
+from relnav_sim.recorded import Ephemeris, EphemerisError
+from relnav_sim.recorded.load import read_orbit_file
+from relnav_sim.recorded.orbit_file import OrbitFile
+from relnav_sim.recorded.stated import Stated
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
 from relnav_sim.truth.named_files import digest_of
 from relnav_sim.truth.thrust import CRAFT
@@ -56,20 +58,25 @@ def flown(
     """
     name, digest = options.file(craft)
     stop = None if epoch is None else epoch.later(duration_s)
-    return _loaded(name, digest, tuple(options.read_as.items()), epoch, stop, orientation)
+    return _flown(name, digest or digest_of(Path(name)), options.stated, epoch, stop, orientation)
 
 
 @lru_cache(maxsize=8)
-def _loaded(
+def _flown(
     name: str,
-    digest: str | None,
-    read_as: tuple[tuple[str, Any], ...],
+    digest: str,
+    stated: Stated,
     start: Epoch | None,
     stop: Epoch | None,
     orientation: EarthOrientation,
 ) -> Ephemeris:
-    """Return an orbit in ECI; read once in a process."""
-    if digest is not None and digest_of(Path(name)) != digest:
-        raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
-    found = load_ephemeris(name, start=start, stop=stop, **dict(read_as))
+    found = _read(name, digest, stated).between(start, stop)
     return found.eci(ut1_utc_s=orientation.ut1_utc_s, polar_motion_rad=orientation.polar_motion_rad)
+
+
+@lru_cache(maxsize=2)
+def _read(name: str, digest: str, stated: Stated) -> OrbitFile:
+    """Return what stands in a file; read once in a process, as a campaign wants several parts of it."""
+    if digest_of(Path(name)) != digest:
+        raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
+    return read_orbit_file(name, stated)

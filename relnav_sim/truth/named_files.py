@@ -14,6 +14,26 @@ def in_campaign(info: ValidationInfo) -> bool:
     return isinstance(info.context, dict) and "folder" in info.context
 
 
+def file_to_read(content_key: str, content: object, info: ValidationInfo) -> str | None:
+    """Return the file that the content is in; None where the content itself stands there.
+
+    A campaign gives one of the two. What was validated before has both: the content then counts.
+
+    Args:
+        content_key: Name of the key that holds the content; the file's is `file`.
+        content: The content, None where it is in the file.
+        info: Of the content's validator.
+
+    Raises:
+        ValueError: Both are given, or neither.
+    """
+    file: str | None = info.data.get("file")
+    validated_before = not in_campaign(info) and file is not None
+    if (file is None) == (content is None) and not validated_before:
+        raise ValueError(f"give exactly one of file and {content_key}")
+    return file if content is None else None
+
+
 def located(name: str, info: ValidationInfo) -> Path:
     """Return the path of a file that a campaign names: relative to the campaign's own file."""
     context: dict[str, Any] = info.context or {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import Field, StringConstraints, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -11,6 +11,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from relnav_sim.arrays import Array
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.frames import eci_from_rtn
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.line_of_sight import ARCSEC
@@ -20,6 +21,7 @@ from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, Deputy
 from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
 from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
+from relnav_sim.truth.named_files import located
 from relnav_sim.truth.start_context import StartContext
 
 Arcseconds = Annotated[float, Field(ge=-2, le=2)]
@@ -39,6 +41,9 @@ class EarthOrientationOptions(Options):
         """The same in SI units."""
         x, y = self.polar_motion_arcsec
         return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
+
+
+_Craft = TypeVar("_Craft", ChiefOptions, DeputyOptions)
 
 
 class TruthOptions(Options):
@@ -79,6 +84,19 @@ class TruthOptions(Options):
             Epoch.parse(epoch)
         return epoch
 
+    @field_validator("chief", "deputy", mode="after")
+    @classmethod
+    def _state_read(cls, craft: _Craft, info: ValidationInfo) -> _Craft:
+        """Fill in a start from a recorded orbit, so that nothing later depends on the file."""
+        if craft.ephemeris is None or craft.ephemeris.state_read is not None:
+            return craft
+        given, chief = info.data.get("epoch"), info.data.get("chief")
+        epoch = chief.start.own_epoch if given is None and chief is not None else given and Epoch.parse(given)
+        turned = info.data.get("earth_orientation")
+        orientation = EarthOrientation() if turned is None else turned.orientation
+        start = craft.ephemeris.read(located(craft.ephemeris.file, info), epoch, orientation)
+        return craft.model_copy(update={"ephemeris": start})
+
     @field_validator("constants", mode="after")
     @classmethod
     def _of_the_field(cls, constants: ConstantsOptions, info: ValidationInfo) -> ConstantsOptions:
@@ -92,6 +110,14 @@ class TruthOptions(Options):
         return dict(sorted(manoeuvres.items(), key=lambda item: (item[1].time_s, item[0])))
 
     @property
+    def field_extent(self) -> FieldExtent | None:
+        """How much of the Earth's gravity field there is; None where no force model makes the truth."""
+        gravity = self.forces.gravity
+        if gravity is None:
+            return FieldExtent(self.forces.highest_zonal)
+        return FieldExtent(gravity.degree, gravity.order or 0, gravity.model)
+
+    @property
     def is_dispersed(self) -> bool:
         """Whether the runs fly different truths."""
         varied = any(getattr(self.dispersions, name) is not None for name in type(self.dispersions).model_fields)
@@ -102,7 +128,8 @@ class TruthOptions(Options):
         """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
         if self.epoch is not None:
             return Epoch.parse(self.epoch)
-        return self.chief.start.own_epoch or (self.deputy.own_start and self.deputy.own_start.own_epoch)
+        starts = (self.chief.start, self.deputy.own_start)
+        return next((each.own_epoch for each in starts if each is not None and each.own_epoch is not None), None)
 
     @property
     def start_context(self) -> StartContext:

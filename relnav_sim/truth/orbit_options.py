@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from math import radians, tau
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
@@ -15,7 +15,7 @@ from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.mean_elements import MeanElements
 from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
 from relnav_sim.options import AddedLater, Options, Origin
-from relnav_sim.truth.named_files import in_campaign, text_of
+from relnav_sim.truth.named_files import file_to_read, text_of
 from relnav_sim.truth.omm_file import elements_in
 from relnav_sim.truth.start_context import StartContext
 from relnav_sim.truth.two_line_file import set_in
@@ -24,7 +24,13 @@ Vector = tuple[float, float, float]
 
 
 class OrbitStart(Options):
-    """A craft's state at the start of a run."""
+    """A craft's state at the start of a run.
+
+    Attributes:
+        is_mean: Whether it comes from mean elements, which are good to about a kilometre.
+    """
+
+    is_mean: ClassVar[bool] = False
 
     @property
     def own_epoch(self) -> Epoch | None:
@@ -130,6 +136,8 @@ class CartesianOptions(OrbitStart):
 class MeanElementsStart(OrbitStart):
     """Mean elements that SGP4 propagates to the start."""
 
+    is_mean: ClassVar[bool] = True
+
     @property
     @abstractmethod
     def mean(self) -> MeanElements:
@@ -166,11 +174,10 @@ class TleOptions(MeanElementsStart):
     @field_validator("lines", mode="after")
     @classmethod
     def _readable(cls, lines: tuple[str, str] | None, info: ValidationInfo) -> tuple[str, str] | None:
-        file = info.data.get("file")
-        if lines is None or (file is not None and in_campaign(info)):
-            one_of_two("file", file, "lines", lines)
-        if lines is None:
+        file = file_to_read("lines", lines, info)
+        if file is not None:
             lines = set_in(text_of(file, info), info.data.get("name"), file)
+        assert lines is not None
         MeanElements.from_lines(*lines)
         return lines
 
@@ -229,10 +236,8 @@ class OmmOptions(MeanElementsStart):
     @field_validator("elements", mode="after")
     @classmethod
     def _readable(cls, elements: OmmElementsOptions | None, info: ValidationInfo) -> OmmElementsOptions | None:
-        file = info.data.get("file")
-        if elements is None or (file is not None and in_campaign(info)):
-            one_of_two("file", file, "elements", elements)
-        if elements is None:
+        file = file_to_read("elements", elements, info)
+        if file is not None:
             try:
                 elements = OmmElementsOptions.model_validate(elements_in(text_of(file, info), file))
             except ValidationError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class StartContext:
     gravity: Gravity
     radius_m: float
     epoch: Epoch | None = None
-    orientation: EarthOrientation = EarthOrientation()
+    orientation: EarthOrientation = field(default_factory=EarthOrientation)
 
     def eci_from_itrf(self, state: Array) -> Array:
         """Return a state (6,) of the epoch, given in the ITRF, in ECI, m and m/s.

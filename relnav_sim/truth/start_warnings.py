@@ -18,7 +18,7 @@ def start_warnings(options: TruthOptions) -> list[str]:
 
 def _coarse(options: TruthOptions) -> list[str]:
     own = options.deputy.own_start
-    if own is None or (options.chief.start.own_epoch is None and own.own_epoch is None):
+    if own is None or not (options.chief.start.is_mean or own.is_mean):
         return []
     separation = float(np.linalg.norm(own.state(options.start_context)[:3] - options.chief_state[:3]))
     if separation >= ACCURACY_M:
@@ -34,7 +34,7 @@ def _old(options: TruthOptions) -> list[str]:
     start = options.start_epoch
     found = []
     for craft, each in (("chief", options.chief.start), ("deputy", options.deputy.own_start)):
-        if each is not None and each.own_epoch is not None and start is not None:
+        if each is not None and each.is_mean and each.own_epoch is not None and start is not None:
             days = abs(start.seconds_since(each.own_epoch)) / 86400
             if days > OLD_DAYS:
                 found.append(

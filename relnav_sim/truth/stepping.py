@@ -18,14 +18,14 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.frames import inertial_from_own
+from relnav_sim.kernels.dop853 import CIRCULAR_ERROR
 from relnav_sim.kernels.sky import DAY_S
 from relnav_sim.truth.forces import ForceModel
 from relnav_sim.truth.surface import TERMS, first_below
 from relnav_sim.truth.thrust import Schedule
 
-# The error estimate of a step of s seconds on a circular orbit is (s n)^7 times this, measured; aim at half of rtol.
-CIRCULAR_ERROR = 9.5e-6
 AIM = 0.5
+"""The share of rtol that a step's error estimate should have."""
 
 
 class Ending(NamedTuple):
@@ -62,8 +62,6 @@ class Batch:
         self._state0, self._force, self._rtol, self._schedule = state0, force, rtol, schedule
         self._sense = sense
         self._surface_m = -np.inf if surface_m is None else surface_m
-        # The last step may begin when the forces are still known, and end when they are not unless it is so short.
-        self._longest_s = np.inf if force.is_plain else DAY_S
         self.failures: dict[int, Ending] = {}
         self._event = np.zeros(n, dtype=np.int64)
         self._flights = kernels.orbits.Flights(
@@ -110,7 +108,7 @@ class Batch:
         fly, place = self._fly_until(times[-1]), np.zeros(len(states), dtype=np.int64)
         flying = True
         while flying:
-            fly(flights, self._rtol, AIM * self._rtol, self._longest_s, self._surface_m, times, place, states)
+            fly(flights, self._rtol, AIM * self._rtol, self._surface_m, times, place, states)
             stuck = np.flatnonzero(flights.doing == orbits.STUCK)
             self._end(stuck, flights.reached[stuck], "falls into the centre, or into another singularity")
             near, due = (np.flatnonzero(flights.doing == what) for what in (orbits.NEAR_SURFACE, orbits.EVENT_DUE))
@@ -132,7 +130,7 @@ class Batch:
         flights = self._flights
         states = flights.states[rows]
         flights.origin[rows], flights.ticks[rows] = flights.reached[rows], 0
-        flights.base[rows], flights.level[rows] = base_step(states, self._force.mu_m3_s2, self._rtol, self._longest_s)
+        flights.base[rows], flights.level[rows] = base_step(states, self._force, self._rtol)
         ballistic, radiation = flights.areas[rows].T
         pull = self._force.acceleration(states, ballistic, self._sense * flights.reached[rows], radiation)
         slope = np.concatenate([states[:, 3:], pull], axis=1)
@@ -180,12 +178,13 @@ class Batch:
         self.failures |= {row: Ending(end, why) for row, end in zip(rows.tolist(), ends, strict=True)}
 
 
-def base_step(states: Array, mu: float, rtol: float, longest_s: float) -> tuple[Array, Integers]:
+def base_step(states: Array, force: ForceModel, rtol: float) -> tuple[Array, Integers]:
     """Return the base step (n,) in s of states (n, 6), and by how many doublings (n,) to start above it.
 
     The base guesses the longest step at perigee, rounded down to four significant bits. There the error is made, so
     there the step must follow rtol closely; elsewhere doubling and halving are fine enough.
     """
+    mu = force.mu_m3_s2
     x, y, z, vx, vy, vz = states.T
     r = _radius(states)
     speed2 = vx * vx + vy * vy + vz * vz
@@ -195,10 +194,17 @@ def base_step(states: Array, mu: float, rtol: float, longest_s: float) -> tuple[
     # A fall straight to the centre has its perigee there; an orbit's step must start from something.
     perigee = np.maximum(momentum2 / (mu * (1 + eccentricity)), r / 64)
     radian_s = np.sqrt(perigee * perigee * perigee / (mu * (1 + eccentricity)))
-    guess = np.minimum(radian_s * (AIM * rtol / CIRCULAR_ERROR) ** (1 / 7), longest_s)
+    most = AIM * rtol / CIRCULAR_ERROR
+    if force.is_plain:
+        guess, here = radian_s * most ** (1 / 7), np.sqrt(r * r * r / mu) / radian_s
+    else:
+        # The last step may begin when the sky is still known, and must not end more than a day later.
+        guess = np.minimum(radian_s * (most / (1 + force.roughness(perigee))) ** (1 / 7), DAY_S)
+        radian_here_s = r * r / np.sqrt(np.maximum(momentum2, np.finfo(float).tiny))
+        here = np.minimum(radian_here_s * (most / (1 + force.roughness(r))) ** (1 / 7), DAY_S) / guess
     mantissa, exponent = np.frexp(guess)
     base_s = np.ldexp(np.floor(16 * mantissa) / 16, exponent)
-    _, doublings = np.frexp(np.minimum(np.sqrt(r * r * r / mu) / radian_s, longest_s / base_s))
+    _, doublings = np.frexp(here)
     return base_s, np.maximum(doublings.astype(np.int64) - 1, 0)
 
 

@@ -77,7 +77,9 @@ def test_trailing_is_on_the_same_orbit_at_that_distance(orbit, distance):
     deputy = drift_free.trailing(chief, distance, POINT)
     assert np.linalg.norm(deputy[:3] - chief[:3]) == pytest.approx(abs(distance), rel=1e-9)
     for own, other in zip(
-        (np.cross(chief[:3], chief[3:]), laplace(chief)), (np.cross(deputy[:3], deputy[3:]), laplace(deputy)), strict=True
+        (np.cross(chief[:3], chief[3:]), laplace(chief)),
+        (np.cross(deputy[:3], deputy[3:]), laplace(deputy)),
+        strict=True,
     ):
         np.testing.assert_allclose(other, own, atol=1e-13 * np.linalg.norm(np.cross(chief[:3], chief[3:])))
     assert np.sign(rtn_from_eci(chief, deputy)[1]) == np.sign(distance)
@@ -91,7 +93,7 @@ def laplace(state):
 
 
 def test_a_distance_that_no_orbit_has_is_refused():
-    with pytest.raises(ValueError, match="more than the perigee's distance from the centre, 7.5e\\+06 m"):
+    with pytest.raises(ValueError, match=r"more than the perigee's distance from the centre, 7\.5e\+06 m"):
         drift_free.trailing(chief_on("eccentric"), 8e6, POINT)
 
 

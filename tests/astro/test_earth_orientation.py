@@ -1,13 +1,10 @@
 """EME2000 and the ITRF against ERFA's own chain, brahe where it is installed, and physics."""
 
-import doctest
-
 import erfa
 import numpy as np
 import pytest
 
 from relnav_sim import eci_from_itrf, itrf_from_eci
-from relnav_sim.astro import earth_orientation
 from relnav_sim.astro.earth_orientation import (
     ROTATION_RAD_S,
     EarthOrientation,
@@ -105,12 +102,6 @@ def test_the_frame_bias():
     given = states(4, (5,))
     np.testing.assert_allclose(gcrf_from_eme2000(eme2000_from_gcrf(given)), given, rtol=1e-14)
     assert 1e-8 < np.linalg.norm(eme2000_from_gcrf([0, 0, 1.0, 0, 0, 0]) - [0, 0, 1.0, 0, 0, 0]) < 1.2e-7
-
-
-def test_the_example_runs():
-    finder = doctest.DocTestFinder(recurse=False)
-    (found,) = finder.find(itrf_from_eci, "itrf_from_eci", globs={"itrf_from_eci": earth_orientation.itrf_from_eci})
-    assert doctest.DocTestRunner().run(found).failed == 0
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,10 @@ BAD = {
         edit("a_km: 6878", "a_km: 6878137"),
         "a_km: must be at most 1000000, not 6878137; in metres? Write 6878.137",
     ),
-    "an altitude as an orbit": (edit("a_km: 6878", "a_km: 500"), "for an altitude of 500 km write altitude_km: 500, or a_km: 6878.137"),
+    "an altitude as an orbit": (
+        edit("a_km: 6878", "a_km: 500"),
+        "for an altitude of 500 km write altitude_km: 500, or a_km: 6878.137",
+    ),
     "an altitude": (
         edit("a_km: 6878", "height_km: 500"),
         "height_km: unknown key; did you mean 'altitude_km'? Write altitude_km: 500",

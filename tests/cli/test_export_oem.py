@@ -57,7 +57,9 @@ def test_true_orbits_come_back_to_a_micrometre(result: Path) -> None:
 
 
 def test_true_orbits_are_read_by_the_oem_package(result: Path) -> None:
-    text = result.with_name("small.yaml").read_text(encoding="utf-8").replace("2016-12-31T23:57:30", "2021-06-30T23:57:30")
+    text = (
+        result.with_name("small.yaml").read_text(encoding="utf-8").replace("2016-12-31T23:57:30", "2021-06-30T23:57:30")
+    )
     other = result.with_name("other.yaml")
     other.write_text(text, encoding="utf-8")
     out = run_campaign(load_campaign(other), result.with_name("other.h5"), workers=1, backend="sequential")
@@ -112,7 +114,10 @@ def test_an_exported_truth_flies_again(result: Path) -> None:
         (["--part", "truth"], "truth is written as an OEM; give --to oem with it"),
         (["--to", "oem", "--part", "readings"], "--to oem is no format of readings; give --part truth or --part"),
         (["--to", "oem", "--part", "estimates"], "the case has several filters; give --filter, one of ekf, cw"),
-        (["--to", "oem", "--part", "estimates", "--filter", "kf"], "the case has no filter 'kf'; its filters are ekf, cw"),
+        (
+            ["--to", "oem", "--part", "estimates", "--filter", "kf"],
+            "the case has no filter 'kf'; its filters are ekf, cw",
+        ),
         (["--to", "oem", "--part", "truth", "--filter", "ekf"], "--filter chooses estimates; give --part estimates"),
         (["--to", "oem", "--part", "truth", "--run", "7"], "holds no run 7; its runs go from 0 to 1"),
         (["--to", "oem", "--part", "truth", "--out", "one.oem"], "2 orbits go to 2 files; give --out a folder, as one"),
@@ -129,4 +134,6 @@ def test_a_campaign_without_a_calendar_is_refused(tmp_path: Path) -> None:
     out = run_campaign(load_campaign(tmp_path / "c.yaml"), tmp_path / "c.h5", workers=1, backend="sequential")
     found = CliRunner().invoke(app, ["export", str(out), "--to", "oem", "--part", "truth"])
     assert found.exit_code == 2
-    assert "an OEM holds calendar dates, and the campaign has none; give it a truth.epoch" in " ".join(found.output.split())
+    assert "an OEM holds calendar dates, and the campaign has none; give it a truth.epoch" in " ".join(
+        found.output.split()
+    )

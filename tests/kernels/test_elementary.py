@@ -30,7 +30,7 @@ def over_lanes(name):
 
 @pytest.fixture(scope="module")
 def lanes():
-    return {name: over_lanes(name) for name in ("exp", "log", "atan2", "atan2_ahead")}
+    return {name: over_lanes(name) for name in ("exp", "log", "sin", "cos", "atan2", "atan2_ahead")}
 
 
 def applied(function, *arguments):
@@ -47,6 +47,25 @@ def worst_error(found, exact, *arguments):
             true = exact(*map(mpmath.mpf, numbers))
             worst = max(worst, float(abs(mpmath.mpf(value) - true) / mpmath.mpf(float(np.spacing(abs(float(true)))))))
     return worst
+
+
+def test_sine_and_cosine(lanes):
+    """All quadrants, and next to their edges, where one of both is small; thousands of turns."""
+    rng = np.random.default_rng(2)
+    edges = np.arange(-40, 41) * (np.pi / 4)
+    x = [rng.uniform(-1, 1, 3000), rng.uniform(-50, 50, 3000), rng.uniform(-1e5, 1e5, 3000), edges]
+    x = np.concatenate(
+        [*x, np.nextafter(edges, 9e9), 10 ** rng.uniform(-9, 0, 300), np.arange(1, 60000, 97) * np.pi / 2]
+    )
+    for name, exact in (("sin", mpmath.sin), ("cos", mpmath.cos)):
+        found = applied(lanes[name], x)
+        at_zero = np.abs(found) < 1e-10
+        assert at_zero.sum() > 100
+        assert worst_error(found[~at_zero], exact, x[~at_zero]) <= 1
+        with mpmath.workprec(160):
+            assert max(abs(value - exact(at)) for value, at in zip(found[at_zero], x[at_zero], strict=True)) < 1e-27
+    for function in (lanes["sin"], lanes["cos"]):
+        assert np.isnan(applied(function, [np.nan, np.inf, -np.inf])).all()
 
 
 def test_exponential(lanes):
@@ -99,7 +118,7 @@ def test_angle_ahead(lanes):
     assert worst_error(applied(lanes["atan2_ahead"], y, x), mpmath.atan2, y, x) <= 2
 
 
-@pytest.mark.parametrize("name", ["exp", "log", "atan2"])
+@pytest.mark.parametrize("name", ["exp", "log", "sin", "cos", "atan2"])
 def test_a_lane_does_not_depend_on_its_neighbours(name, lanes):
     rng = np.random.default_rng(5)
     arguments = rng.standard_normal((2 if name == "atan2" else 1, 67))
@@ -110,7 +129,7 @@ def test_a_lane_does_not_depend_on_its_neighbours(name, lanes):
 
 @pytest.mark.skipif(not ({"fma", "neon"} & PROCESSOR), reason="the processor has no fused multiply-add")
 def test_loops_are_vectorised(lanes):
-    for name in ("exp", "log", "atan2"):
+    for name in ("exp", "log", "sin", "cos", "atan2"):
         applied(lanes[name], *[[1.0]] * (2 if name == "atan2" else 1))
         code = "".join(lanes[name].inspect_llvm().values())
         assert "x double> @llvm.fma.v" in code, name

@@ -29,9 +29,9 @@ def positions(count, lowest=6.6e6, highest=5e7, seed=1):
     return direction / np.linalg.norm(direction, axis=1)[:, None] * rng.uniform(lowest, highest, count)[:, None]
 
 
-def pulls(times, at, reflectivity=0.0, sun=0.0, moon=0.0, sky=SKY):
-    of_each = np.broadcast_to(np.asarray(reflectivity, dtype=float), len(at)).copy()
-    return kernels.sky.acceleration(sky, times, np.ascontiguousarray(at), of_each, sun, moon, RADIUS)
+def pulls(times, at, reflectivity=0.0, sun=0.0, moon=0.0, radius=RADIUS):
+    of_each = np.full(len(at), reflectivity)
+    return kernels.sky.acceleration(SKY, times, np.ascontiguousarray(at), of_each, sun, moon, radius)
 
 
 def test_orientation_is_erfas():
@@ -120,6 +120,40 @@ def test_shadow_is_the_share_of_the_suns_disc(distance):
     assert np.cross(found[-1], d[-1]) == pytest.approx(np.zeros(3), abs=1e-9 * np.linalg.norm(d[-1]) * full[-1])
     assert (share.min() == 0.0) == (distance < 1e9)
     assert np.sum((share > 0.02) & (share < 0.98)) > 0
+
+
+def test_brahe_agrees_on_sunlight_and_shadow():
+    """At places all about, and across the edge of the shadow, where 40 of 100 are in the penumbra."""
+    brahe = pytest.importorskip("brahe")
+    sun = sun_position(0.0, EPOCH)
+    away = -sun / np.linalg.norm(sun)
+    across = np.cross(away, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    rng = np.random.default_rng(2)
+    behind, beside = rng.uniform(1e6, 4e7, (100, 1)), rng.uniform(-1, 1, (100, 1))
+    edge = behind * away + (brahe.R_EARTH + 0.012 * behind * beside) * across
+    at = np.concatenate([positions(300), edge])
+    found = pulls(np.zeros(len(at)), at, reflectivity=0.02, radius=brahe.R_EARTH)
+    lit = np.array([brahe.eclipse_conical(r, sun) for r in at])
+    assert ((lit > 0) & (lit < 1)).sum() > 30
+    assert (lit == 0).sum() > 10
+    pressure = [brahe.accel_solar_radiation_pressure(r, sun, 100.0, 1.0, 2.0, PRESSURE) for r in at]
+    np.testing.assert_allclose(found, lit[:, None] * pressure, rtol=0, atol=1e-9 * 0.02 * PRESSURE)
+
+
+def test_brahe_agrees_on_third_bodies():
+    """It takes low-precision series for the places of both, which changes their pull by up to 2 %."""
+    brahe = pytest.importorskip("brahe")
+    brahe.set_global_eop_provider_from_static_provider(brahe.StaticEOPProvider.from_zero())
+    start = brahe.Epoch.from_datetime(2010, 7, 26, 23, 59, 45.0, 0.0, brahe.TimeSystem.UTC)
+    at = positions(50)
+    for k in range(50):
+        for ours, theirs in (
+            (pulls(TIMES[k : k + 1], at[k : k + 1], sun=SUN_MU)[0], brahe.accel_third_body_sun),
+            (pulls(TIMES[k : k + 1], at[k : k + 1], moon=MOON_MU)[0], brahe.accel_third_body_moon),
+        ):
+            expected = theirs(start + TIMES[k], at[k])
+            assert np.linalg.norm(ours - expected) < 0.02 * np.linalg.norm(expected)
 
 
 def test_the_forces_add_up():

@@ -13,6 +13,7 @@ from relnav_sim.campaign.recorded_orbits import recorded_orbits
 from relnav_sim.results.block import RefusedError
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import EphemerisTruthOptions, nominal_chief, truth_trajectory
+from relnav_sim.truth.flown_orbits import _flown, _read
 
 TIMES = np.arange(0.0, 1500.0, 30.0)
 AHEAD_RAD = 1e4 / RADIUS_M
@@ -143,6 +144,8 @@ def test_a_changed_file_is_not_resumed_nor_read_again(folder: Path) -> None:
         file.write("COMMENT changed\n")
     with pytest.raises(RefusedError):
         run_campaign(campaign(folder), out, workers=1, backend="sequential")
+    _read.cache_clear()  # as in another process
+    _flown.cache_clear()
     with pytest.raises(ValueError, match=r"a\.oem has changed since the campaign was read"):
         truth_trajectory(flown, 599.0, RandomSource(1, (0,)))
 

@@ -36,7 +36,9 @@ def truth(folder=None, **sections):
         **sections,
     }
     context = None if folder is None else {"folder": folder}
-    return TruthOptions.model_validate_json(json.dumps({k: v for k, v in data.items() if v is not None}), context=context)
+    return TruthOptions.model_validate_json(
+        json.dumps({k: v for k, v in data.items() if v is not None}), context=context
+    )
 
 
 def test_constants_are_the_fields_own():
@@ -100,7 +102,7 @@ def test_sunlight_is_felt_and_dispersed():
 
 @pytest.mark.parametrize(("sunlight", "bound_m"), [(False, 1e-4), (True, 1e-3)])
 def test_earlier_flights_meet_the_start_under_forces_of_the_calendar(sunlight, bound_m):
-    """Sunlight moves the craft by 0.5 m meanwhile; the shadow's edges, where it breaks off, cost the steps some digits."""
+    """Sunlight moves the craft by 0.5 m meanwhile; the shadow's edges, cost the steps some digits."""
     forces = {**FIELD, "third_bodies": ["sun"], "radiation_pressure": sunlight, "drag": "layers"}
     options = truth(forces=forces)
     earlier = begun_earlier(options, 4000.0)
@@ -147,7 +149,11 @@ REFUSED = {
         "constants",
         "the gravity field has mu_m3_s2 of its own, 398600441500000.0; leave mu_m3_s2 out",
     ),
-    "radius beside gravity": ({"forces": FIELD, "constants": {"radius_m": 6378137.0}}, "constants", "leave radius_m out"),
+    "radius beside gravity": (
+        {"forces": FIELD, "constants": {"radius_m": 6378137.0}},
+        "constants",
+        "leave radius_m out",
+    ),
     "j2 beside gravity": ({"forces": FIELD, "constants": {"j2": 1.08262668e-3}}, "constants", "leave j2 out"),
     "no such field": (
         {"forces": {"gravity": {"model": "egm", "degree": 4}}},
@@ -205,4 +211,6 @@ def test_the_relative_rates_are_those_of_the_full_force():
     normal = force.normal_acceleration(start.chief[0, 0], 0.0, 0.0)
     assert abs(normal) > 1e-4
     np.testing.assert_allclose(start.deputy[0, 0], options.deputy_state, atol=1e-8)
-    np.testing.assert_allclose(start.relative[0, 0], rtn_from_eci(options.chief_state, options.deputy_state, normal), atol=1e-8)
+    np.testing.assert_allclose(
+        start.relative[0, 0], rtn_from_eci(options.chief_state, options.deputy_state, normal), atol=1e-8
+    )
