@@ -149,7 +149,7 @@ def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dyn
     """Return the motion that a filter believes in, with the manoeuvres that it is told of, over the longer steps."""
     config = looked.config
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    options = entry.dynamics
+    options = entry.dynamics.simpler
     if "training_track" in options.needs:
         options = dynamics_kinds()["cw"].model_validate({"kind": "cw"})
     context = DynamicsContext(orbit, entry.process_noise, step_s, epoch=config.truth.start_epoch)
