@@ -226,7 +226,7 @@ def _run(task: Task, epochs: int, runs: tuple[int, ...], learned: Learned) -> No
             simulate_block(case, task.seed, runs, learned=learned)
 
 
-def _first_epochs(case: Case, most: int) -> Case:
+def _first_epochs(case: Case, most: int = EPOCHS) -> Case:
     clock = case.config.clock
     within = max(FEWEST_EPOCHS, int(FILTER_SECONDS / (1e-6 * len(RUNS) * _cost_us(case))))
     duration_s = clock.step_s * min(most, within, clock.epochs - 1)
