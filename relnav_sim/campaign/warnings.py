@@ -95,7 +95,7 @@ def flown_warnings(
         going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
         try:
             states = _flown(truth, sensors, times_s, relative)
-        except (EphemerisError, OSError) as error:
+        except EphemerisError as error:
             said.append((label, [f"The geometry was not looked at: {error}."]))
             continue
         said.append((label, sight_warnings(sensors, states, going_by)))
@@ -137,8 +137,7 @@ def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array)
     matter then, and it may stay where it starts. A radar on the deputy turns with the deputy's own orbit.
 
     Raises:
-        EphemerisError: A recorded orbit is not what it was.
-        OSError: Its file can't be read.
+        EphemerisError: The file of a recorded orbit can't be read, or is not what it was.
     """
     trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
     if isinstance(options, EphemerisTruthOptions):

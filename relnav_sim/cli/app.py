@@ -17,6 +17,7 @@ from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
 from relnav_sim.cli.new import TEMPLATES_HELP, new
+from relnav_sim.cli.replay import replay
 from relnav_sim.cli.report import report
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "figure": figure,
     "validate": validate,
     "tune": tune,
+    "replay": replay,
     "list": list_names,
     "show": show,
     "new": new,

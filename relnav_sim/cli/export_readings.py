@@ -35,6 +35,7 @@ def export_readings(
     Raises:
         UserError: The result has no such run, or what is asked for can't be written.
     """
+    from relnav_sim.recorded.readings import ReadingsError
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
@@ -43,17 +44,25 @@ def export_readings(
     chosen = chosen_runs(results, result, runs)
     campaign = stored_campaign(results)
     config = campaign.cases[index].config
-    epoch = getattr(config.truth, "start_epoch", None)
+    epoch = config.truth.start_epoch
     if to == "tdm" and epoch is None:
         raise UserError(
             "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "
             "2010-07-27T00:00:00 UTC, or export --to csv"
         )
-    layout = readings_layout(config.sensors)
+    try:
+        layout = readings_layout(config.sensors)
+    except ReadingsError as error:
+        raise UserError(str(error)) from None
     stem = f"{result.stem}_readings" + (f"_case{index}" if len(campaign.cases) > 1 else "")
     paths = {run: _path(result, out, f"{stem}_run{run}.{to}", len(chosen)) for run in chosen}
     for path in paths.values():
-        for each in {path, path.with_suffix(".csv")} if to == "tdm" else {path}:
+        beside = path.with_suffix(".csv") if to == "tdm" else None
+        if path == beside:
+            raise UserError(f"{path} is where what no TDM can hold goes; give --out another ending, as .tdm")
+        for each in filter(None, (path, beside)):
+            if each.exists() and result.exists() and each.samefile(result):
+                raise UserError(f"{each} is the result itself; give another --out")
             new_file(each, overwrite)
     comments = {"campaign": campaign.name, "case": campaign.cases[index].label, "seed": str(campaign.seed)}
     comments |= {} if epoch is None else {"epoch": epoch.text()}

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
+from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Belief
 from relnav_sim.filters.readings import Readings
 from relnav_sim.measurements.interface import Measurement, linearised
@@ -79,6 +80,14 @@ class ResidualRecorder:
         own.residual[:, k] = np.where(there, residual[:, channels], np.nan)
         own.sigma[:, k] = np.where(there, np.sqrt(variance[:, channels]), np.nan)
 
-    def by_sensor(self) -> Mapping[str, ChannelResiduals]:
-        """Return what was taken down, by the sensor's name."""
+    def by_sensor(self, failed: Mapping[int, int], first: Step) -> Mapping[str, ChannelResiduals]:
+        """Return what was taken down, by the sensor's name.
+
+        Args:
+            failed: Epochs at which runs failed, by their place; nothing is left of theirs from there on.
+            first: The chunk's first epoch.
+        """
+        for run, epoch in failed.items():
+            for own in self._series:
+                own.residual[run, epoch - first.epoch :] = own.sigma[run, epoch - first.epoch :] = np.nan
         return {one.sensor.name: own for one, own in zip(self._readings.sensors, self._series, strict=True)}

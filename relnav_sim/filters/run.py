@@ -157,8 +157,8 @@ def advance(
         history.dof[lost] = 0
         for name, nis in history.nis_by.items():
             nis[lost], history.dof_by[name][lost] = np.nan, 0
-    by_sensor = {} if residuals is None else residuals.by_sensor()
-    return belief, replace(history, failures=failures, residuals_by=by_sensor)
+    residuals_by = {} if residuals is None else residuals.by_sensor({each.run: each.epoch for each in failures}, first)
+    return belief, replace(history, failures=failures, residuals_by=residuals_by)
 
 
 def _update_read(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -41,6 +42,7 @@ def filter_inputs(
     truth: TrueStates | None = None,
     gravity: Gravity | None = None,
     orbits: Mapping[Craft, HostOrbit] | None = None,
+    late: Mapping[str, Array] | None = None,
 ) -> dict[str, dict[Form, Array]]:
     """Return what the filters take, made from the sensors' own measured values, by sensor and form, (runs, K, m).
 
@@ -51,6 +53,7 @@ def filter_inputs(
             chain is then perfect.
         gravity: What the craft know of gravity; None: a point mass.
         orbits: What hosts know of their orbits between their fixes; a host that is not there knows it at them only.
+        late: By sensor, how long before its epoch each reading was taken, (runs, K), s, on top of the sensor's latency.
 
     Raises:
         ValueError: The truth is needed and missing.
@@ -61,7 +64,10 @@ def filter_inputs(
     for name, options in relative_sensors(sensors).items():
         if options.host not in frames:
             frames[options.host] = _frame(sensors, readings, truth, options.host, gravity, known)
-        inputs[name] = options.inputs(readings[name], frames[options.host])
+        frame = frames[options.host]
+        if late and name in late:
+            frame = replace(frame, late_s=late[name])
+        inputs[name] = options.inputs(readings[name], frame)
     return inputs
 
 

@@ -120,7 +120,7 @@ class FrontEnd:
         if hosts.hosts:
             forces, _ = self._thrust.of(chunk, default_thrust(sensors))
             chunk = replace(chunk, orbits=hosts.advance(fixes_of(hosts.hosts, sensors, chunk.z), forces))
-        return replace(chunk, inputs=filter_inputs(sensors, chunk.z, known, self._gravity, chunk.orbits))
+        return replace(chunk, inputs=filter_inputs(sensors, chunk.z, known, self._gravity, chunk.orbits, chunk.late))
 
 
 def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[str, Array]:

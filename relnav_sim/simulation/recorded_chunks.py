@@ -13,18 +13,13 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.recorded.readings import Readings, SensorReadings
 from relnav_sim.sensors import known_orbits, readings_layout, relative_sensors
-from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.chunks import Chunk, FrontEnd
-from relnav_sim.simulation.host_orbits import believed_gravity
+from relnav_sim.simulation.own_readings import ReplayError, at_epochs
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Trajectory, Truth
 
 ON_EPOCH = 1e-6
 """Share of a step within which a reading is one of the epoch itself; calendar dates are not more exact than that."""
-
-
-class ReplayError(ValueError):
-    """Recorded readings can't be replayed with a campaign; the message is one sentence that names the remedy."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +43,8 @@ class ReadingsOnClock:
 def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> ReadingsOnClock:
     """Return recorded readings on a campaign's first epochs.
 
-    A reading between two epochs counts at the next one, as one with a latency of its own. Fixes of a craft's own orbit
-    are carried on to the epoch in the gravity that the craft believe in.
+    A reading between two epochs counts at the next one, as one with a latency of its own. What a craft reads of its
+    own orbit and attitude is carried on to the epoch.
 
     Args:
         config: The case.
@@ -57,13 +52,12 @@ def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> R
         epochs: Number T of epochs.
 
     Raises:
-        ReplayError: A sensor has two readings in a step, a reading is before the start or after the last epoch, or one
-            of a sensor that must be read at the epochs lies between them.
+        ReplayError: A sensor has two readings in a step, a reading is before the start or after the last epoch, or an
+            accelerometer's lies between the epochs.
     """
     z: dict[str, Array] = {}
     late: dict[str, Array] = {}
     relative = relative_sensors(config.sensors)
-    orbits = orbit_readings(config)
     for name, numbers in readings_layout(config.sensors).items():
         values = np.full((len(recorded), epochs, len(numbers)), np.nan)
         late_s = np.zeros(values.shape[:2])
@@ -71,25 +65,12 @@ def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> R
             if name in one.sensors:
                 places, own_late_s = _placed(name, one.sensors[name], config, epochs)
                 values[row, places], late_s[row, places] = one.sensors[name].values, own_late_s
-        if late_s.any() and name in orbits:
-            values, late_s = _carried(values, late_s, config), np.zeros_like(late_s)
-        if late_s.any() and name not in relative:
-            raise ReplayError(
-                f"readings of {name} lie between the epochs, and what they say holds for the moment only; "
-                f"choose a clock.step_s that their times are multiples of"
-            )
         z[name] = values
         if late_s.any():
             late[name] = late_s
+    for name in [name for name in late if name not in relative]:
+        z[name] = at_epochs(name, z, late.pop(name), config)
     return ReadingsOnClock(z, late)
-
-
-def orbit_readings(config: CaseConfig) -> set[str]:
-    """Return the names of the readings that are states of a craft's own orbit, ECI."""
-    receivers = {
-        name for name, (sensor, _) in reading_names(config.sensors).items() if config.sensors[sensor].role == "orbit"
-    }
-    return receivers | set(known_orbits(config.sensors).values())
 
 
 def recorded_chunks(
@@ -172,34 +153,10 @@ def _placed(name: str, one: SensorReadings, config: CaseConfig, epochs: int) -> 
 
 
 def _step_for(shortest_s: float, step_s: float) -> float:
-    """Return a step that a campaign's own step is a multiple of, and in which no two readings are."""
-    return step_s / np.ceil(step_s / shortest_s * (1 + 1e-9))
+    """Return the longest part of a campaign's own step in which no two readings are."""
+    return step_s / np.ceil(step_s / shortest_s * (1 - 1e-9))
 
 
 def _unknown(times_s: Array) -> Truth:
     nothing = np.full((1, len(times_s), 6), np.nan)
     return Truth(times_s, nothing, nothing, nothing)
-
-
-def _carried(states: Array, late_s: Array, config: CaseConfig) -> Array:
-    """Return fixes (runs, T, 6), ECI, carried on by the times (runs, T), s, by which they were taken earlier.
-
-    By classical Runge-Kutta steps of at most 10 s, in which the error is 1e-5 m in a low orbit.
-    """
-    gravity = believed_gravity(config)
-
-    def rates(at: Array) -> Array:
-        return np.concatenate([at[:, 3:], gravity.acceleration(at[:, :3])], axis=1)
-
-    chosen = late_s > 0
-    x, left = states[chosen], late_s[chosen][:, None]
-    parts = int(np.ceil(left.max() / 10.0))
-    for h in [left / parts] * parts:
-        k1 = rates(x)
-        k2 = rates(x + h / 2 * k1)
-        k3 = rates(x + h / 2 * k2)
-        k4 = rates(x + h * k3)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    carried = states.copy()
-    carried[chosen] = x
-    return carried

@@ -3,82 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Integers
+from relnav_sim.arrays import Array
 from relnav_sim.campaign import Case
-from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, exact
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, GivenStart, exact
 from relnav_sim.campaign.problems import listed
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.channel_residuals import ChannelResiduals
-from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.history import FilterHistory
 from relnav_sim.filters.recorded_flow import RecordedFlow, joined_flow, recorded_flow
 from relnav_sim.filters.smoother import smooth
+from relnav_sim.measurements.channel import Channel
+from relnav_sim.measurements.partial import all_channels, sensors_of
 from relnav_sim.recorded.readings import Readings
-from relnav_sim.results.block import BlockResult
+from relnav_sim.results import layout
 from relnav_sim.sensors import readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
-from relnav_sim.simulation.block import filter_block
-from relnav_sim.simulation.breakdown import Breakdown
+from relnav_sim.simulation.augmented_states import extension_of
+from relnav_sim.simulation.block import filter_block, sensor_forms
 from relnav_sim.simulation.chunks import Chunk
-from relnav_sim.simulation.recorded_chunks import ReplayError, last_epoch, on_clock, recorded_chunks
+from relnav_sim.simulation.own_readings import ReplayError
+from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock, recorded_chunks
+from relnav_sim.simulation.replayed import ReplayedBlock, ReplayedFilter
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import truth_trajectory
+from relnav_sim.truth import nominal_chief, truth_trajectory
 
-
-@dataclass(frozen=True)
-class ReplayedFilter:
-    """What one filter made of recorded readings; the leading axis of every array is the runs'.
-
-    Attributes:
-        mean: Estimates, (runs, T, n): position and velocity, RTN, m and m/s, and the augmented states behind them.
-        sigma: Standard deviations that the filter states, (runs, T, n).
-        nis: Normalised innovation squared by sensor, each (runs, T); NaN where it was not read.
-        dof: Channels read by sensor, each (runs, T).
-        residuals: Residuals by sensor and channel.
-        smoothed_change: (x_f - x_s) / sqrt(P_f - P_s), (runs, T, n): by how much later readings moved each estimate, in
-            sigmas of what they may move it by; NaN where they tell nothing.
-        failures: The runs that failed, by their place.
-    """
-
-    mean: Array
-    sigma: Array
-    nis: Mapping[str, Array]
-    dof: Mapping[str, Integers]
-    residuals: Mapping[str, ChannelResiduals]
-    smoothed_change: Array
-    failures: tuple[FailedRun, ...]
-
-
-@dataclass(frozen=True)
-class ReplayedBlock:
-    """What came of the recorded readings of some runs.
-
-    Attributes:
-        times_s: The epochs, (T,), s.
-        config: The case with the duration that was replayed.
-        filters: By the filter's name; those that broke are left out.
-        broken: Why those did.
-        result: Errors against the truth; None where it is not known.
-        longest_late_s: The longest time between a reading and the epoch at which it counted, s.
-        warnings: What the user should know: sentences.
-    """
-
-    times_s: Array
-    config: CaseConfig
-    filters: Mapping[str, ReplayedFilter]
-    broken: Mapping[str, Breakdown]
-    result: BlockResult | None
-    longest_late_s: float
-    warnings: tuple[str, ...]
+HELD_WARNED = 0.1
+"""Sigmas of a reading by which velocities held constant may put it off, root mean square, without a word."""
+HELD_REFUSED = 1.0
+"""The same without a refusal."""
 
 
 def replay_block(
-    case: Case, seed: int, recorded: Sequence[Readings], with_truth: bool, case_index: int = 0
+    case: Case, seed: int, recorded: Sequence[Readings], with_truth: bool, epochs: int | None = None
 ) -> ReplayedBlock:
     """Return what the filters of a case make of recorded readings.
 
@@ -91,7 +52,7 @@ def replay_block(
             function.
         recorded: The readings, a run each, by ascending number.
         with_truth: Whether the truth of the campaign is that of the readings, so that estimates can be scored.
-        case_index: Number of the case in its campaign, passed on to the result.
+        epochs: Number of epochs that are replayed; None: as many as the readings ask for, see `last_epoch`.
 
     Raises:
         ReplayError: The readings do not fit the case.
@@ -100,35 +61,42 @@ def replay_block(
     for one in recorded:
         _check_sensors(case.config, one)
     duration_s = case.config.clock.duration_s
-    epochs = last_epoch(case.config, recorded) + 1
+    epochs = last_epoch(case.config, recorded) + 1 if epochs is None else epochs
     readings = on_clock(case.config, recorded, epochs)
     config = _shortened(case.config, epochs)
     prior = _prior(config, recorded, readings.z, with_truth)
     trajectory = truth_trajectory(config.truth, duration_s, source) if with_truth else None
-    watch = _Collector(config.clock.step_s)
+    watch = _Collector(config.clock.step_s, nominal_chief(config.truth).mean_motion_rad_s)
     short = Case(case.id, case.label, case.variables, config)
     arriving = watch.counting(recorded_chunks(config, source, readings, trajectory))
-    outcome = filter_block(short, source, arriving, case_index, prior=prior, watch=watch)
+    outcome = filter_block(short, source, arriving, prior=prior, watch=watch)
+    held = list(_held_velocities(watch.held, config))
     return ReplayedBlock(
         times_s=config.clock.step_s * np.arange(epochs, dtype=np.float64),
         config=config,
-        filters={name: watch.replayed(name) for name in config.filters if name not in outcome.broken},
+        filters={
+            name: watch.replayed(name, entry, config)
+            for name, entry in config.filters.items()
+            if name not in outcome.broken
+        },
         broken=outcome.broken,
-        result=outcome.result if with_truth else None,
+        results=(outcome.result,) if with_truth else (),
         longest_late_s=readings.longest_late_s,
-        warnings=tuple(_lost_readings(watch.read, watch.lost)),
+        warnings=(*_other_starts(config, prior), *_lost_readings(watch.read, watch.lost), *held),
     )
 
 
 class _Collector:
     """Keeps what every filter says, and how its dynamics moved its estimates."""
 
-    def __init__(self, step_s: float) -> None:
+    def __init__(self, step_s: float, mean_motion_rad_s: float) -> None:
         self._step_s = step_s
+        self._n = mean_motion_rad_s
         self._histories: dict[str, list[FilterHistory]] = {}
         self._flows: dict[str, list[RecordedFlow]] = {}
         self.read: dict[str, int] = {}
         self.lost: dict[str, int] = {}
+        self.held: dict[str, list[Array]] = {}
 
     def counting(self, arriving: Iterable[Chunk]) -> Iterator[Chunk]:
         """Yield the chunks, and count the readings that no filter gets, for want of its host's own frame."""
@@ -148,8 +116,31 @@ class _Collector:
         if chunk.first_epoch:
             means, first_epoch = np.concatenate([before[:, None], means], axis=1), chunk.first_epoch
         self._flows.setdefault(name, []).append(recorded_flow(filter.dynamics, means, first_epoch, self._step_s))
+        if chunk.late:
+            self._take_down_held(filter, chunk, history)
 
-    def replayed(self, name: str) -> ReplayedFilter:
+    def _take_down_held(self, filter: Filter, chunk: Chunk, history: FilterHistory) -> None:
+        """Take down by how many sigmas late readings are off because velocities are held constant meanwhile.
+
+        The position some time t ago is taken as r - v t; a t^2 / 2 is left out, with the relative acceleration a that
+        Clohessy and Wiltshire's equations have at the estimate.
+        """
+        measurement = all_channels(filter.measurement)
+        for sensor in sensors_of(filter.measurement):
+            late_s = chunk.late.get(sensor.name)
+            if late_s is None:
+                continue
+            sigma = history.residuals_by[sensor.name].sigma
+            for k in np.flatnonzero((late_s > 0).any(axis=0)):
+                mean = np.ascontiguousarray(history.mean[:, k])
+                moved = mean.copy()
+                moved[:, :3] += 0.5 * late_s[:, k, None] ** 2 * _relative_acceleration(mean, self._n)
+                epoch = chunk.first_epoch + int(k)
+                shift = measurement.residual(measurement.predict(moved, epoch), measurement.predict(mean, epoch))
+                off = np.abs(shift[:, sensor.channels]) / sigma[:, k]
+                self.held.setdefault(sensor.name, []).append(off[np.isfinite(off)])
+
+    def replayed(self, name: str, entry: FilterEntry, config: CaseConfig) -> ReplayedFilter:
         """Return everything that a filter has said."""
         parts = self._histories[name]
 
@@ -158,7 +149,10 @@ class _Collector:
 
         mean, covariance = joined([part.mean for part in parts]), joined([part.covariance for part in parts])
         sensors = list(parts[0].nis_by)
+        extension = extension_of(entry, config)
         return ReplayedFilter(
+            channels=_channels(entry, config),
+            names=(*layout.COMPONENTS, *(() if extension is None else extension.names)),
             mean=mean,
             sigma=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
             nis={sensor: joined([part.nis_by[sensor] for part in parts]) for sensor in sensors},
@@ -173,6 +167,27 @@ class _Collector:
             smoothed_change=_smoothed_change(mean, covariance, joined_flow(self._flows[name]), self._step_s),
             failures=tuple(failure for part in parts for failure in part.failures),
         )
+
+
+_RTN = tuple(
+    Channel(axis, "m", f"position, {what}")
+    for axis, what in zip("xyz", ("radial", "along-track", "normal"), strict=True)
+)
+
+
+def _channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
+    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
+    sensors = relative_sensors(config.sensors)
+    return {
+        name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
+        for name, form in sensor_forms(entry, config).items()
+    }
+
+
+def _relative_acceleration(states: Array, n: float) -> Array:
+    """Return the relative acceleration (runs, 3) at states (runs, ...), RTN, by Clohessy and Wiltshire (1960)."""
+    x, _, z, vx, vy, _ = states[:, :6].T
+    return np.stack([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z], axis=1)
 
 
 def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s: float) -> Array:
@@ -247,6 +262,15 @@ def _prior(
     return None
 
 
+def _other_starts(config: CaseConfig, prior: Gaussian | None) -> Iterator[str]:
+    """Yield a sentence where the files say otherwise than the campaign where the filters start."""
+    if prior is None or not isinstance(config.start, GivenStart):
+        return
+    given = np.array([*config.start.position_m, *config.start.velocity_m_s])
+    if (np.abs(prior.mean - given) > 1e-9 * np.abs(given).max()).any():
+        yield "filters start where the files of readings say, not at the campaign's start"
+
+
 def _shortened(config: CaseConfig, epochs: int) -> CaseConfig:
     """Return the case with so many epochs."""
     if epochs == config.clock.epochs:
@@ -263,3 +287,24 @@ def _lost_readings(read: Mapping[str, int], lost: Mapping[str, int]) -> Iterator
                 "orbit or attitude then; where its receiver has gaps, give it a period_s or an outage, and its own "
                 "orbit filter carries it over them"
             )
+
+
+def _held_velocities(held: Mapping[str, Sequence[Array]], config: CaseConfig) -> Iterator[str]:
+    """Yield a sentence on sensors whose late readings suffer from velocities that are held constant.
+
+    Raises:
+        ReplayError: They suffer by more than their own sigma.
+    """
+    for name, parts in held.items():
+        off = float(np.sqrt(np.mean(np.square(np.concatenate(parts)))))
+        if off <= HELD_WARNED:
+            continue
+        step_s = config.clock.step_s * np.sqrt(HELD_WARNED / off)
+        sentence = (
+            f"readings of {name} lie up to {config.clock.step_s:g} s before the epochs at which they count, and "
+            f"velocities held constant meanwhile put them off by {off:.2g} sigma; choose a clock.step_s of "
+            f"{step_s:.2g} or less"
+        )
+        if off > HELD_REFUSED:
+            raise ReplayError(sentence)
+        yield sentence
