@@ -45,3 +45,14 @@ class Tunable:
     log: bool = True
     when: tuple[str, str] | None = None
     scales_noise: bool = False
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Marks an option that says where the content of another one came from: hashes are over the content alone.
+
+    Args:
+        of: The option that holds the content; while it is empty, this one stays within hashes.
+    """
+
+    of: str

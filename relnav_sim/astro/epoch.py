@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass
-from datetime import date
+from datetime import UTC, date, datetime
 from fractions import Fraction
 from functools import cache
 
@@ -136,6 +136,11 @@ class Epoch:
         starts = _leap_seconds()[2]
         index = bisect_right(starts, self.tai_ps)
         return 0 < index < len(starts) and self.tai_ps >= starts[index] - _PER_SECOND
+
+
+def now() -> Epoch:
+    """Return the present instant by this machine's clock, to the second."""
+    return Epoch.parse(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S} UTC")
 
 
 def _picoseconds(digits: str | None) -> int:

@@ -45,6 +45,14 @@ class Gravity:
         """Whether there is nothing but a point mass."""
         return not (self.j2 or self.j3 or self.j4)
 
+    def potential(self, position: Array) -> float:
+        """Return the potential at a position (3,), m^2/s^2: positive, and falling outwards."""
+        r = float(np.linalg.norm(position))
+        s, ratio = float(position[2]) / r, self.equatorial_radius_m / r
+        legendre = ((3 * s**2 - 1) / 2, (5 * s**3 - 3 * s) / 2, (35 * s**4 - 30 * s**2 + 3) / 8)
+        zonal = sum(j * ratio**n * p for n, (j, p) in enumerate(zip(self.field[2:], legendre, strict=True), start=2))
+        return self.mu_m3_s2 / r * (1 - float(zonal))
+
     def acceleration(self, positions: Array) -> Array:
         """Return the acceleration (..., 3) at positions (..., 3), m/s^2."""
         points = np.ascontiguousarray(positions, dtype=np.float64).reshape(-1, 3)

@@ -18,7 +18,9 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
 from relnav_sim.sensors.conformity import complaints
-from relnav_sim.truth import TruthOptions, nominal_chief
+from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, nominal_chief
+from relnav_sim.truth.flown_orbits import flown
+from relnav_sim.truth.thrust import CRAFT
 
 MOST_EPOCHS = 10_000_000
 
@@ -28,7 +30,7 @@ class Parts:
     """The parts of a case that are valid by themselves."""
 
     clock: Clock | None = None
-    truth: TruthOptions | None = None
+    truth: AnyTruth | None = None
     sensors: Sensors | None = None
     start: Options | None = None
     statistics: StatisticsOptions | None = None
@@ -48,6 +50,10 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             )
         if parts.truth is not None:
             yield from _check_manoeuvres(parts.truth, parts.clock)
+    truth = parts.truth
+    if isinstance(truth, EphemerisTruthOptions):
+        yield from _check_recorded(truth, parts)
+        truth = None  # nothing is learned from before its start, and its files may be unusable
     if parts.sensors is not None:
         yield from _check_sensors(parts.sensors, parts.start)
         if parts.clock is not None:
@@ -64,13 +70,35 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
             yield from _check_sensor_errors(name, entry, parts.sensors)
             yield from _check_distortions(name, entry, parts.sensors)
-            if parts.truth is not None:
-                yield from _check_training(name, entry, parts.sensors, nominal_chief(parts.truth))
+            if truth is not None:
+                yield from _check_training(name, entry, parts.sensors, nominal_chief(truth))
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
             yield Problem(
                 ("filters", name, "dynamics"),
                 f"the {entry.kind} filter needs learned dynamics: {' or '.join(learned)} (or leave this key out)",
+            )
+
+
+def _check_recorded(truth: EphemerisTruthOptions, parts: Parts) -> Iterator[Problem]:
+    """Yield what can't be flown of recorded orbits, and what they can't tell."""
+    try:
+        epoch = truth.start_epoch
+        for craft in CRAFT:
+            duration_s = 0.0 if parts.clock is None else parts.clock.duration_s
+            flown(truth.ephemeris, craft, epoch, duration_s, truth.orientation)
+        nominal_chief(truth)
+    except ValueError as error:
+        yield Problem(("truth", "ephemeris"), str(error))
+    for name, sensor in (parts.sensors or {}).items():
+        if sensor.role == "force":
+            yield Problem(("sensors", name), "recorded orbits do not tell thrust and drag from gravity; leave this out")
+    for name, entry in parts.filters.items():
+        if "training_track" in entry.dynamics.needs:
+            yield Problem(
+                ("filters", name, "dynamics"),
+                "learned dynamics are trained on what was before the start, which recorded orbits do not tell; take "
+                "dynamics that are not learned",
             )
 
 
@@ -177,7 +205,7 @@ def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
             )
 
 
-def _check_manoeuvres(truth: TruthOptions, clock: Clock) -> Iterator[Problem]:
+def _check_manoeuvres(truth: AnyTruth, clock: Clock) -> Iterator[Problem]:
     for name, manoeuvre in truth.manoeuvres.items():
         if manoeuvre.time_s >= clock.duration_s:
             begins = "happens" if manoeuvre.duration_s is None else "begins"

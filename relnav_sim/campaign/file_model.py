@@ -6,6 +6,7 @@ import functools
 import json
 import re
 from collections.abc import Mapping
+from pathlib import Path as FilePath
 from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, WithJsonSchema, create_model
@@ -36,7 +37,7 @@ from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorOptions, sensor_kinds
-from relnav_sim.truth import TruthOptions
+from relnav_sim.truth import TruthSection
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
 _MISSING = frozenset({"na", "nan", "null", "none"})
@@ -100,7 +101,7 @@ class Settings(Options):
 
 SECTIONS: dict[str, tuple[Any, str]] = {
     "clock": (Clock, "Length of a run, step, and what is stored"),
-    "truth": (TruthOptions, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
+    "truth": (TruthSection, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
     "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
     "start": (StartOptions, "Where the filters start, all alike; default: at the first fix"),
     "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
@@ -185,9 +186,14 @@ def sensors_from(section: Mapping[str, Any]) -> dict[str, SensorOptions]:
 
 
 class PartValidator:
-    """Validates the parts of a file one by one, each once: cases share the parts that they do not vary."""
+    """Validates the parts of a file one by one, each once: cases share the parts that they do not vary.
 
-    def __init__(self) -> None:
+    Args:
+        folder: Where the file is; the files that it names are looked for from there.
+    """
+
+    def __init__(self, folder: FilePath = FilePath()) -> None:
+        self._context = {"folder": folder}
         self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
         self._whole: Shape | None = None
 
@@ -209,7 +215,7 @@ class PartValidator:
     def _validated(self, adapter: TypeAdapter[Any], data: Any, path: Path) -> tuple[Options | None, list[Problem]]:
         try:
             # Through JSON in strict mode: no "7" as a number, no 1 as a boolean, but lists as tuples.
-            return adapter.validate_json(json.dumps(data), strict=True), []
+            return adapter.validate_json(json.dumps(data), strict=True, context=self._context), []
         except ValidationError as error:
             whole = self.whole
             return None, explain(error, data, whole.at(path, {}) or whole, path, whole)

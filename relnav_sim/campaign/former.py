@@ -7,11 +7,14 @@ campaigns did not have at first (`AddedLater`). Reading goes from former to pres
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 from typing import Any, get_args
+
+from pydantic.fields import FieldInfo
 
 from relnav_sim.campaign.paths import parse_path
 from relnav_sim.campaign.problems import Path, dotted
-from relnav_sim.options import AddedLater, Options
+from relnav_sim.options import AddedLater, Options, Origin
 
 _FIRST_SENSORS = ("radar", "gnss", "star_tracker", "accelerometer")
 """Sensors that once were the keys of their section, with nothing as the value of those that were not there."""
@@ -37,7 +40,7 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
     first: dict[str, Any] = {}
     for key, value in data.items():
         field = model.model_fields.get(key)
-        if field is not None and value == field.default and any(isinstance(m, AddedLater) for m in field.metadata):
+        if field is not None and _outside_hashes(field, value, data):
             continue
         words = model.former_words.get(key, {})
         inner = [] if field is None else _models_in(field.annotation)
@@ -45,6 +48,16 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
             words.get(value, value) if isinstance(value, str) else _inner(value, inner)
         )
     return first
+
+
+def _outside_hashes(field: FieldInfo, value: Any, data: Mapping[str, Any]) -> bool:
+    """Return whether a key says nothing that a hash must hold: a later one's default, or where content came from."""
+    default = list(field.default) if isinstance(field.default, tuple) else field.default
+    return any(
+        (isinstance(mark, AddedLater) and value == default)
+        or (isinstance(mark, Origin) and data.get(mark.of) is not None)
+        for mark in field.metadata
+    )
 
 
 def _inner(value: Any, models: Sequence[type[Options]]) -> Any:
@@ -73,15 +86,20 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
-def former_content(content: Mapping[str, Any], sensors: Models, filters: type[Options]) -> dict[str, Any]:
+def former_content(
+    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options]
+) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
     Args:
         content: Validated sections as plain data, with ``grid`` and ``zip`` where there are any.
+        truth: The model of the truth.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
     """
     first = dict(content)
+    if "truth" in first:
+        first["truth"] = former_spelling(truth, first["truth"])
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
@@ -89,9 +107,30 @@ def former_content(content: Mapping[str, Any], sensors: Models, filters: type[Op
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(
-                _former_variable(text, values, content, sensors, filters) for text, values in first[section].items()
+                _former_variable(text, values, content, truth, sensors, filters)
+                for text, values in first[section].items()
             )
     return first
+
+
+def _former_value(path: Path, value: Any, model: type[Options]) -> Any:
+    """Return the value at a path of a section in its first spelling."""
+    if not path:
+        return former_spelling(model, value) if isinstance(value, Mapping) else value
+    field = model.model_fields.get(str(path[0]))
+    if field is None:
+        return value
+    inner = _models_in(field.annotation)
+    # What stands below a name or a position of the file's own choice is of the same models.
+    rest = path[1:]
+    while rest and len(inner) >= 1 and not any(str(rest[0]) in each.model_fields for each in inner):
+        rest = rest[1:]
+    if not rest:
+        if any(isinstance(mark, Origin) for mark in field.metadata) and isinstance(value, str):
+            return PurePath(value).name
+        return _inner(value, inner)
+    fitting = [each for each in inner if str(rest[0]) in each.model_fields]
+    return _former_value(rest, value, fitting[0])
 
 
 def _former_sensors(section: Mapping[str, Any], models: Models) -> dict[str, Any]:
@@ -110,11 +149,18 @@ def _former_sensor(name: str, entry: Any, models: Models) -> Any:
 
 
 def _former_variable(
-    text: str, values: Any, content: Mapping[str, Any], sensors: Models, filters: type[Options]
+    text: str,
+    values: Any,
+    content: Mapping[str, Any],
+    truth: type[Options],
+    sensors: Models,
+    filters: type[Options],
 ) -> tuple[str, Any]:
     """Return a varied path and its values in their first spelling."""
     path = parse_path(text, content)
     section, name, *rest = (*path, None)
+    if section == "truth":
+        return text, [_former_value(path[1:], value, truth) for value in values]
     if section == "sensors" and name is not None:
         entry = content["sensors"].get(name) or {}
         model = sensors.get(entry.get("kind", name), Options)

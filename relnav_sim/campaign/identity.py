@@ -10,6 +10,7 @@ from typing import Any
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.former import former_content, former_spelling
 from relnav_sim.sensors.registry import sensor_kinds
+from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
 OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements"})
 """Keys that change how much is computed and in which pieces, but no number that is."""
@@ -17,7 +18,8 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
-    return former_content(content, sensor_kinds(), FilterEntry)
+    truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
+    return former_content(content, truth, sensor_kinds(), FilterEntry)
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:

@@ -121,7 +121,7 @@ def _parsed(text: str, overrides: Sequence[str], path: FilePath | None) -> Campa
             what = "the file is empty" if data is None else "the file must hold keys such as 'name:' and 'clock:'"
             problems = [Problem((), f"{what}; `relnav new FILE` writes one to start from")]
         raise _error(problems, source)
-    validator = PartValidator()
+    validator = PartValidator(FilePath() if path is None else path.parent)
     problems += [
         Problem((key,), unknown_key(key, data[key], validator.whole, validator.whole))
         for key in itertools.islice((key for key in data if key not in TOP_KEYS), SHOWN + 1)

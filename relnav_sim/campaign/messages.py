@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from relnav_sim.campaign.paths import has, inside, value_at
 from relnav_sim.campaign.problems import SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
-from relnav_sim.campaign.shape import Shape, places_of
+from relnav_sim.campaign.shape import Shape
 from relnav_sim.campaign.units import meant_key, meant_value
 
 MOST_KEYS_NAMED = 14
@@ -93,7 +93,7 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
     hint = meant_key(key, value, meant) or did_you_mean(key, meant)
     if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
         hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
-    homes = list(dict.fromkeys(places_of(key, whole))) if not hint else []
+    homes = list(dict.fromkeys(whole.homes.get(key, ()))) if not hint else []
     if homes:
         words = [quoted(dotted(home)) if home else "the top level" for home in homes[:3]]
         hint = f"; it belongs in {listed(words)}"

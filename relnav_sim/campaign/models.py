@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, fie
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorOptions
-from relnav_sim.truth import TruthOptions
+from relnav_sim.truth import TruthSection
 
 LARGEST_SEED = 2**63 - 1
 MOST_RUNS = 1_000_000
@@ -215,7 +215,7 @@ class CaseConfig(Options):
 
     name: str = Field(description="The campaign's name")
     clock: Clock
-    truth: TruthOptions
+    truth: TruthSection
     sensors: dict[str, SerializeAsAny[SensorOptions]]
     start: StartOptions = FirstFixStart()
     filters: dict[str, SerializeAsAny[FilterEntry]]

@@ -51,8 +51,9 @@ def shape_at(place: str, whole: Shape | None = None) -> Shape:
     """Return the shape of a place of the file.
 
     Args:
-        place: Keys from the top joined by points; ``kind=word`` picks a form, ``*`` any name and ``0`` an entry of a
-            list, for example ``filters.*.kind=ekf.augment.0`` or ``sensors.radar.noise.kind=mixture``.
+        place: Keys from the top joined by points; ``kind=word`` picks a form, ``with=key`` the form in which a key must
+            stand where there are no kinds, ``*`` any name and ``0`` an entry of a list, for example
+            ``filters.*.kind=ekf.augment.0``, ``sensors.radar.noise.kind=mixture`` or ``truth.with=ephemeris``.
         whole: The whole file's shape, where it is at hand.
 
     Raises:
@@ -63,6 +64,8 @@ def shape_at(place: str, whole: Shape | None = None) -> Shape:
         if word.startswith("kind="):
             forms = {form.kind: form for form in shape.alternatives}
             shape = forms[word.removeprefix("kind=")]
+        elif word.startswith("with="):
+            shape = shape.chosen({word.removeprefix("with="): None})
         else:
             found = shape.chosen([] if word == "0" else {}).at((_part(word),), {})
             if found is None:
@@ -130,8 +133,10 @@ def renewed(text: str) -> str:
 def _headed(place: str, whole: Shape) -> str:
     """Return a section's heading, what it is, and its table."""
     shape = shape_at(place, whole)
-    section = re.sub(r"\.kind=[^.]+", "", place).replace(".0", "[]")
+    section = re.sub(r"\.(kind|with)=[^.]+", "", place).replace(".0", "[]")
     heading = f"`{section}`" + (f" of `kind: {shape.kind}`" if shape.kind else "")
+    if picked := re.search(r"\.with=([^.]+)$", place):
+        heading += f" with `{picked[1]}`"
     return f"### {heading}\n\n{shape.model_description}\n\n{markdown_table(keys_of(shape))}"
 
 
@@ -212,14 +217,17 @@ def places(whole: Shape, path: str = "top") -> Iterator[str]:
     names = list(shape.keys) or (["*"] if shape.at(("*",), {}) else [])
     for name in names:
         place = name if path == "top" else f"{path}.{name}"
+        seen = False  # another form without a kind
         for form in shape_at_any(place, whole).alternatives:
             if form.kind:
                 yield f"{place}.kind={form.kind}"
                 yield from places(whole, f"{place}.kind={form.kind}")
             elif form.keys or form.at(("*",), {}):
+                own = f"{place}.with={min(form.required)}" if seen else place
+                seen = True
                 if form.keys:
-                    yield place
-                yield from places(whole, place)
+                    yield own
+                yield from places(whole, own)
 
 
 if __name__ == "__main__":

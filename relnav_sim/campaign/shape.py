@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from relnav_sim.campaign.paths import inside
@@ -57,6 +58,14 @@ class Shape:
         kind: dict[str, str] = self._target().node.get("properties", {}).get("kind", {})
         return kind.get("const")
 
+    @cached_property
+    def homes(self) -> Mapping[str, Sequence[Path]]:
+        """Every key below this place, with the sections that it is known in."""
+        found: dict[str, list[Path]] = {}
+        for key, path in _keys_below(self):
+            found.setdefault(key, []).append(path)
+        return found
+
     def at(self, path: Path, data: Any) -> Shape | None:
         """Return the shape of a place in the data, following each `kind` that stands there; None if unknown."""
         shape: Shape | None = self
@@ -73,7 +82,10 @@ class Shape:
         kind = data.get("kind") if isinstance(data, dict) else None
         by_kind = [form for form in forms if kind is not None and form.kind == kind]
         wanted = "object" if isinstance(data, dict) else "array" if isinstance(data, list) else None
-        return next(iter(by_kind + [form for form in forms if form.node.get("type") == wanted]), forms[0])
+        fitting = [form for form in forms if form.node.get("type") == wanted]
+        if wanted == "object":  # where no kind tells, the keys do that must stand there
+            fitting.sort(key=lambda form: not form.required <= data.keys())
+        return next(iter(by_kind + fitting), forms[0])
 
     def _target(self) -> Shape:
         node = self.node
@@ -92,11 +104,10 @@ class Shape:
         return Shape(found, self.definitions) if isinstance(found, dict) else None
 
 
-def places_of(key: str, shape: Shape, path: Path = (), depth: int = 4) -> Iterator[Path]:
-    """Yield the sections in which a key is known, for a key written in the wrong one."""
+def _keys_below(shape: Shape, path: Path = (), depth: int = 4) -> Iterator[tuple[str, Path]]:
+    """Yield every key below a place, with the section that it is known in."""
     for form in shape.alternatives:
         for name, child in form.keys.items():
-            if name == key:
-                yield path
+            yield name, path
             if depth and name not in ("grid", "zip"):
-                yield from places_of(key, child, (*path, name), depth - 1)
+                yield from _keys_below(child, (*path, name), depth - 1)

@@ -1,4 +1,4 @@
-"""What a key or a value in another unit probably means: `a_m` for `a_km`, an altitude for a semi-major axis."""
+"""What a key or a value in another unit or by another word probably means: `a_m` for `a_km`, `sma_km`, `height_km`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from math import pi
 from typing import Any
 
-from relnav_sim.astro.constants import RADIUS_M
 from relnav_sim.campaign.problems import quoted
 
 # Ending of a key -> (what it measures, its size in SI units).
@@ -26,8 +25,8 @@ _ELEMENTS = {
     **dict.fromkeys(("argument_of_perigee", "arg_perigee", "aop"), "argp"),
     **dict.fromkeys(("right_ascension", "right_ascension_of_ascending_node"), "raan"),
     **dict.fromkeys(("true_anomaly", "nu"), "ta"),
+    **dict.fromkeys(("alt", "h", "height", "orbit_altitude", "mean_altitude", "perigee_altitude"), "altitude"),
 }
-_ALTITUDES = ("altitude", "alt", "h", "height", "orbit_altitude", "mean_altitude")
 _SEMI_MAJOR_AXIS = "a_km"
 
 
@@ -41,11 +40,6 @@ def meant_key(key: str, value: Any, known: Iterable[str]) -> str:
     """
     known = list(known)
     stem, unit = _split(key)
-    if stem in _ALTITUDES and _SEMI_MAJOR_AXIS in known and _UNITS.get(unit or "km", ("",))[0] == "length":
-        surface = RADIUS_M / 1e3
-        words = f"; an orbit is given by {_SEMI_MAJOR_AXIS} = altitude + {surface:.12g}"
-        altitude = _converted(value, unit or "km", "km")
-        return f"{words}, here {_SEMI_MAJOR_AXIS}: {altitude + surface:.12g}" if isinstance(altitude, float) else words
     if _SEMI_MAJOR_AXIS in known:
         stem = _ELEMENTS.get(stem, stem)
     for name in known:

@@ -10,17 +10,29 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from relnav_sim.arrays import Array
 from relnav_sim.campaign.file_model import sensors_from
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.campaign.paths import parse_path, replaced
+from relnav_sim.recorded import EphemerisError
 from relnav_sim.sensors import Sensors, reading_probability, relative_sensors, sight_warnings
 from relnav_sim.sensors.due import steps_per_reading
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthOptions, eci_from_rtn, nominal_truth, truth_trajectory
+from relnav_sim.truth import (
+    AnyTruth,
+    EphemerisTruthOptions,
+    Truth,
+    TruthSection,
+    eci_from_rtn,
+    nominal_truth,
+    rough_truth,
+    start_warnings,
+    truth_trajectory,
+)
+from relnav_sim.truth.trajectory import force_model
 
 MOST_GEOMETRIES = 12
 """Different trajectories and radars of a campaign that are looked at: each takes a propagation of two craft."""
@@ -29,6 +41,10 @@ MOST_EPOCHS = 20_000
 ROUGH = 1e-9
 """Relative error of such a trajectory: centimetres change nothing in what a sensor sees."""
 _LABEL_SHOWN = 120
+_NOT_LOOKED_AT = (
+    "The geometry was not looked at: the result was made by another version of relnav, or a file that it names "
+    "is not there or has changed."
+)
 
 
 def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
@@ -70,14 +86,19 @@ def flown_warnings(
             if text.partition(".")[0] in varied:
                 varied = replaced(varied, parse_path(text, varied), value)
         try:
-            truth = TruthOptions.model_validate_json(json.dumps(varied["truth"]))
+            truth: AnyTruth = TypeAdapter(TruthSection).validate_json(json.dumps(varied["truth"]))
             sensors = sensors_from(varied["sensors"])
         except ValidationError:
-            said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
+            said.append((label, [_NOT_LOOKED_AT]))
             continue
         every = tuple(relative_sensors(sensors))
         going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
-        said.append((label, sight_warnings(sensors, _flown(truth, sensors, times_s, relative), going_by)))
+        try:
+            states = _flown(truth, sensors, times_s, relative)
+        except EphemerisError as error:
+            said.append((label, [f"The geometry was not looked at: {error}."]))
+            continue
+        said.append((label, sight_warnings(sensors, states, going_by)))
     return together(said)
 
 
@@ -85,7 +106,7 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
     clock, relative = config.clock, relative_sensors(config.sensors)
     every = min((steps_per_reading(each.period_s, clock.step_s) for each in relative.values()), default=1)
     every *= -(-clock.epochs // (every * MOST_EPOCHS))
-    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
+    trajectory = truth_trajectory(rough_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
     at_start = trajectory.at([0.0])
     truth = trajectory.at(np.arange(0, clock.epochs, every) * clock.step_s)
     ended = [
@@ -100,7 +121,8 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
                 f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
                 "fail; take start.kind dispersed or given."
             )
-    return [*ended, *sentences]
+    starts = [] if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    return [*starts, *ended, *sentences]
 
 
 def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
@@ -108,17 +130,22 @@ def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
     return {name: tuple(relative_sensors(config.sensors, each.sensors)) for name, each in config.filters.items()}
 
 
-def _flown(options: TruthOptions, sensors: Sensors, times_s: Array, relative: Array) -> Truth:
+def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array) -> Truth:
     """Return the true states of both craft, from the relative ones and the nominal chief.
 
     A radar on the chief sees the relative position in axes that turn with the chief: where the chief is does not
     matter then, and it may stay where it starts. A radar on the deputy turns with the deputy's own orbit.
+
+    Raises:
+        EphemerisError: The file of a recorded orbit can't be read, or is not what it was.
     """
-    alone = all(each.host == "chief" for each in relative_sensors(sensors).values())
     trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
+    if isinstance(options, EphemerisTruthOptions):
+        return trajectory.at(times_s)
+    alone = all(each.host == "chief" for each in relative_sensors(sensors).values())
     chief = trajectory.at(times_s[:1] if alone else times_s).chief
     chief = np.broadcast_to(chief, (*relative.shape[:2], 6))
-    deputy = eci_from_rtn(chief, relative, trajectory.force.normal_acceleration(chief))
+    deputy = eci_from_rtn(chief, relative, force_model(options).normal_acceleration(chief, 0.0, times_s))
     return Truth(times_s, chief, deputy, relative)
 
 

@@ -16,7 +16,8 @@ from relnav_sim.cli.group import Commands
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
-from relnav_sim.cli.new import new
+from relnav_sim.cli.new import TEMPLATES_HELP, new
+from relnav_sim.cli.replay import replay
 from relnav_sim.cli.report import report
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "figure": figure,
     "validate": validate,
     "tune": tune,
+    "replay": replay,
     "list": list_names,
     "show": show,
     "new": new,
@@ -54,8 +56,10 @@ COMMANDS: dict[str, Callable[..., None]] = {
 ANSWERS = ("validate", "list", "show", "schema", "inspect", "compare")
 """Commands that print what they find out; the others write files or have another purpose."""
 
+_EPILOGS = {"run": _CODES_HELP, "new": TEMPLATES_HELP}
+
 for name, command in COMMANDS.items():
-    app.command(name, epilog=_CODES_HELP if name == "run" else None)(guarded(command, answers=name in ANSWERS))
+    app.command(name, epilog=_EPILOGS.get(name))(guarded(command, answers=name in ANSWERS))
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,4 +1,4 @@
-"""`relnav export`: a result as CSV."""
+"""`relnav export`: a result in formats that other programs read."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ class Format(StrEnum):
     """File formats."""
 
     CSV = "csv"
+    TDM = "tdm"
+    OEM = "oem"
 
 
 class Part(StrEnum):
@@ -25,6 +27,13 @@ class Part(StrEnum):
 
     SUMMARY = "summary"
     SERIES = "series"
+    READINGS = "readings"
+    TRUTH = "truth"
+    ESTIMATES = "estimates"
+
+
+_ORBITS = (Part.TRUTH, Part.ESTIMATES)
+_OTHER_PART = {Format.TDM: "--part readings", Format.OEM: "--part truth or --part estimates"}
 
 
 def export(
@@ -34,7 +43,9 @@ def export(
         Part,
         typer.Option(
             case_sensitive=False,
-            help="summary: a row for each case, filter and run; series: for each stored epoch too.",
+            help="summary: a row for each case, filter and run; series: for each stored epoch too; readings: what the "
+            "filters of a case were given in a run; truth: the orbits of both craft; estimates: the deputy's orbit by "
+            "a filter, with covariance. The last three are simulated again, to the bit.",
         ),
     ] = Part.SUMMARY,
     out: Annotated[
@@ -43,13 +54,59 @@ def export(
             metavar="PATH", help="The file, or a folder for it.", show_default="beside the result, NAME_PART.csv"
         ),
     ] = None,
+    case: Annotated[
+        str | None,
+        typer.Option(
+            metavar="CASE",
+            help="Of readings, truth and estimates: number, label or id of the case.",
+            show_default="the first",
+        ),
+    ] = None,
+    run: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="RUN",
+            help="Of the same: a run; may be given several times, each with files of its own.",
+            show_default="the first",
+        ),
+    ] = None,
+    filter: Annotated[
+        str | None,
+        typer.Option(metavar="FILTER", help="Of estimates: whose.", show_default="the only one"),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
-    """Write the numbers of a result to a file that other programs read."""
+    """Write the numbers of a result to a file that other programs read.
+
+    A TDM holds range, range rate and angles; what else the filters were given goes to a CSV file beside it. Orbits are
+    written as CCSDS OEM, and need a truth.epoch.
+    """
     from relnav_sim.results import open_results
     from relnav_sim.results.export import export_series, export_summary
 
     existing(result, RESULTS)
+    if filter is not None and part is not Part.ESTIMATES:
+        raise UserError("--filter chooses estimates; give --part estimates with it")
+    if part in _ORBITS:
+        from relnav_sim.cli.export_orbits import export_orbits
+
+        if to is not Format.OEM:
+            raise UserError(f"{part.value} is written as an OEM; give --to oem with it")
+        with readable(result) as file, open_results(file) as results:
+            export_orbits(results, result, part.value, case, filter, run or [], out, overwrite)
+        return
+    if part is Part.READINGS:
+        if to is Format.OEM:
+            raise UserError(f"--to oem is no format of readings; give {_OTHER_PART[to]} with it")
+        from relnav_sim.cli.export_readings import export_readings
+
+        with readable(result) as file, open_results(file) as results:
+            export_readings(results, result, case, run or [], to.value, out, overwrite)
+        return
+    if case is not None or run:
+        raise UserError("--case and --run choose a run; give --part readings, truth or estimates with them")
+    if to is not Format.CSV:
+        raise UserError(f"--to {to.value} is no format of {part.value}; give {_OTHER_PART[to]} with it")
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
     if path.exists() and result.exists() and path.samefile(result):

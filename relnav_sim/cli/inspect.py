@@ -78,6 +78,9 @@ def _show(results: Results) -> None:
             for session in provenance.sessions
         ]
         rows.insert(rows.index(next(row for row in rows if row[0] == "source")), ("sessions", "\n".join(began)))
+    if results.replay is not None:
+        files = "\n".join(f"{path}  SHA-256 {digest}" for path, digest in results.replay.files.items())
+        rows[4:4] = [("recorded", files), ("scored", f"against {results.replay.truth}")]
     if results.stopping:
         rows.insert(4, ("stopped", stopping_in_words(results.stopping)))
     print_table(rows)
@@ -93,6 +96,8 @@ def _show(results: Results) -> None:
 
 
 def _runs_in_words(results: Results) -> str:
+    if results.replay is not None:
+        return ", ".join(map(str, results.replay.runs))
     if len(results.planned) == 1 and results.planned[0] > 0:
         return f"run {results.planned[0]} only"
     apart = {id(runs): runs for runs in results.missing().values()}

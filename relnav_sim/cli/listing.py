@@ -8,15 +8,18 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.new import TEMPLATES
 from relnav_sim.cli.output import print_table, say
 
-LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns")
+LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns", "templates")
 
 
 def list_names(
-    what: Annotated[str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise or campaigns.")],
+    what: Annotated[
+        str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise, campaigns or templates.")
+    ],
 ) -> None:
-    """List the filters, sensors, dynamics, kinds of noise, or the campaigns of this folder."""
+    """List the filters, sensors, dynamics, kinds of noise, the campaigns of this folder, or what `new` starts from."""
     what = f"{what}s" if f"{what}s" in LISTS else what
     if what not in LISTS:
         from relnav_sim.campaign.problems import no_such
@@ -24,6 +27,8 @@ def list_names(
         raise UserError(no_such("list", what, LISTS))
     if what == "campaigns":
         rows = [(str(path), _first_words(path)) for path in campaign_files(Path())]
+    elif what == "templates":
+        rows = list(TEMPLATES.items())
     else:
         from relnav_sim.cli.catalogue import entries
 

@@ -26,6 +26,7 @@ def validate(
     """Check a campaign: print every problem, or the plan."""
     from relnav_sim.campaign import load_campaign, plan_campaign
     from relnav_sim.campaign.plan import START_S
+    from relnav_sim.campaign.recorded_orbits import recorded_orbits
     from relnav_sim.runner.warnings import warnings_before
 
     campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
@@ -49,6 +50,8 @@ def validate(
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
         ]
     )
+    for sentence in recorded_orbits(campaign):
+        say(sentence)
     for sentence in warnings_before(campaign):
         say(f"warning: {sentence}", err=True)
 

@@ -18,7 +18,7 @@ from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
 from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
-from relnav_sim.truth import nominal_chief
+from relnav_sim.truth import highest_zonal, nominal_chief
 
 
 class Model:
@@ -176,7 +176,7 @@ def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int, learn
 
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
     """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
-    orbit = nominal_chief(config.truth).up_to(config.truth.forces.zonals)
+    orbit = nominal_chief(config.truth).up_to(highest_zonal(config.truth))
     return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
 
 

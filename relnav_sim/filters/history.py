@@ -9,6 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.channel_residuals import ChannelResiduals
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.readings import Readings, SensorReadings
 from relnav_sim.filters.returned import check_name
@@ -39,6 +40,7 @@ class FilterHistory:
             independent where the filter is right: each is taken after the update with the sensors before.
         dof_by: The channels read by sensor, each (runs, T).
         extras_by: The further numbers by sensor, then by name.
+        residuals_by: The residuals by sensor and channel, where they were asked for.
 
     Examples:
         >>> import numpy as np
@@ -60,6 +62,7 @@ class FilterHistory:
     nis_by: Mapping[str, Array] = field(default_factory=dict)
     dof_by: Mapping[str, Integers] = field(default_factory=dict)
     extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    residuals_by: Mapping[str, ChannelResiduals] = field(default_factory=dict)
 
     def after(self, prior: Gaussian) -> FilterHistory:
         """Return the history with one more epoch at its start, at which the prior is all there is."""
@@ -89,6 +92,7 @@ class FilterHistory:
                 sensor: {name: unread(extra) for name, extra in extras.items()}
                 for sensor, extras in self.extras_by.items()
             },
+            {sensor: residuals.after() for sensor, residuals in self.residuals_by.items()},
         )
 
 

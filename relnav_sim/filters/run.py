@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Filter, Gaussian, Innovation, in_c_order, where_runs
+from relnav_sim.filters.channel_residuals import ResidualRecorder
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
 from relnav_sim.filters.history import FilterHistory as FilterHistory
 from relnav_sim.filters.history import Innovations
@@ -91,6 +92,7 @@ def advance(
     first_epoch: int,
     step_s: float,
     reached: Callable[[int], None] = lambda epoch: None,
+    with_residuals: bool = False,
 ) -> tuple[Any, FilterHistory]:
     """Carry a belief over a chunk of epochs; return the last belief and the chunk's history.
 
@@ -102,6 +104,8 @@ def advance(
         first_epoch: Number of the chunk's first epoch.
         step_s: Time between epochs, s.
         reached: Told of every epoch that begins.
+        with_residuals: Whether the history is to have the residuals by channel, which cost one more prediction of each
+            reading.
 
     Returns:
         The last belief, and the history, whose failures name runs by their place in the block.
@@ -116,6 +120,7 @@ def advance(
     # What belongs to an epoch lies together: it is written an epoch at a time.
     means, covariances = np.empty((K, B, n)), np.empty((K, B, n, n))
     innovations = Innovations(readings, B, K)
+    residuals = ResidualRecorder(readings, B, K) if with_residuals else None
     returned = Returned(B, n)
     belief = returned.belief(belief, "start")
     stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
@@ -132,6 +137,8 @@ def advance(
                         belief = in_c_order(belief)
                     z_k = readings.attend(place, k)
                     read = one.read[:, k]
+                    if residuals is not None and one.any_read[k]:
+                        residuals.add(place, k, filter.measurement, belief, z_k, read, step.epoch)
                     if one.all_read[k]:
                         belief, innovation = returned.update(filter.update(belief, z_k, step))
                     else:
@@ -150,7 +157,8 @@ def advance(
         history.dof[lost] = 0
         for name, nis in history.nis_by.items():
             nis[lost], history.dof_by[name][lost] = np.nan, 0
-    return belief, replace(history, failures=failures)
+    residuals_by = {} if residuals is None else residuals.by_sensor({each.run: each.epoch for each in failures}, first)
+    return belief, replace(history, failures=failures, residuals_by=residuals_by)
 
 
 def _update_read(

@@ -19,7 +19,7 @@ def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:
     """Return the commands that compute the result and its report again."""
     report = f"relnav report {shlex.quote(_from_here(results.path))}{'' if axes == 'rtn' else f' --axes {axes}'}"
     recorded = results.provenance.command_line
-    if _recorded_words(recorded):
+    if _recorded_words(recorded) or results.replay is not None:
         return (recorded, report)
     file = shlex.quote(f"{results.campaign_name}.yaml")
     return (

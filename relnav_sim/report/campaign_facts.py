@@ -13,6 +13,7 @@ from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
+    from relnav_sim.results.block import ReplayHeader
     from relnav_sim.results.read import Results
 
 _SECTIONS = ("clock", "truth", "sensors", "start", "statistics")
@@ -29,6 +30,8 @@ def headline_facts(results: Results) -> tuple[str, ...]:
     ]
     if {"duration_s", "step_s"} <= clock.keys():
         facts.append(f"{clock['duration_s']:g} s in steps of {clock['step_s']:g} s")
+    if results.replay is not None:
+        facts.insert(0, "recorded readings")
     return (*facts, f"seed {results.seed}", f"hash {results.campaign_hash[:_HASH_SHOWN]}")
 
 
@@ -77,6 +80,8 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "sensors": _sensors(results),
         "varied": ", ".join(varied) or "nothing",
         "runs": f"{results.planned_runs} of each case",
+        "recorded readings": "" if results.replay is None else recorded_in_words(results.replay),
+        "scored against": "" if results.replay is None else results.replay.truth,
         "stopping rule": stopping_in_words(results.stopping) if results.stopping else "",
         "result file": results.path.name,
         "computed": f"{shown_time(origin.started)} to {finished}, {significant(origin.wall_time_s)} s",
@@ -86,6 +91,11 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
     }
     return tuple((name, value) for name, value in facts.items() if value)
+
+
+def recorded_in_words(replay: ReplayHeader) -> str:
+    """Return the files of recorded readings with the first digits of their digests."""
+    return ", ".join(f"{path} (SHA-256 {digest[:_HASH_SHOWN]})" for path, digest in replay.files.items())
 
 
 def _sensors(results: Results) -> str:

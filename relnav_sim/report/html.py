@@ -11,23 +11,32 @@ from relnav_sim.report.page import Page
 if TYPE_CHECKING:
     from jinja2 import Template
 
+    from relnav_sim.report.replay.page import ReplayPage
+
 
 def render(page: Page) -> str:
     """Return the report as HTML; every text in it is escaped."""
     from markupsafe import Markup
 
     script = _asset("page.js") + (_asset("chart.js") if page.curves else "")
-    return _template().render(
+    return _template("page").render(
         page=page, style=Markup(_asset("page.css")), script=Markup(script), curves=Markup(page.curves)
     )
 
 
+def render_replay(page: ReplayPage) -> str:
+    """Return the page of a replay as HTML; every text in it is escaped."""
+    from markupsafe import Markup
+
+    return _template("replay").render(page=page, style=Markup(_asset("page.css")))
+
+
 @functools.cache
-def _template() -> Template:
+def _template(name: str) -> Template:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(_asset("page.html.j2"))
+    return environment.from_string(_asset("parts.html.j2") + _asset(f"{name}.html.j2"))
 
 
 def _asset(name: str) -> str:

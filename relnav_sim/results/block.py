@@ -263,6 +263,36 @@ class CaseHeader:
 
 
 @dataclass(frozen=True)
+class ReplayHeader:
+    """The recorded readings behind a result.
+
+    Attributes:
+        files: SHA-256 of each file of readings, by its name as the user gave it.
+        truth: What the estimates are scored against, in words.
+        runs: Numbers of the recorded runs, ascending.
+    """
+
+    files: Mapping[str, str]
+    truth: str
+    runs: tuple[int, ...]
+
+    @staticmethod
+    def of_plain(stored: Mapping[str, Any]) -> ReplayHeader:
+        """Return what plain data holds, as `dataclasses.asdict` makes it.
+
+        Raises:
+            ValueError: It is damaged.
+        """
+        files, truth, runs = (stored.get(name) for name in ("files", "truth", "runs"))
+        if not isinstance(files, Mapping) or not all(isinstance(text, str) for text in (*files.values(), truth)):
+            raise ValueError("the files or the truth are no text")
+        whole = isinstance(runs, list | tuple) and all(type(run) is int and run >= 0 for run in runs)
+        if not whole or not runs or sorted(set(runs)) != list(runs):
+            raise ValueError("the runs are no ascending numbers")
+        return ReplayHeader(dict(files), str(truth), tuple(runs))
+
+
+@dataclass(frozen=True)
 class ResultHeader:
     """The facts of a campaign that its results file carries.
 
@@ -277,6 +307,7 @@ class ResultHeader:
         constants: Constants of the models by name (unit in the name), as attributes of ``/constants``.
         only: The single run that the file is to hold; None: all of the campaign's.
         stopping: The rule of adaptive stopping and what came of it; empty without one.
+        replay: Where the readings were recorded; None: they were simulated.
     """
 
     campaign_name: str
@@ -289,8 +320,11 @@ class ResultHeader:
     constants: Mapping[str, float | int | str] = field(default_factory=dict)
     only: int | None = None
     stopping: Mapping[str, Any] = field(default_factory=dict)
+    replay: ReplayHeader | None = None
 
     @property
     def planned(self) -> Sequence[int]:
         """Numbers of the runs that the file is to hold of every case and filter."""
+        if self.replay is not None:
+            return self.replay.runs
         return range(self.runs) if self.only is None else (self.only,)

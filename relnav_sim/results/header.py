@@ -12,7 +12,7 @@ import h5py
 
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
+from relnav_sim.results.block import CaseHeader, ReplayHeader, ResultHeader, ResultsError
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
 from relnav_sim.results.sound import odd_header
 
@@ -35,6 +35,8 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
         file.attrs["only_run"] = header.only
     if header.stopping:
         file.attrs["stopping"] = json.dumps(dict(header.stopping))
+    if header.replay is not None:
+        file.attrs["replay"] = json.dumps(asdict(header.replay))
     for name, value in asdict(provenance).items():
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
@@ -76,6 +78,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         constants=store.attributes(store.subgroup(file, "constants")),
         only=store.whole_number(file, "only_run") if "only_run" in file.attrs else None,
         stopping=store.json_value(file, "stopping", dict) if "stopping" in file.attrs else {},
+        replay=_read_replay(file),
     )
     if odd := odd_header(header):
         raise ResultsError(f"{file.filename}: {odd}; the file is damaged")
@@ -93,6 +96,15 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         sessions=_read_sessions(file),
     )
     return header, provenance
+
+
+def _read_replay(file: h5py.File) -> ReplayHeader | None:
+    if "replay" not in file.attrs:
+        return None
+    try:
+        return ReplayHeader.of_plain(store.json_value(file, "replay", dict))
+    except ValueError as error:
+        raise ResultsError(f"{file.filename}: what it says of its recorded readings is damaged: {error}") from None
 
 
 def _texts(file: h5py.File, name: str) -> dict[str, str]:

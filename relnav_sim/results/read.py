@@ -77,7 +77,10 @@ class Results:
         campaign_hash: Hash of the content.
         seed: Seed of the campaign.
         planned_runs: Number of runs the campaign asked for.
-        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``.
+        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``; of recorded readings
+            those of the recorded runs.
+        replay: Where the readings were recorded: their ``files`` with SHA-256, and the ``truth`` that estimates are
+            scored against; None: they were simulated.
         stopping: The rule of adaptive stopping (``metric``, ``half_width``, ``at``, ``filter``) with the number of
             runs ``reached`` and whether the rule was ``met``; empty without one.
         headers: The cases with id, label, swept variables and filter names.
@@ -107,6 +110,7 @@ class Results:
         self.planned_runs = len(header.planned)
         self.planned = header.planned
         self.stopping = dict(header.stopping)
+        self.replay = header.replay
         self.constants = dict(header.constants)
         self.headers = header.cases
         self.cases = tuple(case.label for case in header.cases)

@@ -61,6 +61,8 @@ def odd_header(header: ResultHeader) -> str:
         return f"its number of runs is {header.runs!r}; it must be from 1 to {MOST_RUNS}"
     if header.only is not None and (not _is_whole(header.only) or not 0 <= header.only < header.runs):
         return f"its only run is {header.only!r}, of {header.runs}"
+    if header.replay is not None and header.replay.runs[-1] >= header.runs:
+        return f"its last recorded run is {header.replay.runs[-1]}, of {header.runs}"
     if not _are_texts(header.campaign_name, header.text, header.hash):
         return "its name, text or hash is no text"
     if odd := odd_content(header.content):

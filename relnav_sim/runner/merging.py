@@ -67,6 +67,8 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
         header, provenance = read_header(file)
     if header.only is not None:
         raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")
+    if header.replay is not None:
+        raise RefusedError(f"{path} is of recorded readings (relnav replay); leave it out, or replay all files at once")
     return header, result_pieces(path), result_bounds(path), provenance
 
 

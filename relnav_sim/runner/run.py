@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.recorded_orbits import recorded_orbits
 from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Backend, Pool
 from relnav_sim.runner.progress import progress_of
@@ -61,6 +62,8 @@ def run_campaign(
         move_aside(out, say)
     with job_of(campaign, out, say, part) as job, Pool(workers, backend, timeout_s) as pool:
         job.take_stock()
+        for sentence in recorded_orbits(campaign):
+            say(sentence)
         for sentence in warnings_before(campaign):
             say(f"warning: {sentence}")
         for runs in looks(campaign, part):

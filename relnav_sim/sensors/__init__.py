@@ -20,6 +20,7 @@ from relnav_sim.sensors.interface import (
     Sensed,
     SensorOptions,
 )
+from relnav_sim.sensors.layout import known_orbits, readings_layout
 from relnav_sim.sensors.noise import noise_kinds
 from relnav_sim.sensors.registry import register_sensor, sensor_kinds
 from relnav_sim.sensors.sight_warnings import sight_warnings
@@ -41,11 +42,13 @@ __all__ = [
     "form_taken",
     "frame_is_told",
     "hosts_of",
+    "known_orbits",
     "noise_kinds",
     "orbit_frame_covariance",
     "own_sensor",
     "reading_at_every_epoch",
     "reading_probability",
+    "readings_layout",
     "register_sensor",
     "relative_sensors",
     "sensor_kinds",

@@ -37,6 +37,18 @@ def hosts_of(sensors: Sensors, options: SensorOptions) -> tuple[Craft, ...]:
     return (next((each.host for each in relative_sensors(sensors).values()), "chief"),)
 
 
+def reading_names(sensors: Sensors) -> dict[str, tuple[str, Craft]]:
+    """Return the names of all readings of a campaign: of each the sensor's own name and the craft that carries it.
+
+    A sensor that both craft may carry reads as ``chief_NAME`` and ``deputy_NAME``.
+    """
+    return {
+        f"{host}_{name}" if options.per_craft else name: (name, host)
+        for name, options in sensors.items()
+        for host in hosts_of(sensors, options)
+    }
+
+
 def own_sensor(sensors: Sensors, role: Role, host: Craft | None = None) -> tuple[str, Any] | None:
     """Return the name and options of the sensor by which a craft knows its own orbit, attitude or force.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -41,6 +42,7 @@ def filter_inputs(
     truth: TrueStates | None = None,
     gravity: Gravity | None = None,
     orbits: Mapping[Craft, HostOrbit] | None = None,
+    late: Mapping[str, Array] | None = None,
 ) -> dict[str, dict[Form, Array]]:
     """Return what the filters take, made from the sensors' own measured values, by sensor and form, (runs, K, m).
 
@@ -51,6 +53,7 @@ def filter_inputs(
             chain is then perfect.
         gravity: What the craft know of gravity; None: a point mass.
         orbits: What hosts know of their orbits between their fixes; a host that is not there knows it at them only.
+        late: By sensor, how long before its epoch each reading was taken, (runs, K), s, on top of the sensor's latency.
 
     Raises:
         ValueError: The truth is needed and missing.
@@ -61,7 +64,10 @@ def filter_inputs(
     for name, options in relative_sensors(sensors).items():
         if options.host not in frames:
             frames[options.host] = _frame(sensors, readings, truth, options.host, gravity, known)
-        inputs[name] = options.inputs(readings[name], frames[options.host])
+        frame = frames[options.host]
+        if late and name in late:
+            frame = replace(frame, late_s=late[name])
+        inputs[name] = options.inputs(readings[name], frame)
     return inputs
 
 
@@ -96,6 +102,7 @@ def sensor_measurement(
     assumed_noise: AssumedNoise = "total",
     assumed_latency: Literal["known", "none"] = "known",
     frame: Frame = "of_a_fix",
+    own_latencies: bool = False,
 ) -> Measurement:
     """Return a sensor as a filter is told of it, for the inputs of the same form that `filter_inputs` makes.
 
@@ -113,6 +120,8 @@ def sensor_measurement(
         assumed_latency: ``known`` or ``none``.
         frame: How the host's orbit frame errs, where `frame_is_told`: as ``of_a_fix``; as ``told`` with each reading,
             whose covariance is behind it by `with_frame`; or as a ``perfect`` one. Elsewhere always as of a fix.
+        own_latencies: Whether each reading comes with a latency of its own behind it by `with_latency`, which the
+            filter knows in any case.
 
     Raises:
         ValueError: The sensor has no such form.
@@ -128,4 +137,4 @@ def sensor_measurement(
     if frame == "told":
         model = FrameError(model)
     latency_s = 0.0 if assumed_latency == "none" else options.latency_s
-    return Delayed(model, latency_s) if latency_s else model
+    return Delayed(model, latency_s, told=own_latencies) if latency_s or own_latencies else model

@@ -40,12 +40,15 @@ class HostFrame:
         attitude: Its measured attitude quaternion (x, y, z, w), (runs, K, 4); None: there is no star tracker, and the
             attitude is known perfectly.
         gravity: What it knows of gravity, which turns the plane of its orbit; None: a point mass.
+        late_s: How long before its epoch each reading was taken, on top of the sensor's latency, (runs, K), s; None:
+            at the epoch.
     """
 
     true_states: Array | None = None
     orbit: Array | None = None
     attitude: Array | None = None
     gravity: Gravity | None = None
+    late_s: Array | None = None
 
     def in_rtn(self, relative: Array, latency_s: float = 0.0) -> Array:
         """Return a position (m), or position and velocity (m/s), relative to the craft, ECI, in its own orbit frame.
@@ -63,7 +66,8 @@ class HostFrame:
         states = self.true_states if self.orbit is None else self.orbit
         if states is None:
             raise ValueError("without a receiver the orbit frame is the true one, which needs the truth")
-        host = coasted(states, -latency_s) if latency_s else states
+        ago_s = latency_s if self.late_s is None else latency_s + self.late_s
+        host = coasted(states, -ago_s) if np.any(ago_s) else states
         other = np.array(np.broadcast_to(host, (*relative.shape[:-1], 6)))
         other[..., : relative.shape[-1]] += relative
         return rtn_from_eci(host, other, self._normal_acceleration(host))[..., : relative.shape[-1]]

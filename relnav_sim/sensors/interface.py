@@ -152,6 +152,11 @@ class SensorOptions(Options):
         return tuple(channel.name for channel in self.channels)
 
     @property
+    def reading(self) -> tuple[Channel, ...]:
+        """The numbers that `sample` returns of one reading, as files of readings name them: mostly the channels."""
+        return self.channels
+
+    @property
     def sigmas(self) -> Array:
         """Standard deviations (m,) of the channels, SI units, by which the noise is multiplied."""
         raise NotImplementedError(f"{type(self).__name__} has no sigmas")

@@ -88,6 +88,15 @@ class RelativeGnssOptions(RelativeSensorOptions):
         return _CHANNELS[: 3 if self.velocity_sigma_m_s is None else 6]
 
     @property
+    def reading(self) -> tuple[Channel, ...]:
+        """The solution as it is read: inertial axes."""
+        names = [f"{what}_{axis}" for what in ("position", "velocity") for axis in "xyz"]
+        return tuple(
+            Channel(name, each.unit, f"relative {name[:8]}, ECI {name[-1]}")
+            for name, each in zip(names, self.channels, strict=False)
+        )
+
+    @property
     def sigmas(self) -> Array:
         """Standard deviations, (3,) m or (6,) m and m/s."""
         position = _SIGMAS_M[self.solution] if self.position_sigma_m is None else self.position_sigma_m

@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.coast import coasted
-from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
+from relnav_sim.sensors.campaign_sensors import Sensors, reading_names
 from relnav_sim.sensors.due import due
 from relnav_sim.sensors.interface import Craft, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.noise import noise_parts
@@ -72,11 +72,11 @@ class SensorSuite:
         self._step_s = step_s
         self._runs = len(source.runs)
         self._readers: dict[str, _Reader] = {}
-        for name, options in sensors.items():
+        for options in sensors.values():
             due(np.arange(1), options.period_s, options.offset_s, step_s)
-            for host in hosts_of(sensors, options):
-                reading = f"{host}_{name}" if options.per_craft else name
-                self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
+        for reading, (name, host) in reading_names(sensors).items():
+            options = sensors[name]
+            self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
         self._next_epoch = 0
 
     def measure(

@@ -25,7 +25,7 @@ from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.statistics.augmented import AugmentedAccumulator
 from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, nominal_chief
+from relnav_sim.truth import EphemerisTruthOptions, Truth, nominal_chief
 from relnav_sim.truth.trajectory import force_model
 
 
@@ -103,8 +103,8 @@ def true_augmented_states(entry: FilterEntry, config: CaseConfig, truth: Truth, 
 
     The errors of a sensor are those of its options and of each run, unless a correlated part of its noise drifts on top
     of them. The attitude has no correlated error while its sensors' noise is white. Drag is that of the force model at
-    the true states, where neither craft's ballistic coefficient nor the density is dispersed. The accelerometers'
-    biases are those of each run, unless their noise drifts.
+    the true states, where neither craft's ballistic coefficient nor the density is dispersed; recorded orbits tell
+    none. The accelerometers' biases are those of each run, unless their noise drifts.
 
     Args:
         entry: The filter.
@@ -161,6 +161,8 @@ def _accelerometer_biases(config: CaseConfig, source: RandomSource) -> Array:
 def _differential_drag(config: CaseConfig, truth: Truth) -> Array | float:
     """Return the along-track difference of the two craft's drag, (runs or 1, K), m/s^2."""
     options = config.truth
+    if isinstance(options, EphemerisTruthOptions):
+        return np.nan
     if options.forces.drag == "none":
         return 0.0
     dispersions = options.dispersions
@@ -169,7 +171,8 @@ def _differential_drag(config: CaseConfig, truth: Truth) -> Array | float:
     force = force_model(options)
 
     def drag(states: Array, ballistic_m2_kg: float) -> Array:
-        return force.acceleration(states, ballistic_m2_kg) - force.acceleration(states)
+        times = truth.times_s
+        return force.acceleration(states, ballistic_m2_kg, times) - force.acceleration(states, 0.0, times)
 
     difference = drag(truth.deputy, options.deputy.ballistic_m2_kg) - drag(truth.chief, options.chief.ballistic_m2_kg)
     position, velocity = truth.chief[..., :3], truth.chief[..., 3:]

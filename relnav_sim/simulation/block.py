@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -74,16 +74,44 @@ def simulate_block(
         case_index: Number of the case in its campaign, passed on to the result.
         learned: What is learned already; it saves time and changes no bit. Default: nothing.
     """
-    config = case.config
     source = RandomSource(seed, tuple(runs))
+    return filter_block(case, source, chunks(case.config, source), case_index, learned)
+
+
+def filter_block(
+    case: Case,
+    source: RandomSource,
+    arriving: Iterable[Chunk],
+    case_index: int = 0,
+    learned: Learned | None = None,
+    prior: Gaussian | None = None,
+    watch: Watch | None = None,
+) -> BlockOutcome:
+    """Return the results of the filters of a case on readings, be they simulated or recorded.
+
+    Args:
+        case: The case.
+        source: Seed and numbers of the runs.
+        arriving: What arrives, a chunk of epochs after the other. Where the truth is not known the result holds no
+            filter, as nothing can be scored.
+        case_index: As in `simulate_block`.
+        learned: As in `simulate_block`.
+        prior: Where all filters start; None: where the case says.
+        watch: Told of every chunk that a filter has filtered; None: nobody looks. Filters that are watched take down
+            their residuals.
+    """
+    config, runs = case.config, source.runs
     tracks: list[FilterTrack] = []
     times: list[Array] = []
     relative: list[Array] = []
-    for chunk in chunks(config, source):
+    for chunk in arriving:
         if not tracks:
-            prior = starting_belief(config, chunk, source)
+            prior = prior or starting_belief(config, chunk, source)
             shared = Shared(ThrustInputs(config), SharedByDynamics(config), learned or Learned())
-            tracks = [FilterTrack(name, entry, config, prior, source, shared) for name, entry in config.filters.items()]
+            tracks = [
+                FilterTrack(name, entry, config, prior, source, shared, frozenset(chunk.late), watch)
+                for name, entry in config.filters.items()
+            ]
         for track in tracks:
             track.add(chunk)
         stored = _stored(config, chunk)
@@ -92,6 +120,7 @@ def simulate_block(
     ended = dict(chunk.ended)
     if not config.truth.is_dispersed and ended:
         ended = dict.fromkeys(range(len(runs)), ended[0])
+    assert prior is not None  # there is a chunk at least
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
     reasons = ended | {int(place): _NO_FIX for place in no_fix}
     sound = [track for track in tracks if track.broken is None]
@@ -101,7 +130,7 @@ def simulate_block(
         runs=tuple(runs),
         time_s=np.concatenate(times),
         relative=np.concatenate(relative, axis=1),
-        filters={track.name: track.result() for track in sound},
+        filters={track.name: track.result() for track in sound if chunk.truth_is_known},
         failures=tuple(failure for track in sound for failure in _explained(track.failures(runs), runs, reasons)),
         shared_truth=not config.truth.is_dispersed,
     )
@@ -125,8 +154,17 @@ class CampaignFilter:
     extension: Extension | None
 
 
-def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: DynamicsContext) -> CampaignFilter:
-    """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states."""
+def create_campaign_filter(
+    entry: FilterEntry, config: CaseConfig, context: DynamicsContext, late: Collection[str] = ()
+) -> CampaignFilter:
+    """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states.
+
+    Args:
+        entry: The filter.
+        config: The case.
+        context: What the dynamics are built from.
+        late: Sensors whose readings come with a latency of their own.
+    """
     orbit, step_s = context.orbit, context.step_s
     coasting: Dynamics = read_only(build_dynamics(entry.dynamics, context), ReadOnlyDynamics)
     thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
@@ -134,17 +172,27 @@ def create_campaign_filter(entry: FilterEntry, config: CaseConfig, context: Dyna
     factory = filter_kinds()[entry.kind].factory
     extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
-    measurement = _measurement(entry, config, orbit, extension)
+    measurement = _measurement(entry, config, orbit, extension, late)
     return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
 
 
-def _measurement(entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, extension: Extension | None) -> Measurement:
+def _measurement(
+    entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, extension: Extension | None, late: Collection[str]
+) -> Measurement:
     """Return what a filter is told of its sensors."""
     step_s = config.clock.step_s
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(
-            name, config.sensors, orbit, step_s, form, entry.assumed_noise, entry.assumed_latency, frame="told"
+            name,
+            config.sensors,
+            orbit,
+            step_s,
+            form,
+            entry.assumed_noise,
+            entry.assumed_latency,
+            frame="told",
+            own_latencies=name in late,
         )
         models[name] = model if extension is None else augmented_measurement(extension, name, model, config, form)
     if len(models) > 1:
@@ -174,8 +222,34 @@ class Shared:
     learned: Learned
 
 
+class Watch(Protocol):
+    """Looks at what filters make of each chunk."""
+
+    def __call__(self, name: str, filter: Filter, chunk: Chunk, before: Array, history: FilterHistory) -> None:
+        """Take a look.
+
+        Args:
+            name: The filter's name.
+            filter: The filter, whose dynamics are still those of the chunk.
+            chunk: What has arrived.
+            before: Mean one epoch before the chunk, (runs, n); at epoch 0 that of the start.
+            history: What it said at the chunk's epochs.
+        """
+        ...
+
+
 class FilterTrack:
     """A filter on its way through a block: its belief and its statistics so far.
+
+    Args:
+        name: The filter's name in the campaign.
+        entry: Its settings.
+        config: The case.
+        prior: Where it starts.
+        source: Seed and numbers of the runs.
+        shared: What the filters of the block share.
+        late: Sensors whose readings come with a latency of their own.
+        watch: Told of every chunk; None: nobody looks.
 
     Attributes:
         name: The filter's name in the campaign.
@@ -190,8 +264,11 @@ class FilterTrack:
         prior: Gaussian,
         source: RandomSource,
         shared: Shared,
+        late: Collection[str] = (),
+        watch: Watch | None = None,
     ) -> None:
         self.name = name
+        self._watch = watch
         self._entry = entry
         self._thrust_inputs = shared.thrust
         self._known = known_thrust(entry, config)
@@ -213,7 +290,7 @@ class FilterTrack:
         self._steps = 0
         with self._breaking_alone():
             self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
-            made = create_campaign_filter(entry, config, self._context)
+            made = create_campaign_filter(entry, config, self._context, late)
             self._filter, self._dynamics = made.filter, made.dynamics
             self._thrust = made.thrust
             if made.extension is not None:
@@ -224,31 +301,42 @@ class FilterTrack:
             self._belief = self._filter.start(own, source)
 
     def add(self, chunk: Chunk) -> None:
-        """Filter the next chunk of measurements and count its errors, unless the filter is broken."""
+        """Filter the next chunk of measurements and count its errors, unless the filter is broken.
+
+        Where the truth is not known there is nothing to count.
+        """
         if self.broken is not None:
             return
         with self._breaking_alone():
             begin = time.process_time() - self._shared.cpu_s
+            before = np.asarray(self._belief.mean).copy() if self._watch is not None else None
             history = self._advance(chunk)
             self._cpu_s += time.process_time() - self._shared.cpu_s - begin
             self._steps += history.nis.size
-            error = history.mean[..., :6] - chunk.truth.relative
-            covariance = history.covariance[..., :6, :6]
-            if self._augmented is not None:
-                # A run whose augmented states are lost has failed, though position may not show it until a reading.
-                error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
-            self._errors.add(
-                chunk.truth.times_s,
-                error,
-                covariance,
-                history.nis,
-                history.log_likelihood,
-                history.extras,
-                {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
-                NisOfSensors(history.nis_by, history.dof_by),
-            )
-            if self._augmented is not None:
-                self._augmented.add(chunk, history, self._errors.failed_epoch)
+            if chunk.truth_is_known:
+                self._score(chunk, history)
+            if self._watch is not None and before is not None:
+                self._watch(self.name, self._filter, chunk, before, history)
+
+    def _score(self, chunk: Chunk, history: FilterHistory) -> None:
+        """Count the errors of a chunk."""
+        error = history.mean[..., :6] - chunk.truth.relative
+        covariance = history.covariance[..., :6, :6]
+        if self._augmented is not None:
+            # A run whose augmented states are lost has failed, though position may not show it until a reading.
+            error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
+        self._errors.add(
+            chunk.truth.times_s,
+            error,
+            covariance,
+            history.nis,
+            history.log_likelihood,
+            history.extras,
+            {failure.run: (failure.epoch, failure.reason) for failure in history.failures},
+            NisOfSensors(history.nis_by, history.dof_by),
+        )
+        if self._augmented is not None:
+            self._augmented.add(chunk, history, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -279,7 +367,7 @@ class FilterTrack:
         return history.after(self._prior)
 
     def _on(self, z: Mapping[str, Array], first_epoch: int) -> tuple[Any, FilterHistory]:
-        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached)
+        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached, self._watch is not None)
 
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""

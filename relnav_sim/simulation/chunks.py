@@ -13,13 +13,14 @@ from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.conventions import CHUNK_EPOCHS
+from relnav_sim.measurements.delayed import with_latency
 from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Craft, Form
 from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import Truth, TruthTrajectory, truth_trajectory
+from relnav_sim.truth import Trajectory, Truth, truth_trajectory
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,9 @@ class Chunk:
         inputs: What the front end hands to filters, by relative sensor and form, (runs, K, m); NaN = missing.
         ended: Why the truth of a run has ended by now, by the run's place in the block.
         orbits: What hosts of relative sensors know of their orbits, where their fixes may be missing.
+        late: How long before its epoch each reading was taken, on top of the sensor's own latency, (runs, K), s; by
+            the relative sensors of which any was. Only recorded readings are.
+        truth_is_known: Whether the true states are any. Those of a recorded flight may be NaN throughout.
     """
 
     first_epoch: int
@@ -41,6 +45,8 @@ class Chunk:
     inputs: Mapping[str, Mapping[Form, Array]]
     ended: Mapping[int, str]
     orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
+    late: Mapping[str, Array] = field(default_factory=dict)
+    truth_is_known: bool = True
 
 
 @dataclass(frozen=True)
@@ -76,20 +82,45 @@ def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
     suite = SensorSuite(config.sensors, source, clock.step_s)
     force = own_sensor(config.sensors, "force")
-    gravity = believed_gravity(config)
-    hosts = HostOrbits(config, len(source.runs))
-    thrust = ThrustInputs(config)
+    front_end = FrontEnd(config, len(source.runs))
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         truth = trajectory.at(times_s)
         felt = None if force is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
-        chunk = Chunk(first, truth, z, {}, dict(trajectory.failures))
+        yield front_end.completed(Chunk(first, truth, z, {}, dict(trajectory.failures)), truth)
+
+
+class FrontEnd:
+    """What makes of the readings of a block what filters are given; it remembers where the last chunk ended.
+
+    Args:
+        config: The case.
+        runs: Number of runs.
+    """
+
+    def __init__(self, config: CaseConfig, runs: int) -> None:
+        self._config = config
+        self._gravity = believed_gravity(config)
+        self._hosts = HostOrbits(config, runs)
+        self._thrust = ThrustInputs(config)
+
+    def completed(self, chunk: Chunk, known: Truth | None) -> Chunk:
+        """Return the next chunk with what the filters are given of its readings.
+
+        Args:
+            chunk: Its truth and its readings.
+            known: The orbits of craft that know theirs perfectly, where no sensor says; None: there are none.
+
+        Raises:
+            ValueError: Such an orbit is needed and missing.
+        """
+        sensors, hosts = self._config.sensors, self._hosts
         if hosts.hosts:
-            forces, _ = thrust.of(chunk, default_thrust(config.sensors))
-            chunk = replace(chunk, orbits=hosts.advance(fixes_of(hosts.hosts, config.sensors, z), forces))
-        yield replace(chunk, inputs=filter_inputs(config.sensors, z, truth, gravity, chunk.orbits))
+            forces, _ = self._thrust.of(chunk, default_thrust(sensors))
+            chunk = replace(chunk, orbits=hosts.advance(fixes_of(hosts.hosts, sensors, chunk.z), forces))
+        return replace(chunk, inputs=filter_inputs(sensors, chunk.z, known, self._gravity, chunk.orbits, chunk.late))
 
 
 def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[str, Array]:
@@ -105,11 +136,13 @@ def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[st
         z = chunk.inputs[name][form]
         if frame_is_told(name, config.sensors, config.clock.step_s):
             z = with_frame(z, chunk.orbits[relative_sensors(config.sensors)[name].host].frame)
+        if name in chunk.late:
+            z = with_latency(z, chunk.late[name])
         given[name] = z
     return given
 
 
-def _earlier(trajectory: TruthTrajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
+def _earlier(trajectory: Trajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:
     """Return the states of both craft some time before the epochs, NaN before the start."""
     earlier = times_s - latency_s
     past = trajectory.at(np.maximum(earlier, 0.0))

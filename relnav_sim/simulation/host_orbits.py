@@ -17,7 +17,7 @@ from relnav_sim.linalg import cholesky
 from relnav_sim.sensors import HostOrbit, Sensors, frame_is_told, orbit_frame_covariance, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Craft
 from relnav_sim.sensors.noise import noise_parts, white_variance
-from relnav_sim.truth import nominal_chief
+from relnav_sim.truth import highest_zonal, nominal_chief
 from relnav_sim.truth.thrust import CRAFT
 
 BELIEVED_ZONALS = 2
@@ -26,7 +26,7 @@ BELIEVED_ZONALS = 2
 
 def believed_orbit(config: CaseConfig) -> ChiefOrbit:
     """Return the nominal orbit about the body that the craft believe in: a point mass with J2, where there is one."""
-    return nominal_chief(config.truth).up_to(min(BELIEVED_ZONALS, config.truth.forces.zonals))
+    return nominal_chief(config.truth).up_to(min(BELIEVED_ZONALS, highest_zonal(config.truth)))
 
 
 def believed_gravity(config: CaseConfig) -> Gravity:

@@ -14,7 +14,7 @@ from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.known_thrust import kicks_of
 from relnav_sim.sensors import hosts_of, own_sensor
 from relnav_sim.sensors.noise import noise_parts, white_variance
-from relnav_sim.truth import TruthOptions
+from relnav_sim.truth import AnyTruth
 from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.truth.thrust import CRAFT, Thrust, planned, step_forces
 
@@ -131,7 +131,7 @@ class ThrustInputs:
         return growth
 
 
-def planned_forces(truth: TruthOptions, times_s: Array, step_s: float) -> Array:
+def planned_forces(truth: AnyTruth, times_s: Array, step_s: float) -> Array:
     """Return the specific force that is planned in the steps that end at some epochs, as `KnownThrust.take` wants it.
 
     Args:

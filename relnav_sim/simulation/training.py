@@ -21,7 +21,7 @@ from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import chunks
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import begun_earlier, nominal_chief
+from relnav_sim.truth import TruthOptions, begun_earlier, nominal_chief
 
 TRAINING_RUN = 2**40
 """Number of the training flight: beyond every run, so that it shares no random numbers with any."""
@@ -48,6 +48,7 @@ def training_track(
     step_s = config.clock.step_s
     request = options.training_request(nominal_chief(config.truth))
     duration_s = step_s * math.ceil(request.duration_s / step_s)
+    assert isinstance(config.truth, TruthOptions)  # a campaign with recorded orbits has no learned dynamics
     clock = config.clock.model_copy(update={"duration_s": duration_s})
     flown = config.model_copy(update={"clock": clock, "truth": begun_earlier(config.truth, duration_s)})
     orbit = nominal_chief(flown.truth)

@@ -9,7 +9,11 @@ import numpy as np
 
 from relnav_sim.astro.frames import eci_from_rtn, rtn_from_eci
 from relnav_sim.astro.orbits import elements_from_state
-from relnav_sim.truth.options import DispersionsOptions, OrbitOptions, RelativeOptions, TruthOptions
+from relnav_sim.truth.craft_options import ORBIT_STARTS, RELATIVE_STARTS
+from relnav_sim.truth.dispersion_options import DispersionsOptions
+from relnav_sim.truth.options import TruthOptions
+from relnav_sim.truth.orbit_options import OrbitOptions
+from relnav_sim.truth.relative_options import RelativeOptions
 from relnav_sim.truth.stepping import Batch
 from relnav_sim.truth.trajectory import force_model, nominal_relative
 
@@ -20,20 +24,22 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
     """Return the truth that begins `duration_s` before the nominal start and coasts there; nothing is dispersed.
 
     Time runs backwards for states with their velocities turned round, about a body that turns the other way, in air
-    that drives instead of braking.
+    that drives instead of braking; what depends on the calendar does so at earlier and earlier times.
 
     Raises:
         ValueError: A craft would come from below the surface.
     """
     force = force_model(options)
     ballistic = np.array([options.chief.ballistic_m2_kg, options.deputy.ballistic_m2_kg])
-    chief = options.chief.orbit.state(force.mu_m3_s2)[None]
-    deputy = eci_from_rtn(chief, nominal_relative(options), force.normal_acceleration(chief, ballistic[0]))
+    radiation = np.array([options.chief.radiation_m2_kg, options.deputy.radiation_m2_kg])
+    chief = options.chief_state[None]
+    normal = force.normal_acceleration(chief, ballistic[0], 0.0, radiation[0])
+    deputy = eci_from_rtn(chief, nominal_relative(options), normal)
     backwards = Batch(
         np.concatenate([chief, deputy]) * _TURNED,
         replace(force, rotation_rad_s=-force.rotation_rad_s),
         -ballistic,
-        np.zeros(2),
+        radiation,
         rtol=1e-12,
         kept_steps=1,
         surface_m=force.radius_m,
@@ -44,7 +50,7 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
     if not np.isfinite(turned).all():
         raise ValueError(f"{duration_s:g} s before the start a craft is below the surface")
     chief, deputy = turned[:, 0] * _TURNED
-    relative = rtn_from_eci(chief, deputy, force.normal_acceleration(chief, ballistic[0]))
+    relative = rtn_from_eci(chief, deputy, force.normal_acceleration(chief, ballistic[0], -duration_s, radiation[0]))
     elements = elements_from_state(chief, force.mu_m3_s2)
     orbit = OrbitOptions(
         a_km=float(elements.semi_major_axis_m) / 1e3,
@@ -55,11 +61,15 @@ def begun_earlier(options: TruthOptions, duration_s: float) -> TruthOptions:
         ta_deg=degrees(float(elements.true_anomaly_rad)),
     )
     x, y, z, vx, vy, vz = relative.tolist()
+    epoch = options.start_epoch
     start = RelativeOptions(position_m=(x, y, z), velocity_m_s=(vx, vy, vz))
     return options.model_copy(
         update={
-            "chief": options.chief.model_copy(update={"orbit": orbit}),
-            "deputy": options.deputy.model_copy(update={"relative": start, "orbit": None}),
+            "epoch": None if epoch is None else epoch.later(-duration_s).text("TAI"),
+            "chief": options.chief.model_copy(update={**dict.fromkeys(ORBIT_STARTS), "orbit": orbit}),
+            "deputy": options.deputy.model_copy(
+                update={**dict.fromkeys((*RELATIVE_STARTS, *ORBIT_STARTS)), "relative": start}
+            ),
             "dispersions": DispersionsOptions(),
             "manoeuvres": {},
         }

@@ -2,207 +2,72 @@
 
 from __future__ import annotations
 
-from math import radians
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, TypeVar
 
-import numpy as np
-from pydantic import Field, StringConstraints, ValidationError, field_validator, model_validator
+from pydantic import Field, StringConstraints, ValidationError, ValidationInfo, field_validator, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro import constants
-from relnav_sim.astro.frames import eci_from_rtn, rtn_from_shi2025
-from relnav_sim.astro.orbits import Elements, elements_from_state, state_from_elements
-from relnav_sim.options import Options
-from relnav_sim.truth.distributions import FactorDispersion, PositionDispersion, VelocityDispersion
+from relnav_sim.astro.earth_orientation import EarthOrientation
+from relnav_sim.astro.epoch import Epoch
+from relnav_sim.astro.frames import eci_from_rtn
+from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.line_of_sight import ARCSEC
+from relnav_sim.astro.orbits import Elements, elements_from_state
+from relnav_sim.options import AddedLater, Options
+from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, DeputyOptions
+from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
+from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
+from relnav_sim.truth.named_files import located
+from relnav_sim.truth.start_context import StartContext
 
-Vector = tuple[float, float, float]
+Arcseconds = Annotated[float, Field(ge=-2, le=2)]
 ManoeuvreName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
-class OrbitOptions(Options):
-    """Osculating Keplerian elements at the start of a run, ECI (J2000 axes)."""
+class EarthOrientationOptions(Options):
+    """What only observation tells about the Earth's rotation, as the IERS publishes it; constant over a run."""
 
-    a_km: float = Field(gt=0, le=1e6, description="Semi-major axis, km; at most 1000000, where the Earth's pull ends")
-    e: float = Field(ge=0, lt=1, description="Eccentricity")
-    i_deg: float = Field(ge=0, le=180, description="Inclination, deg")
-    raan_deg: float = Field(default=0.0, description="Right ascension of the ascending node, deg")
-    argp_deg: float = Field(default=0.0, description="Argument of perigee, deg")
-    ta_deg: float = Field(default=0.0, description="True anomaly, deg")
-
-    def state(self, mu_m3_s2: float) -> Array:
-        """Return position and velocity (6,), ECI, m and m/s."""
-        elements = Elements(
-            semi_major_axis_m=self.a_km * 1e3,
-            eccentricity=self.e,
-            inclination_rad=radians(self.i_deg),
-            raan_rad=radians(self.raan_deg),
-            argument_of_perigee_rad=radians(self.argp_deg),
-            true_anomaly_rad=radians(self.ta_deg),
-        )
-        return state_from_elements(elements, mu_m3_s2)
-
-
-class RelativeOptions(Options):
-    """Where the deputy starts, seen from the chief."""
-
-    position_m: Vector = Field(description="Position of the deputy relative to the chief, m")
-    velocity_m_s: Vector = Field(
-        description="Its time derivative in the chief's turning orbit frame, m/s: 0 is at rest in that frame"
-    )
-    axes: Literal["rtn", "shi2025"] = Field(
-        default="rtn",
-        description="Axes of both: rtn (x radial out, y along-track, z orbit normal; default) or shi2025 (x "
-        "along-track, y minus orbit normal, z nadir, as Shi et al. (2025) use)",
+    ut1_utc_s: float = Field(default=0.0, ge=-1, le=1, description="UT1 - UTC at the epoch, s; default 0")
+    polar_motion_arcsec: tuple[Arcseconds, Arcseconds] = Field(
+        default=(0.0, 0.0), description="Coordinates x and y of the pole, arcsec; default 0"
     )
 
     @property
-    def rtn(self) -> Array:
-        """The relative state (6,), RTN, m and m/s."""
-        state = np.array([*self.position_m, *self.velocity_m_s])
-        return rtn_from_shi2025(state) if self.axes == "shi2025" else state
+    def orientation(self) -> EarthOrientation:
+        """The same in SI units."""
+        x, y = self.polar_motion_arcsec
+        return EarthOrientation(self.ut1_utc_s, (x * ARCSEC, y * ARCSEC))
 
 
-class SpacecraftOptions(Options):
-    """What drag needs to know of a spacecraft."""
-
-    mass_kg: float = Field(gt=0, description="Mass, kg")
-    area_m2: float = Field(gt=0, description="Area that meets the air, m^2")
-    drag_coefficient: float = Field(
-        default=2.2, ge=0, description="Drag coefficient; default 2.2, the usual value in free molecular flow"
-    )
-
-    @property
-    def ballistic_m2_kg(self) -> float:
-        """Cd A / m, m^2/kg."""
-        return self.drag_coefficient * self.area_m2 / self.mass_kg
-
-
-class ChiefOptions(SpacecraftOptions):
-    """The chief: the craft whose orbit frame everything is told in."""
-
-    orbit: OrbitOptions = Field(description="The chief's orbit at the start")
-
-
-class DeputyOptions(SpacecraftOptions):
-    """The deputy: the craft whose state relative to the chief is estimated."""
-
-    relative: RelativeOptions | None = Field(
-        default=None, description="Where it starts relative to the chief; give this or orbit"
-    )
-    orbit: OrbitOptions | None = Field(default=None, description="Its own orbit at the start; give this or relative")
-
-    @model_validator(mode="after")
-    def _one_start(self) -> DeputyOptions:
-        if (self.relative is None) == (self.orbit is None):
-            raise ValueError("give exactly one of relative and orbit")
-        return self
-
-
-class AtmosphereOptions(Options):
-    """An exponential atmosphere that turns with the Earth: density exp(-(altitude - base) / scale height)."""
-
-    base_altitude_m: float = Field(
-        default=constants.BASE_ALTITUDE_M,
-        description="Altitude above the equatorial radius at which the density holds, m; default: the layer from "
-        "400 km in Vallado's table 8-4",
-    )
-    density_kg_m3: float = Field(
-        default=constants.DENSITY_KG_M3, gt=0, description="Density there, kg/m^3; default from the same layer"
-    )
-    scale_height_m: float = Field(
-        default=constants.SCALE_HEIGHT_M,
-        gt=0,
-        description="Altitude over which the density falls by the factor e, m; default from the same layer",
-    )
-
-
-class ForcesOptions(Options):
-    """The forces on both spacecraft besides the Earth's central pull."""
-
-    zonals: Literal[0, 2, 3, 4] = Field(
-        default=4, description="Highest zonal harmonic: 0 (point mass), 2 (J2), 3 (J2, J3) or 4 (J2 to J4; default)"
-    )
-    drag: Literal["none", "exponential"] = Field(
-        default="exponential", description="Drag: none, or in an exponential atmosphere (default)"
-    )
-    atmosphere: AtmosphereOptions = Field(
-        default=AtmosphereOptions(), description="The exponential atmosphere; without drag it has no effect"
-    )
-
-
-def _higher(a_km: float, surface_km: float) -> str:
-    if a_km >= surface_km:
-        return "raise a_km or lower e"
-    return f"a_km counts from the centre: for an altitude of {a_km:.12g} km write {a_km + surface_km:.12g}"
-
-
-class ConstantsOptions(Options):
-    """The Earth's constants; stored with the results."""
-
-    mu_m3_s2: float = Field(
-        default=constants.MU_M3_S2, gt=0, description="Gravitational parameter, m^3/s^2; default WGS 84"
-    )
-    radius_m: float = Field(default=constants.RADIUS_M, gt=0, description="Equatorial radius, m; default WGS 84")
-    j2: float = Field(default=constants.J2, description="Zonal harmonic J2, unnormalised; default EGM96")
-    j3: float = Field(default=constants.J3, description="Zonal harmonic J3, unnormalised; default EGM96")
-    j4: float = Field(default=constants.J4, description="Zonal harmonic J4, unnormalised; default EGM96")
-    rotation_rad_s: float = Field(
-        default=constants.ROTATION_RAD_S, description="Rotation rate of Earth and atmosphere, rad/s; default WGS 84"
-    )
-
-    @field_validator("mu_m3_s2")
-    @classmethod
-    def _mu_in_metres(cls, mu: float) -> float:
-        return _in_metres(mu, constants.MU_M3_S2, 1e9)
-
-    @field_validator("radius_m")
-    @classmethod
-    def _radius_in_metres(cls, radius: float) -> float:
-        return _in_metres(radius, constants.RADIUS_M, 1e3)
-
-
-def _in_metres(value: float, of_the_earth: float, factor: float) -> float:
-    """Return a value that is not the Earth's in kilometres."""
-    if abs(factor * value / of_the_earth - 1) < _NEARLY_THE_EARTHS:
-        raise ValueError(f"{value:.12g} is the Earth's in kilometres; write {factor * value:.12g}")
-    return value
-
-
-_NEARLY_THE_EARTHS = 0.01
-
-
-class DispersionsOptions(Options):
-    """What differs between runs; each draws from its own stream, so adding one leaves the others as they were."""
-
-    relative_position: PositionDispersion | None = Field(
-        default=None, description="Offset of the deputy's position at the start, RTN; default: none"
-    )
-    relative_velocity: VelocityDispersion | None = Field(
-        default=None, description="Offset of the deputy's relative velocity at the start, RTN; default: none"
-    )
-    chief_ballistic: FactorDispersion | None = Field(
-        default=None, description="Factor on the chief's Cd A / m; default: none"
-    )
-    deputy_ballistic: FactorDispersion | None = Field(
-        default=None, description="Factor on the deputy's Cd A / m; default: none"
-    )
-    density: FactorDispersion | None = Field(
-        default=None, description="Factor on the density of the air, the same for both craft; default: none"
-    )
+_Craft = TypeVar("_Craft", ChiefOptions, DeputyOptions)
 
 
 class TruthOptions(Options):
     """What really happens: the two spacecraft, the forces on them and what varies between runs."""
 
-    chief: ChiefOptions = Field(description="The chief: its orbit and what drag needs to know of it")
-    deputy: DeputyOptions = Field(description="The deputy: where it starts and what drag needs to know of it")
-    forces: ForcesOptions = Field(default=ForcesOptions(), description="Gravity and drag; default: J2 to J4 and drag")
+    epoch: Annotated[str | None, AddedLater()] = Field(
+        default=None,
+        description="Calendar time of the start, with its time scale (UTC, TAI, GPS or TT), as "
+        "2010-07-27T00:00:00 UTC; default: none, or that of two-line elements",
+    )
+    earth_orientation: Annotated[EarthOrientationOptions | None, AddedLater()] = Field(
+        default=None,
+        description="How the Earth is turned, beyond what theory tells; UT1 - UTC and polar motion are 0 without it",
+    )
+    chief: ChiefOptions = Field(description="The chief: where it starts and what forces need to know of it")
+    deputy: DeputyOptions = Field(description="The deputy: where it starts and what forces need to know of it")
+    forces: ForcesOptions = Field(
+        default=ForcesOptions(), description="Gravity, drag and other forces; default: J2 to J4 and drag"
+    )
     dispersions: DispersionsOptions = Field(
         default=DispersionsOptions(), description="What differs between runs; default: all runs fly the same truth"
     )
-    constants: ConstantsOptions = Field(default=ConstantsOptions(), description="The Earth's constants")
+    constants: ConstantsOptions = Field(
+        default=ConstantsOptions(), validate_default=True, description="The Earth's constants"
+    )
     manoeuvres: dict[ManoeuvreName, ManoeuvreOptions] = Field(
         default={}, description="Manoeuvres of both craft, by names of your choice; default: none"
     )
@@ -210,6 +75,32 @@ class TruthOptions(Options):
         default=ExecutionErrors(),
         description="How badly manoeuvres are carried out, unless one has errors of its own; default: perfectly",
     )
+
+    @field_validator("epoch", mode="after")
+    @classmethod
+    def _known_instant(cls, epoch: str | None) -> str | None:
+        if epoch is not None:
+            Epoch.parse(epoch)
+        return epoch
+
+    @field_validator("chief", "deputy", mode="after")
+    @classmethod
+    def _state_read(cls, craft: _Craft, info: ValidationInfo) -> _Craft:
+        """Fill in a start from a recorded orbit, so that nothing later depends on the file."""
+        if craft.ephemeris is None or craft.ephemeris.state_read is not None:
+            return craft
+        given, chief = info.data.get("epoch"), info.data.get("chief")
+        epoch = chief.start.own_epoch if given is None and chief is not None else given and Epoch.parse(given)
+        turned = info.data.get("earth_orientation")
+        orientation = EarthOrientation() if turned is None else turned.orientation
+        start = craft.ephemeris.read(located(craft.ephemeris.file, info), epoch, orientation)
+        return craft.model_copy(update={"ephemeris": start})
+
+    @field_validator("constants", mode="after")
+    @classmethod
+    def _of_the_field(cls, constants: ConstantsOptions, info: ValidationInfo) -> ConstantsOptions:
+        forces: ForcesOptions | None = info.data.get("forces")
+        return constants if forces is None or forces.gravity is None else constants.of_field(forces.gravity.field)
 
     @field_validator("manoeuvres")
     @classmethod
@@ -223,46 +114,123 @@ class TruthOptions(Options):
         varied = any(getattr(self.dispersions, name) is not None for name in type(self.dispersions).model_fields)
         return varied or any((each.errors or self.execution_errors).any for each in self.manoeuvres.values())
 
+    @property
+    def start_epoch(self) -> Epoch | None:
+        """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
+        if self.epoch is not None:
+            return Epoch.parse(self.epoch)
+        starts = (self.chief.start, self.deputy.own_start)
+        return next((each.own_epoch for each in starts if each is not None and each.own_epoch is not None), None)
+
+    @property
+    def start_context(self) -> StartContext:
+        """What the start states depend on."""
+        values, highest = self.constants, self.forces.highest_zonal
+        zonals = [j if n <= highest else 0.0 for n, j in ((2, values.j2), (3, values.j3), (4, values.j4))]
+        gravity = Gravity(values.mu_m3_s2, values.radius_m, *zonals)
+        return StartContext(gravity, values.radius_m, self.start_epoch, self.orientation)
+
+    @property
+    def orientation(self) -> EarthOrientation:
+        """What is known of the Earth's rotation."""
+        return EarthOrientation() if self.earth_orientation is None else self.earth_orientation.orientation
+
+    @property
+    def chief_state(self) -> Array:
+        """The chief's nominal state at the start (6,), ECI, m and m/s."""
+        return self.chief.start.state(self.start_context)
+
+    @property
+    def chief_elements(self) -> Elements:
+        """The chief's nominal osculating elements at the start."""
+        return self.chief.start.osculating(self.start_context)
+
+    @property
+    def deputy_state(self) -> Array | None:
+        """The deputy's nominal state at the start (6,), ECI, m and m/s; None where `relative` tells it."""
+        return self.deputy.state(self.chief_state, self.start_context)
+
     @model_validator(mode="after")
     def _fits_together(self) -> TruthOptions:
-        problems = [*self._low_orbits(), *self._idle_dispersions(), *self._simultaneous()]
+        problems = [*self._starts(), *self._without_epoch(), *self._idle_dispersions(), *self._simultaneous()]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
 
-    def _low_orbits(self) -> list[InitErrorDetails]:
-        surface_km = self.constants.radius_m / 1e3
-        lows = [
-            _problem(
-                (craft, "orbit"),
-                f"the perigee is {orbit.a_km * (1 - orbit.e):.6g} km from the Earth's centre, below the surface at "
-                f"{surface_km:.6g} km; {_higher(orbit.a_km, surface_km)}",
-            )
-            for craft, orbit in (("chief", self.chief.orbit), ("deputy", self.deputy.orbit))
-            if orbit is not None and orbit.a_km * (1 - orbit.e) <= surface_km
-        ]
-        if self.deputy.relative is None or lows:
-            return lows
-        mu = self.constants.mu_m3_s2
-        elements = elements_from_state(eci_from_rtn(self.chief.orbit.state(mu), self.deputy.relative.rtn), mu)
-        a, e = float(elements.semi_major_axis_m), float(elements.eccentricity)
-        if e < 1 and a * (1 - e) > self.constants.radius_m:
-            return []
-        fate = f"with its perigee {a * (1 - e) / 1e3:.6g} km from the Earth's centre" if e < 1 else "that escapes"
-        return [_problem(("deputy", "relative"), f"puts the deputy on an orbit {fate}; start it nearer to the chief")]
+    def _starts(self) -> list[InitErrorDetails]:
+        """Return what is wrong with the start states: that there is none, no ellipse, or one through the Earth."""
+        own = self.deputy.own_start
+        lows = list(self._wrong_orbit("chief", lambda: self.chief_elements))
+        if own is not None:
+            lows += self._wrong_orbit("deputy", lambda: own.osculating(self.start_context))
+        elif not lows:
+            lows += self._wrong_orbit("deputy", self._seen_from_the_chief)
+        return lows
 
-    def _idle_dispersions(self) -> list[InitErrorDetails]:
-        if self.forces.drag != "none":
+    def _seen_from_the_chief(self) -> Elements:
+        state = self.deputy_state
+        if state is None:
+            assert self.deputy.relative is not None
+            state = eci_from_rtn(self.chief_state, self.deputy.relative.rtn)
+        return elements_from_state(state, self.constants.mu_m3_s2)
+
+    def _wrong_orbit(self, craft: str, osculating: Callable[[], Elements]) -> Iterator[InitErrorDetails]:
+        key = self.chief.start_key if craft == "chief" else self.deputy.start_key
+        try:
+            elements = osculating()
+        except ValueError as error:
+            yield problem((craft, key), str(error))
+            return
+        a, e = float(elements.semi_major_axis_m), float(elements.eccentricity)
+        perigee_km, surface_km = a * (1 - e) / 1e3, self.constants.radius_m / 1e3
+        if e < 1 and perigee_km > surface_km:
+            return
+        if key in RELATIVE_STARTS:
+            fate = f"with its perigee {perigee_km:.6g} km from the Earth's centre" if e < 1 else "that escapes"
+            yield problem((craft, key), f"puts the deputy on an orbit {fate}; start it nearer to the chief")
+        elif e < 1:
+            yield problem(
+                (craft, key),
+                f"the perigee is {perigee_km:.6g} km from the Earth's centre, below the surface at {surface_km:.6g} km"
+                f"{self._higher(craft, surface_km)}",
+            )
+        else:
+            yield problem((craft, key), f"the eccentricity is {e:.6g}: the orbit escapes; check position and velocity")
+
+    def _higher(self, craft: str, surface_km: float) -> str:
+        orbit = self.chief.orbit if craft == "chief" else self.deputy.orbit
+        if orbit is None or orbit.a_km is None:
+            return ""
+        if orbit.a_km >= surface_km:
+            return "; raise a_km or lower e"
+        return (
+            f"; a_km counts from the centre: for an altitude of {orbit.a_km:.12g} km write altitude_km: "
+            f"{orbit.a_km:.12g}, or a_km: {orbit.a_km + surface_km:.12g}"
+        )
+
+    def _without_epoch(self) -> list[InitErrorDetails]:
+        force = self.forces.needs_epoch
+        if force is None or self.start_epoch is not None:
             return []
         return [
-            _problem(("dispersions", name), "has no effect without drag; leave it out or set forces.drag")
-            for name in ("chief_ballistic", "deputy_ballistic", "density")
-            if getattr(self.dispersions, name) is not None
+            problem(
+                ("forces", force),
+                "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC",
+            )
+        ]
+
+    def _idle_dispersions(self) -> list[InitErrorDetails]:
+        idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
+        names = {"drag": "drag", "radiation_pressure": "radiation pressure"}
+        return [
+            problem(("dispersions", name), f"has no effect without {names[force]}; leave it out or set forces.{force}")
+            for name, force in NEEDED.items()
+            if idle[force] and getattr(self.dispersions, name) is not None
         ]
 
     def _simultaneous(self) -> list[InitErrorDetails]:
         return [
-            _problem(
+            problem(
                 ("manoeuvres", later),
                 f"begins while {earlier!r} of the same craft is under way, at {self.manoeuvres[later].time_s:g} s; "
                 "add the two up, or move one",
@@ -271,7 +239,7 @@ class TruthOptions(Options):
         ]
 
 
-def _problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
+def problem(place: tuple[str, ...], sentence: str) -> InitErrorDetails:
     """Return an error of one key, as pydantic reports errors of several keys from one check."""
     kind = PydanticCustomError("value_error", "{error}", {"error": sentence})
     return InitErrorDetails(type=kind, loc=place, input=None)

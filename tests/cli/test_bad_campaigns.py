@@ -106,10 +106,13 @@ BAD = {
         edit("a_km: 6878", "a_km: 6878137"),
         "a_km: must be at most 1000000, not 6878137; in metres? Write 6878.137",
     ),
-    "an altitude as an orbit": (edit("a_km: 6878", "a_km: 500"), "for an altitude of 500 km write 6878.137"),
+    "an altitude as an orbit": (
+        edit("a_km: 6878", "a_km: 500"),
+        "for an altitude of 500 km write altitude_km: 500, or a_km: 6878.137",
+    ),
     "an altitude": (
-        edit("a_km: 6878", "altitude_km: 500"),
-        "altitude_km: unknown key; an orbit is given by a_km = altitude + 6378.137, here a_km: 6878.137",
+        edit("a_km: 6878", "height_km: 500"),
+        "height_km: unknown key; did you mean 'altitude_km'? Write altitude_km: 500",
     ),
     "one receiver on both craft": (
         edit("  gnss: {", "  gnss: {host: both, "),
@@ -123,7 +126,7 @@ BAD = {
         edit(START, DISPERSED).replace(RADAR, RADAR[:-1] + ", latency_s: 601}"),
         "sensors.radar.latency_s: the first reading that filters get comes at 601 s; the run ends at 600 s",
     ),
-    "an altitude in metres": (edit("a_km: 6878", "altitude_m: 512345.5"), "here a_km: 6890.4825"),
+    "an altitude in metres": (edit("a_km: 6878", "altitude_m: 512345.5"), "Write altitude_km: 512.3455"),
     "a key in metres": (edit("a_km: 6878", "a_m: 6878137.5"), "did you mean 'a_km'? Write a_km: 6878.1375"),
     "an element's whole name": (edit("i_deg: 51.6", "inclination: 51.6"), "did you mean 'i_deg'? Write i_deg: 51.6"),
     "an angle in radians": (edit("i_deg: 51.6", "i_rad: 0.5"), "Write i_deg: 28.6478897565"),

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from relnav_sim.measurements.delayed import Delayed
+from relnav_sim import LinearMeasurement
+from relnav_sim.measurements.delayed import Delayed, with_latency
 from relnav_sim.measurements.interface import MeasurementDefaults
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
@@ -52,3 +53,32 @@ def test_angles_wrap():
     late = Delayed(SphericalRadar(np.eye(3), NOISE), LATENCY_S)
     residual = late.residual(np.array([[1.0, 3.1, 0.0]]), np.array([[1.0, -3.1, 0.0]]))
     assert residual[0, 1] == pytest.approx(6.2 - 2 * np.pi)
+
+
+@pytest.mark.parametrize("constant_s", [0.0, 0.4])
+def test_latencies_told_with_the_readings_are_those_of_single_constant_ones(states, constant_s):
+    base = SphericalRadar(np.eye(3), NOISE)
+    told = Delayed(base, constant_s, told=True)
+    own_s = np.random.default_rng(2).uniform(0, 3, size=(len(states), 4))
+    z = np.random.default_rng(3).normal(size=(len(states), 4, 3))
+    own_s[0, 1] = np.nan  # nothing is read
+    np.testing.assert_array_equal(told.take(with_latency(z, own_s), first_epoch=10), z)
+    for run in range(1, len(states)):
+        row = slice(run, run + 1)
+        for k in range(4):
+            alone = Delayed(base, constant_s + own_s[run, k])
+            for name in ("predict", "jacobian", "noise"):
+                expected = getattr(alone, name)(states[row], 10 + k)
+                np.testing.assert_array_equal(getattr(told, name)(states, 10 + k)[row], expected)
+            found = told.linearised(z[:, k], states, 10 + k)
+            for one, other in zip(found, alone.linearised(z[row, k], states[row], 10 + k), strict=True):
+                np.testing.assert_array_equal(one[row], other)
+    cloud = np.repeat(states[:, None], 5, axis=1)
+    np.testing.assert_array_equal(told.predict(cloud, 12)[:, 3], told.predict(states, 12))
+
+
+def test_a_constant_jacobian_differs_between_runs_whose_latencies_do():
+    told = Delayed(LinearMeasurement(np.eye(3, 6), np.eye(3)), 0.0, told=True)
+    told.take(with_latency(np.zeros((2, 1, 3)), np.array([[1.0], [2.0]])), 0)
+    H = told.jacobian(np.zeros((2, 6)), 0)
+    np.testing.assert_array_equal(H[:, :, 3:], [-np.eye(3), -2 * np.eye(3)])

@@ -1,0 +1,129 @@
+"""`relnav export --part readings`: what a campaign's filters were given, as a flight would have recorded it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.files import target_file
+from relnav_sim.cli.output import new_file, say
+
+if TYPE_CHECKING:
+    from relnav_sim.astro.epoch import Epoch
+    from relnav_sim.campaign.models import CaseConfig
+    from relnav_sim.recorded.readings import Layout, Readings
+    from relnav_sim.results import Results
+
+
+def export_readings(
+    results: Results, result: Path, case: str | None, runs: Sequence[int], to: str, out: str | None, overwrite: bool
+) -> None:
+    """Write the readings of some runs, simulated again, each to files of its own.
+
+    Args:
+        results: An open result.
+        result: Its path as the user gave it.
+        case: Number, label or id of the case; None: the first.
+        runs: Numbers of the runs; none: the first that the result holds.
+        to: ``csv``, or ``tdm`` with a CSV file beside it for what no TDM can hold.
+        out: The file, or a folder; None: beside the result.
+        overwrite: Whether files may be replaced.
+
+    Raises:
+        UserError: The result has no such run, or what is asked for can't be written.
+    """
+    from relnav_sim.recorded.readings import ReadingsError
+    from relnav_sim.results.stored_campaign import stored_campaign
+    from relnav_sim.sensors import readings_layout
+    from relnav_sim.simulation.recording import record
+
+    index = results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
+    chosen = chosen_runs(results, result, runs)
+    campaign = stored_campaign(results)
+    config = campaign.cases[index].config
+    epoch = config.truth.start_epoch
+    if to == "tdm" and epoch is None:
+        raise UserError(
+            "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "
+            "2010-07-27T00:00:00 UTC, or export --to csv"
+        )
+    try:
+        layout = readings_layout(config.sensors)
+    except ReadingsError as error:
+        raise UserError(str(error)) from None
+    stem = f"{result.stem}_readings" + (f"_case{index}" if len(campaign.cases) > 1 else "")
+    paths = {run: _path(result, out, f"{stem}_run{run}.{to}", len(chosen)) for run in chosen}
+    for path in paths.values():
+        beside = path.with_suffix(".csv") if to == "tdm" else None
+        if path == beside:
+            raise UserError(f"{path} is where what no TDM can hold goes; give --out another ending, as .tdm")
+        for each in filter(None, (path, beside)):
+            if each.exists() and result.exists() and each.samefile(result):
+                raise UserError(f"{each} is the result itself; give another --out")
+            new_file(each, overwrite)
+    comments = {"campaign": campaign.name, "case": campaign.cases[index].label, "seed": str(campaign.seed)}
+    comments |= {} if epoch is None else {"epoch": epoch.text()}
+    for readings in record(config, campaign.seed, chosen):
+        path = paths[readings.run]
+        if epoch is not None and to == "tdm":
+            readings = _write_tdm(path, readings, layout, config, epoch)
+            path = path.with_suffix(".csv")
+        _write_csv(path, readings, layout, comments)
+
+
+def chosen_runs(results: Results, result: Path, runs: Sequence[int]) -> list[int]:
+    """Return the numbers of the runs to be written; the first that the result holds where none is asked for.
+
+    Raises:
+        UserError: The result does not hold one of them.
+    """
+    held = results.runs
+    if not held:
+        raise UserError(f"{result} holds no run yet")
+    for run in runs:
+        if run not in held:
+            raise UserError(f"{result} holds no run {run}; its runs go from {held[0]} to {held[-1]}")
+    return sorted(set(runs)) or [held[0]]
+
+
+def _path(result: Path, out: str | None, name: str, files: int) -> Path:
+    if out is None:
+        return result.with_name(name)
+    path = target_file(out, name)
+    if files > 1 and path.name != name:
+        raise UserError(f"{files} runs go to {files} files; give --out a folder, as {out}/")
+    return path
+
+
+def _write_csv(path: Path, readings: Readings, layout: Layout, comments: dict[str, str]) -> None:
+    from relnav_sim.recorded.readings_csv import write_csv
+    from relnav_sim.results.atomic import written_whole
+
+    with written_whole(path) as temporary:
+        write_csv(temporary, readings, layout, comments)
+    say(f"wrote {path}")
+
+
+def _write_tdm(path: Path, readings: Readings, layout: Layout, config: CaseConfig, epoch: Epoch) -> Readings:
+    """Write what a TDM can hold; return the rest."""
+    from relnav_sim.astro.epoch import now
+    from relnav_sim.recorded.tdm_writing import fits_tdm, write_tdm
+    from relnav_sim.results.atomic import written_whole
+    from relnav_sim.sensors import relative_sensors
+
+    targets = {
+        name: "deputy" if options.host == "chief" else "chief"
+        for name, options in relative_sensors(config.sensors).items()
+        if fits_tdm(layout[name])
+    }
+    fitting = {name: one for name, one in readings.sensors.items() if name in targets}
+    if not fitting:
+        raise UserError("no sensor of the campaign measures range, range rate or two angles alone; export --to csv")
+    created = now()
+    with written_whole(path) as temporary:
+        write_tdm(temporary, replace(readings, sensors=fitting), layout, epoch, targets, created)
+    say(f"wrote {path}: {', '.join(fitting)}")
+    return replace(readings, sensors={name: one for name, one in readings.sensors.items() if name not in fitting})

@@ -1,0 +1,70 @@
+"""What the residuals of a filter amount to, in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from relnav_sim.report.replay.figures_of_filters import FilterFigures
+from relnav_sim.statistics.residual_checks import ChannelCheck, NisCheck
+from relnav_sim.statistics.scores import Scores
+from relnav_sim.wording import listed, significant
+
+
+def verdict(filter: FilterFigures, runs: int) -> str:
+    """Return the verdict on a filter, a word first: ``overconfident: NIS 3.2 times its expectation for radar``.
+
+    Args:
+        filter: Its figures.
+        runs: Number of runs replayed.
+    """
+    return _by_residuals(filter, runs) + ("" if filter.scores is None else _against_truth(filter.scores))
+
+
+def _by_residuals(filter: FilterFigures, runs: int) -> str:
+    failed = len(filter.replayed.failures)
+    if failed == runs:
+        first = min(filter.replayed.failures, key=lambda failure: failure.epoch)
+        return f"failed: {first.reason} (epoch {first.epoch})"
+    checks = filter.checks
+    overconfident, conservative = checks.found("overconfident"), checks.found("conservative")
+    findings = [_nis(group) for group in (overconfident, conservative) if group]
+    if biased := checks.biased:
+        offsets = [f"{one.name} by {significant(one.normalised_mean, 2)} sigma" for one in biased]
+        findings.append(f"residuals off on average: {listed(offsets)}")
+    if correlated := checks.correlated:
+        findings.append(f"residuals not white: {listed([_correlation(one) for one in correlated])}")
+    if apart := checks.smoother.disagreeing:
+        findings.append(f"filter and smoother disagree in {listed(apart)}")
+    if failed:
+        findings.append(f"{failed} of {runs} runs failed")
+    if findings:
+        word = "inconsistent"
+        if bool(overconfident) != bool(conservative):
+            word = "overconfident" if overconfident else "conservative"
+        return f"{word}: {'; '.join(findings)}"
+    read = [one for one in checks.nis if one.band is not None]
+    if not read:
+        return "not tested: no reading reached it"
+    return f"consistent: {_nis(read)}; residuals white; filter and smoother agree"
+
+
+def _against_truth(scores: Scores) -> str:
+    settled = np.isfinite(scores.position_rms_m[1])
+    position_m, anees = (each[int(settled)] for each in (scores.position_rms_m, scores.anees))
+    if not np.isfinite(position_m):
+        return ""
+    return (
+        f"; against the truth {significant(position_m)} m RMS{' settled' * bool(settled)}, ANEES {significant(anees)}"
+    )
+
+
+def _nis(checks: Sequence[NisCheck]) -> str:
+    each = [f"{significant(one.ratio)} for {one.sensor}" for one in checks]
+    return f"NIS over its expectation {listed(each)}"
+
+
+def _correlation(one: ChannelCheck) -> str:
+    lag = int(np.argmax(np.abs(one.whiteness.correlation)))
+    return f"{one.name} ({significant(float(one.whiteness.correlation[lag]), 2)} at lag {lag + 1})"

@@ -1,0 +1,160 @@
+"""Recorded readings through a campaign's filters, and the result file of what can be scored."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal
+
+from relnav_sim.campaign import Campaign, Case
+from relnav_sim.campaign.identity import campaign_hash
+from relnav_sim.campaign.problems import no_such
+from relnav_sim.recorded.readings import Readings
+from relnav_sim.recorded.readings_files import load_readings
+from relnav_sim.results.block import ReplayHeader
+from relnav_sim.results.merge import merge_shards, run_ranges
+from relnav_sim.results.provenance import collect_provenance
+from relnav_sim.results.shards import write_shard
+from relnav_sim.runner.job import result_header
+from relnav_sim.runner.single import case_number
+from relnav_sim.runner.work import with_filters
+from relnav_sim.sensors import readings_layout
+from relnav_sim.simulation.origin import are_of_campaign
+from relnav_sim.simulation.own_readings import ReplayError
+from relnav_sim.simulation.recorded_chunks import last_epoch
+from relnav_sim.simulation.replay import replay_block
+from relnav_sim.simulation.replayed import RecordedFile, Replay, joined
+from relnav_sim.truth import EphemerisTruthOptions
+
+TruthChoice = Literal["auto", "campaign", "none"]
+_MOST_NUMBERS = 30_000_000
+"""Numbers that are kept for the smoother at a time; runs are replayed so many together."""
+
+
+def replay_campaign(
+    campaign: Campaign,
+    files: Sequence[str | os.PathLike[str]],
+    case: int | str = 0,
+    filters: Sequence[str] = (),
+    runs: Sequence[int] = (),
+    sort: bool = False,
+    truth: TruthChoice = "auto",
+) -> Replay:
+    """Run a campaign's filters on recorded readings.
+
+    Args:
+        campaign: From `load_campaign`.
+        files: Files of readings.
+        case: Number, id or label of the case.
+        filters: Names of the filters; none: all.
+        runs: Numbers of the recorded runs to replay; none: all.
+        sort: Whether rows of a file may be out of order.
+        truth: ``auto``: score where the campaign's truth is recorded orbits, or where the readings are those that the
+            campaign itself simulates; ``campaign``: score against the campaign's truth, whatever it is; ``none``.
+
+    Raises:
+        ReadingsError: A file can't be used.
+        ReplayError: The readings do not fit the campaign.
+        RefusedError: There is no such case.
+        OSError: A file can't be read.
+    """
+    started, clock = datetime.now(UTC), time.monotonic()
+    chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
+    config = chosen.config
+    recorded = _of_runs(load_readings(files, readings_layout(config.sensors), config.truth.start_epoch, sort), runs)
+    against = _truth(campaign, chosen, recorded, truth)
+    numbers = config.clock.epochs * 3 * 36 * len(config.filters)
+    at_once = max(1, _MOST_NUMBERS // numbers)
+    epochs = last_epoch(config, recorded) + 1
+    parts = [
+        replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
+        for first in range(0, len(recorded), at_once)
+    ]
+    return Replay(
+        campaign=_alone(campaign, chosen),
+        case=chosen,
+        files=tuple(RecordedFile(os.fspath(path), _digest(Path(path))) for path in files),
+        recorded=tuple(recorded),
+        block=joined(parts),
+        truth=against,
+        started=started,
+        wall_time_s=time.monotonic() - clock,
+        notes=tuple(note for one in recorded for note in one.notes),
+    )
+
+
+def write_result(replay: Replay, out: Path) -> Path:
+    """Write the scored estimates as a results file, which every command for results reads.
+
+    Args:
+        replay: A replay that is scored.
+        out: The file; replaced as a whole.
+
+    Raises:
+        OSError: It can't be written.
+    """
+    runs = [one.run for one in replay.recorded]
+    campaign, case = replay.campaign, replay.case
+    header = replace(
+        result_header(replace(campaign, runs=max(runs) + 1)),
+        replay=ReplayHeader({file.path: file.sha256 for file in replay.files}, replay.truth, tuple(runs)),
+    )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
+        shards = []
+        for number, result in enumerate(replay.block.results):
+            path = Path(folder) / f"{number}.h5"
+            write_shard(path, result, campaign.seed, {name: case.filter_ids[name] for name in result.filters})
+            shards.append(path)
+        provenance = collect_provenance(replay.started, datetime.now(UTC), replay.wall_time_s)
+        merge_shards(shards, header, provenance, out, complete=False)
+    return out
+
+
+def _chosen(case: Case, filters: Sequence[str]) -> Case:
+    """Return the case with the filters asked for."""
+    if not filters:
+        return case
+    known = list(case.config.filters)
+    if unknown := [name for name in filters if name not in known]:
+        raise ReplayError(no_such("filter", unknown[0], known))
+    return with_filters(case, [name for name in known if name in filters])
+
+
+def _of_runs(recorded: Sequence[Readings], runs: Sequence[int]) -> list[Readings]:
+    """Return the recorded runs asked for."""
+    known = {one.run: one for one in recorded}
+    if missing := [run for run in runs if run not in known]:
+        raise ReplayError(
+            f"the files hold no run {missing[0]}; they hold {run_ranges(known)}; leave --run out to replay all"
+        )
+    return [known[run] for run in sorted(set(runs) or known)]
+
+
+def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice: TruthChoice) -> str:
+    """Return what estimates are scored against, in words; empty: nothing."""
+    if choice == "none":
+        return ""
+    if isinstance(case.config.truth, EphemerisTruthOptions):
+        return "the orbits of the campaign's truth.ephemeris"
+    if choice == "campaign":
+        return "the truth that the campaign simulates, taken on trust"
+    if are_of_campaign(case.config, campaign.seed, recorded):
+        return "the truth that the campaign simulates, whose readings these are"
+    return ""
+
+
+def _alone(campaign: Campaign, case: Case) -> Campaign:
+    """Return the campaign with one case."""
+    content = {**campaign.content, **case.config.model_dump(mode="json", exclude={"name"}), "grid": {}, "zip": {}}
+    return replace(campaign, cases=(case,), content=content, hash=campaign_hash(content))
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
