@@ -9,8 +9,8 @@ from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import SCALES, Epoch
 from relnav_sim.recorded.errors import EphemerisError, at_line
 from relnav_sim.recorded.interpolation import Interpolation, Kind
+from relnav_sim.recorded.number import number
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ITRF = re.compile(r"ITRF([ -]?\d{2,4})?")
 _KINDS: dict[str, Kind] = {"LAGRANGE": "LAGRANGE", "HERMITE": "HERMITE", "LINEAR": "LINEAR"}
 _MOST_DEGREE = 30
@@ -73,10 +73,10 @@ class Place:
         Raises:
             EphemerisError: It is none, or not finite.
         """
-        value = float(text) if _NUMBER.fullmatch(text) else float("inf")
-        if abs(value) == float("inf"):
-            raise self.error(f"{what} is {text!r}; it must be a finite number")
-        return value
+        try:
+            return number(text)
+        except ValueError:
+            raise self.error(f"{what} is {text!r}; it must be a finite number") from None
 
     def frame(self, name: str) -> str:
         """Return the name of a frame that relnav reads, in capitals.
