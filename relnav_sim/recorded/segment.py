@@ -14,6 +14,8 @@ from relnav_sim.recorded.number import number
 _ITRF = re.compile(r"ITRF([ -]?\d{2,4})?")
 _KINDS: dict[str, Kind] = {"LAGRANGE": "LAGRANGE", "HERMITE": "HERMITE", "LINEAR": "LINEAR"}
 _MOST_DEGREE = 30
+_LARGEST = 1e15
+"""In any unit of position, velocity, acceleration or time far beyond what orbits about the Earth have."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,12 @@ class Place:
             EphemerisError: It is none, or not finite.
         """
         try:
-            return number(text)
+            value = number(text)
         except ValueError:
             raise self.error(f"{what} is {text!r}; it must be a finite number") from None
+        if abs(value) > _LARGEST:
+            raise self.error(f"{what} is {text!r}; no orbit about the Earth has that")
+        return value
 
     def frame(self, name: str) -> str:
         """Return the name of a frame that relnav reads, in capitals.
