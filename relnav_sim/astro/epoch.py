@@ -6,7 +6,6 @@ pyerfa knows those. After its last leap second UTC is taken to go on as it is.
 
 from __future__ import annotations
 
-import math
 import re
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -20,14 +19,15 @@ _ZERO = date(2000, 1, 1).toordinal()
 _JULIAN_DATE_OF_ZERO = 2451544.5
 _YEARS = range(1901, 2100)
 """What pyerfa's Sun covers."""
+_LONGEST_S = 10**11
 
-_AFTER_TAI = {"TAI": Fraction(0), "GPS": Fraction(-19), "TT": Fraction("32.184")}
-"""Seconds by which the reading of a clock is later than that of TAI."""
+_AFTER_TAI = {"TAI": 0, "GPS": -19 * _PER_SECOND, "TT": 32_184 * _PER_SECOND // 1000}
+"""Picoseconds by which the reading of a clock is later than that of TAI."""
 SCALES = ("UTC", "TAI", "GPS", "TT")
 
 _FORM = re.compile(
     r"(?P<year>\d{4})-(?:(?P<month>\d\d)-(?P<day>\d\d)|(?P<day_of_year>\d{3}))"
-    r"(?:[T ](?P<hour>\d\d):(?P<minute>\d\d)(?::(?P<second>\d\d(?:\.\d*)?))?)?"
+    r"(?:[T ](?P<hour>\d\d):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:\.(?P<fraction>\d{0,40}))?)?)?"
     r"(?P<zulu>Z)?(?:\s+(?P<scale>[A-Za-z]\w*))?",
     re.ASCII,
 )
@@ -70,15 +70,14 @@ class Epoch:
         scale = _scale_of(text, found["scale"], bool(found["zulu"]), scale)
         day = _day(text, found)
         hour, minute = int(found["hour"] or 0), int(found["minute"] or 0)
-        second = Fraction(found["second"] or 0)
-        leap = scale == "UTC" and (hour, minute) == (23, 59) and 60 <= second < 61
+        second = int(found["second"] or 0)
+        leap = scale == "UTC" and (hour, minute, second) == (23, 59, 60)
         if hour > 23 or minute > 59 or (second >= 60 and not leap):
             raise ValueError(f"epoch {text!r}: there is no such time of day; it is at most 23:59:59")
         if leap and day + 1 not in _leap_seconds()[0]:
             raise ValueError(f"epoch {text!r}: no leap second was added on this day, so that 23:59:59 is its last")
-        clock = day * _DAY_S + hour * 3600 + minute * 60 + second
-        after = -_tai_minus_utc_on(day, text) if scale == "UTC" else _AFTER_TAI[scale]
-        return cls(round((clock - after) * _PER_SECOND))
+        clock = (day * _DAY_S + hour * 3600 + minute * 60 + second) * _PER_SECOND + _picoseconds(found["fraction"])
+        return cls(clock + _tai_minus_utc_on(day, text) * _PER_SECOND if scale == "UTC" else clock - _AFTER_TAI[scale])
 
     def text(self, scale: str = "UTC") -> str:
         """Return it as `parse` reads it, to the picosecond, in a time scale: UTC, TAI, GPS or TT.
@@ -105,11 +104,11 @@ class Epoch:
         """Return the instant that many SI seconds later, or earlier where they are negative, to the picosecond.
 
         Raises:
-            ValueError: The seconds are not finite.
+            ValueError: The seconds are not finite, or more than 3000 years.
         """
-        if not math.isfinite(seconds):
-            raise ValueError(f"an epoch can't be moved by {seconds} s; the time must be finite")
-        return Epoch(self.tai_ps + round(Fraction(seconds) * _PER_SECOND))
+        if not abs(seconds) < _LONGEST_S:
+            raise ValueError(f"an epoch can't be moved by {seconds} s; it must be a time below {_LONGEST_S} s")
+        return Epoch(self.tai_ps + round(Fraction(float(seconds)) * _PER_SECOND))
 
     @property
     def tt(self) -> tuple[float, float]:
@@ -131,7 +130,7 @@ class Epoch:
         return offsets[index]
 
     def _clock(self, scale: str) -> int:
-        return self.tai_ps + int(_AFTER_TAI[scale] * _PER_SECOND)
+        return self.tai_ps + _AFTER_TAI[scale]
 
     def _in_leap_second(self) -> bool:
         starts = _leap_seconds()[2]
@@ -142,6 +141,13 @@ class Epoch:
 def now() -> Epoch:
     """Return the present instant by this machine's clock, to the second."""
     return Epoch.parse(f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S} UTC")
+
+
+def _picoseconds(digits: str | None) -> int:
+    """Return the picoseconds of a decimal fraction of a second."""
+    if not digits:
+        return 0
+    return round(Fraction(int(digits) * _PER_SECOND, 10 ** len(digits))) if len(digits) > 12 else int(f"{digits:0<12}")
 
 
 def _scale_of(text: str, named: str | None, zulu: bool, given: str | None) -> str:
