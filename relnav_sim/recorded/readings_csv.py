@@ -95,7 +95,7 @@ def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[
     Raises:
         OSError: The file can't be written.
     """
-    keys = dict(comments or {}) | {"run": str(readings.run)}
+    keys = {key: printable(said) for key, said in (comments or {}).items()} | {"run": str(readings.run)}
     if readings.start is not None:
         keys[_MEAN] = " ".join(map(repr, readings.start.mean.tolist()))
         keys[_COVARIANCE] = " ".join(map(repr, readings.start.covariance.ravel().tolist()))
@@ -108,8 +108,8 @@ def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[
         cells[np.searchsorted(times_s, each.times_s), first : first + each.values.shape[1]] = each.values
         first += each.values.shape[1]
     with open(path, "w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {key}: {text}\n" for key, text in keys.items())
-        file.write(",".join(heading) + "\n")
+        file.writelines(f"# {key}: {said}\n" for key, said in keys.items())
+        csv.writer(file, lineterminator="\n").writerow(heading)
         for row in cells.tolist():
             file.write(",".join("" if value != value else repr(value) for value in row) + "\n")
 

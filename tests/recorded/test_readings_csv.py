@@ -364,5 +364,5 @@ class TestSeveralFiles:
 def test_a_campaign_s_own_comments_do_no_harm(tmp_path):
     one = SensorReadings(np.zeros(1), np.ones((1, 2)), (), np.zeros((1, 2), dtype=int))
     recorded = Readings({"radar": one})
-    write_csv(tmp_path / "a.csv", replace(recorded, run=7), LAYOUT, {"case": "radar.range_m=4, x: y", "seed": "1"})
+    write_csv(tmp_path / "a.csv", replace(recorded, run=7), LAYOUT, {"case": "x: 4\n# run: 8", "seed": "1"})
     assert load_readings([tmp_path / "a.csv"], LAYOUT)[0].run == 7
