@@ -71,6 +71,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield from _check_sensor_errors(name, entry, parts.sensors)
             yield from _check_distortions(name, entry, parts.sensors)
             if truth is not None:
+                yield from _check_epoch(name, entry, truth)
                 yield from _check_training(name, entry, parts.sensors, nominal_chief(truth))
         if filter_kinds()[entry.kind].learned_dynamics and "training_track" not in entry.dynamics.needs:
             learned = [kind for kind, options in dynamics_kinds().items() if "training_track" in options.needs]
@@ -139,6 +140,15 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
             ("sensors", giving, key),
             f"the first reading comes {late_s:g} s after the start, so there is no fix to start from; "
             "take start.kind dispersed or given",
+        )
+
+
+def _check_epoch(name: str, entry: FilterEntry, truth: AnyTruth) -> Iterator[Problem]:
+    """Yield a problem where dynamics depend on the calendar and the campaign says no date."""
+    if "epoch" in entry.dynamics.needs and truth.start_epoch is None:
+        yield Problem(
+            ("filters", name, "dynamics"),
+            f"{entry.dynamics.kind} needs to know how the Earth is turned: give truth.epoch (2025-03-20T12:00:00 UTC)",
         )
 
 

@@ -99,9 +99,13 @@ def export(
         if to is Format.OEM:
             raise UserError(f"--to oem is no format of readings; give {_OTHER_PART[to]} with it")
         from relnav_sim.cli.export_readings import export_readings
+        from relnav_sim.recorded.readings import ReadingsError
 
         with readable(result) as file, open_results(file) as results:
-            export_readings(results, result, case, run or [], to.value, out, overwrite)
+            try:
+                export_readings(results, result, case, run or [], to.value, out, overwrite)
+            except ReadingsError as error:
+                raise UserError(str(error)) from None
         return
     if case is not None or run:
         raise UserError("--case and --run choose a run; give --part readings, truth or estimates with them")

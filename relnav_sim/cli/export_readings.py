@@ -35,7 +35,6 @@ def export_readings(
     Raises:
         UserError: The result has no such run, or what is asked for can't be written.
     """
-    from relnav_sim.recorded.readings import ReadingsError
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
@@ -50,10 +49,7 @@ def export_readings(
             "a TDM holds calendar dates, and the campaign has none; give it a truth.epoch, as "
             "2010-07-27T00:00:00 UTC, or export --to csv"
         )
-    try:
-        layout = readings_layout(config.sensors)
-    except ReadingsError as error:
-        raise UserError(str(error)) from None
+    layout = readings_layout(config.sensors)
     stem = f"{result.stem}_readings" + (f"_case{index}" if len(campaign.cases) > 1 else "")
     paths = {run: _path(result, out, f"{stem}_run{run}.{to}", len(chosen)) for run in chosen}
     for path in paths.values():

@@ -137,6 +137,7 @@ def tune(
             filters or [],
         )
 
+        from relnav_sim.campaign.shared_field import shared_field_warnings
         from relnav_sim.plots.style import pdf, png
         from relnav_sim.results.atomic import written_whole
         from relnav_sim.tuning import TuningError, tune_campaign
@@ -144,6 +145,8 @@ def tune(
         from relnav_sim.tuning.edit import edited, with_header
         from relnav_sim.tuning.words import FIGURES, NUMBERS, figure_rows, header_lines, number_rows, sentences
 
+        for sentence in shared_field_warnings(campaign):
+            say(f"warning: {sentence}", err=True)
         try:
             tuning = tune_campaign(
                 campaign,

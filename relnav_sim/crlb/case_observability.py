@@ -152,7 +152,8 @@ def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dyn
     options = entry.dynamics
     if "training_track" in options.needs:
         options = dynamics_kinds()["cw"].model_validate({"kind": "cw"})
-    motion = build_dynamics(options, DynamicsContext(orbit, entry.process_noise, step_s))
+    context = DynamicsContext(orbit, entry.process_noise, step_s, epoch=config.truth.start_epoch)
+    motion = build_dynamics(options, context)
     if config.truth.manoeuvres and known_thrust(entry, config) != "none":
         pushed = KnownThrust(motion, orbit, step_s)
         pushed.take(planned_forces(config.truth, looked.times_s, step_s), 0)

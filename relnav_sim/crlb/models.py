@@ -11,10 +11,12 @@ from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
+from relnav_sim.dynamics.about_chief import AboutChiefDynamics
 from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.chief_segments import NominalChief
 from relnav_sim.dynamics.context import ChiefDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Dynamics
+from relnav_sim.dynamics.motion import ZonalMotion
 from relnav_sim.simulation.block import create_campaign_filter
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
@@ -177,7 +179,8 @@ def believed_dynamics(names: Sequence[str], config: CaseConfig, seed: int, learn
 def perfect_dynamics(config: CaseConfig) -> Dynamics:
     """Return the motion as it is, but for drag: the truth's point mass and zonal harmonics, no process noise."""
     orbit = nominal_chief(config.truth).up_to(highest_zonal(config.truth))
-    return NonlinearJ2Dynamics(orbit, np.zeros((6, 6)), config.clock.step_s)
+    motion = ZonalMotion(orbit, config.clock.step_s)
+    return AboutChiefDynamics(motion, np.zeros((6, 6)), NominalChief(orbit, config.clock.step_s, motion))
 
 
 def model_key(entry: FilterEntry) -> str:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from relnav_sim.dynamics.elliptic import yamanaka_ankersen as yamanaka_ankersen
     from relnav_sim.dynamics.quadratic import cw_second_order as cw_second_order
     from relnav_sim.dynamics.two_body import nonlinear as nonlinear
+    from relnav_sim.dynamics.two_body_field import nonlinear_field as nonlinear_field
     from relnav_sim.dynamics.two_body_j2 import nonlinear_j2 as nonlinear_j2
 
 # No module here may have one of these names: once imported, it would take the function's place.
@@ -26,6 +27,7 @@ _HOME = {
     "schweighart_sedwick": "relnav_sim.dynamics.averaged_j2",
     "nonlinear": "relnav_sim.dynamics.two_body",
     "nonlinear_j2": "relnav_sim.dynamics.two_body_j2",
+    "nonlinear_field": "relnav_sim.dynamics.two_body_field",
 }
 
 __all__ = sorted(_HOME)

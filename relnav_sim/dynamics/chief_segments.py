@@ -6,15 +6,14 @@ import time
 
 import numpy as np
 
-from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.dynamics.by_epoch import PerChunk
+from relnav_sim.dynamics.motion import Motion, ZonalMotion
 from relnav_sim.dynamics.orbit_filter import OrbitFilter
-from relnav_sim.dynamics.relative_flow import Division, Legs, Segment, divide
+from relnav_sim.dynamics.relative_flow import Legs, Segment
 
 TOGETHER = 1024
 """States whose segments are computed together: few enough for the cache."""
@@ -26,17 +25,16 @@ class ChiefSegments:
     Args:
         chief: The states, ECI, (runs, K, 6), m and m/s. The step to epoch k takes that of k - 1.
         first_epoch: Epoch of the first of them.
-        division: How a step is integrated.
-        gravity: What acts on the chief.
+        motion: How the chief moves.
 
     Attributes:
         cpu_s: CPU time spent on them so far, s.
     """
 
-    def __init__(self, chief: Array, first_epoch: int, division: Division, gravity: Gravity) -> None:
+    def __init__(self, chief: Array, first_epoch: int, motion: Motion) -> None:
         self.cpu_s = 0.0
         self._chief, self._first_epoch = chief, first_epoch
-        self._division, self._gravity = division, gravity
+        self._motion = motion
         self._together = max(TOGETHER // max(len(chief), 1), 1)
         self._stacks: dict[int, Legs] = {}
 
@@ -54,20 +52,9 @@ class ChiefSegments:
             begin = time.process_time()
             first = stack * self._together
             states = self._chief[:, first : first + self._together]
-            self._stacks[stack] = chief_segments(states, self._division, self._gravity)
+            self._stacks[stack] = self._motion.legs(states, self._first_epoch + first)
             self.cpu_s += time.process_time() - begin
         return self._stacks[stack], within
-
-
-def chief_segments(chief: Array, division: Division, gravity: Gravity) -> Legs:
-    """Return what the chief does over one step from each of its states (b, K, 6), ECI: K legs."""
-    runs, K, _ = chief.shape
-    states = np.ascontiguousarray(chief.swapaxes(0, 1), dtype=float).reshape(-1, 6)
-    rule = division.rule
-    frames, nodes = kernels.chief_orbit.legs(
-        states, rule.tableau, rule.sweeps, division.parts, division.part_s, gravity.field
-    )
-    return Legs(frames.reshape(K, runs, -1), nodes.reshape(K, runs, -1))
 
 
 class ChiefFollower:
@@ -77,13 +64,11 @@ class ChiefFollower:
 
     Args:
         filter: Estimates the chief's orbit; fresh.
-        division: How a step is integrated.
-        gravity: What acts on the chief.
+        motion: How the chief moves.
     """
 
-    def __init__(self, filter: OrbitFilter, division: Division, gravity: Gravity) -> None:
-        self._filter = filter
-        self._division, self._gravity = division, gravity
+    def __init__(self, filter: OrbitFilter, motion: Motion) -> None:
+        self._filter, self._motion = filter, motion
         self._before: Array | None = None
         self._segments: ChiefSegments | None = None
         self._past_cpu_s = 0.0
@@ -113,39 +98,39 @@ class ChiefFollower:
         known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
         self._before = estimates[:, -1:]
         self._past_cpu_s = self.cpu_s + time.process_time() - begin
-        self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._division, self._gravity)
+        self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._motion)
         return self._segments
 
 
 class NominalChief:
-    """The nominal orbit under a body's zonal harmonics, epoch by epoch: what a filter knows without any fix.
+    """The nominal orbit by the gravity that a filter believes in, epoch by epoch: what it knows without any fix.
 
     Args:
         orbit: The nominal orbit; epoch 0 is its own.
         step_s: Time between epochs, s.
+        motion: How the chief moves; default: under the zonal harmonics of the orbit's body.
 
     Attributes:
         cpu_s: CPU time spent on chunks of it so far, s.
     """
 
-    def __init__(self, orbit: ChiefOrbit, step_s: float) -> None:
+    def __init__(self, orbit: ChiefOrbit, step_s: float, motion: Motion | None = None) -> None:
         self.cpu_s = 0.0
-        self._division = divide(orbit, step_s)
-        self._gravity = Gravity.of(orbit)
+        self._motion = motion or ZonalMotion(orbit, step_s)
         self._chunks = PerChunk(self._segments)
         self._starts = [initial_state(orbit)]
 
     def at(self, epoch: int) -> Array:
         """Return the state at an epoch from 0 on; at -1 it is one step before, ECI, (1, 6)."""
         if epoch < 0:
-            return self._walk(self._starts[0], 1, -self._division.part_s)[1:]
+            return self._motion.walk(self._starts[0], 0, -1)[1:]
         (states, _), place = self._chunks.at(epoch)
         return states[place]
 
     def segment(self, epoch: int) -> Segment:
         """Return the segment of the step that ends at an epoch, from 0 on."""
         if epoch < 1:
-            return chief_segments(self.at(epoch - 1)[None], self._division, self._gravity), 0
+            return self._motion.legs(self.at(epoch - 1)[None], epoch - 1), 0
         (_, legs), place = self._chunks.at(epoch - 1)
         return legs, place
 
@@ -154,15 +139,9 @@ class NominalChief:
         begin = time.process_time()
         chunk = int(epochs[0]) // CHUNK_EPOCHS
         while len(self._starts) <= chunk:
-            self._starts.append(self._walk(self._starts[-1], CHUNK_EPOCHS, self._division.part_s)[-1])
-        states = self._walk(self._starts[chunk], CHUNK_EPOCHS - 1, self._division.part_s)
-        legs = chief_segments(states[None], self._division, self._gravity)
+            known = len(self._starts) - 1
+            self._starts.append(self._motion.walk(self._starts[-1], known * CHUNK_EPOCHS, CHUNK_EPOCHS)[-1])
+        states = self._motion.walk(self._starts[chunk], chunk * CHUNK_EPOCHS, CHUNK_EPOCHS - 1)
+        legs = self._motion.legs(states[None], chunk * CHUNK_EPOCHS)
         self.cpu_s += time.process_time() - begin
         return states[:, None], legs
-
-    def _walk(self, state: Array, steps: int, part_s: float) -> Array:
-        """Return the states from one (6,) on, (steps + 1, 6)."""
-        rule = self._division.rule
-        return kernels.chief_orbit.walk(
-            state, steps, rule.tableau, rule.sweeps, self._division.parts, part_s, self._gravity.field
-        )

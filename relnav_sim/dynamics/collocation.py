@@ -17,6 +17,8 @@ from relnav_sim.arrays import Array
 
 PRECISION = 1e-16
 """Truncation of one step, relative to the state."""
+RIPPLE, RIPPLE_PRECISION = 1e-4, 1e-14
+"""What a gravity field has beside point mass and J2 to J4, as a share of the point mass, and its truncation."""
 
 
 @dataclass(frozen=True)
@@ -50,18 +52,27 @@ class Rule:
         return table
 
 
-def rule_for(turn: float) -> Rule:
+def rule_for(turn: float, ripple: float = 0.0) -> Rule:
     """Return the smallest rule that reaches `PRECISION` where f's slope, times the step squared, is up to turn^2.
 
     S sweeps from a straight line leave out y^(2 S + 1) / (2 S + 1)! of the velocity's series sinh y, y = `turn`; s
     nodes integrate up to (s!)^4 / ((2 s + 1) (2 s)!^3) of the next derivative, y^(2 s).
+
+    Args:
+        turn: See above.
+        ripple: How far the waves of a small part of f turn in the step, rad: of `RIPPLE`, to `RIPPLE_PRECISION`.
     """
     sweeps = nodes = 1
     while turn ** (2 * sweeps + 1) / factorial(2 * sweeps + 1) > PRECISION:
         sweeps += 1
-    while factorial(nodes) ** 4 / ((2 * nodes + 1) * factorial(2 * nodes) ** 3) * turn ** (2 * nodes) > PRECISION:
+    while _left_out(nodes, turn) > PRECISION or RIPPLE * _left_out(nodes, ripple) > RIPPLE_PRECISION:
         nodes += 1
     return gauss_rule(max(nodes, 2), sweeps)
+
+
+def _left_out(nodes: int, turn: float) -> float:
+    """Return what Gauss's rule leaves out of the integral of a wave that turns so far in the step, as a share."""
+    return factorial(nodes) ** 4 / ((2 * nodes + 1) * factorial(2 * nodes) ** 3) * turn ** (2 * nodes)
 
 
 @cache

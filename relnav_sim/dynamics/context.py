@@ -10,6 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.epoch import Epoch
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-Need = Literal["chief_fixes", "known_thrust", "training_track"]
+Need = Literal["chief_fixes", "known_thrust", "training_track", "epoch"]
 """What dynamics may need beyond the nominal orbit, the step and the process noise.
 
 - ``chief_fixes``: the chief's own GNSS fixes. `DynamicsContext.chief_fixes` says how good they are, `feed` brings them;
@@ -26,6 +27,7 @@ Need = Literal["chief_fixes", "known_thrust", "training_track"]
 - ``known_thrust``: the forces on both craft as the filter is told of them; `feed` brings them. Their effect on the
   relative state is added round the dynamics by relnav, needed or not.
 - ``training_track``: earlier motion of the two craft to learn from, by `DynamicsContext.learn`.
+- ``epoch``: the calendar time of epoch 0, `DynamicsContext.epoch`; a campaign without one is refused.
 """
 NEEDS: tuple[Need, ...] = get_args(Need)
 
@@ -138,6 +140,7 @@ class DynamicsContext:
             `cpu_s`.
         learn: ``learn(fit)``: what `fit` makes of the training track, computed once for all blocks and filters with
             the same options and process noise; only with the need ``training_track``.
+        epoch: Calendar time of epoch 0; None where it is not known.
     """
 
     orbit: ChiefOrbit
@@ -146,6 +149,7 @@ class DynamicsContext:
     chief_fixes: ChiefFixes | None = None
     share: Share = _apart
     learn: Learn = _no_track
+    epoch: Epoch | None = None
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.dynamics.context import DynamicsContext, Need, TrainingRequest
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.options import Options
@@ -38,6 +39,15 @@ class DynamicsOptions(Options):
     def uses_process_noise(self) -> bool:
         """Whether the filter's `process_noise` makes a difference to these dynamics."""
         return True
+
+    @property
+    def believed_field(self) -> FieldExtent | None:
+        """How much of the Earth's gravity field the dynamics take exactly.
+
+        None: an approximation, or not said. A campaign whose truth has no more than that is marked: it can't tell how
+        the filter would do in flight.
+        """
+        return None
 
     def training_request(self, orbit: ChiefOrbit) -> TrainingRequest:
         """Return the track to learn from, for a chief's nominal orbit; with the need ``training_track``."""

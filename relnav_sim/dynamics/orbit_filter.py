@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.dynamics.known_thrust import kicks_of
-from relnav_sim.dynamics.relative_flow import divide
+from relnav_sim.dynamics.motion import Fixes, Motion, ZonalMotion
 from relnav_sim.options import Options
 
 _LEFT_OUT_PSD, _DRAG_PSD = 1e-7, 1e-8
@@ -44,14 +42,20 @@ class OrbitFilter:
         fix_sigmas: Standard deviations of a fix, (6,), m and m/s.
         step_s: Time between epochs, s.
         runs: Number of runs.
+        motion: How the craft moves; default: under the zonal harmonics of the orbit's body.
     """
 
     def __init__(
-        self, options: OrbitFilterOptions, orbit: ChiefOrbit, fix_sigmas: Array, step_s: float, runs: int
+        self,
+        options: OrbitFilterOptions,
+        orbit: ChiefOrbit,
+        fix_sigmas: Array,
+        step_s: float,
+        runs: int,
+        motion: Motion | None = None,
     ) -> None:
         self._step_s = step_s
-        self._division = divide(orbit, step_s)
-        self._gravity = Gravity.of(orbit)
+        self._motion = motion or ZonalMotion(orbit, step_s)
         self._R = np.square(fix_sigmas)
         growth = np.array([[step_s**3 / 3, step_s**2 / 2], [step_s**2 / 2, step_s]])
         psd = options.acceleration_psd_m2_s3
@@ -60,7 +64,7 @@ class OrbitFilter:
         self._Q = psd * np.kron(growth, np.eye(3))
         self._mean = np.repeat(initial_state(orbit)[None], runs, axis=0)
         self._P = np.repeat(np.diag(np.square(_PRIOR_SIGMAS))[None], runs, axis=0)
-        self._started = False
+        self._next_epoch = 0
 
     @property
     def covariance(self) -> Array:
@@ -78,22 +82,11 @@ class OrbitFilter:
         before, after = (_NO_KICKS, _NO_KICKS) if forces is None else kicks_of(forces, self._step_s)
         if not (before.any() or after.any()):
             before = after = _NO_KICKS
-        rule = self._division.rule
-        estimates, self._P = kernels.chief_orbit.follow(
-            np.ascontiguousarray(fixes),
-            np.ascontiguousarray(before),
-            np.ascontiguousarray(after),
-            self._started,
-            self._mean,
-            self._P,
-            self._Q,
-            self._R,
-            rule.tableau,
-            rule.sweeps,
-            self._division.parts,
-            self._division.part_s,
-            self._gravity.field,
+        seen = Fixes(
+            np.ascontiguousarray(fixes), np.ascontiguousarray(before), np.ascontiguousarray(after), self._next_epoch > 0
         )
+        estimates, self._P = self._motion.follow(seen, self._next_epoch, self._mean, self._P, self._Q, self._R)
         if fixes.shape[1]:
-            self._mean, self._started = estimates[:, -1].copy(), True
+            self._mean = estimates[:, -1].copy()
+            self._next_epoch += fixes.shape[1]
         return estimates

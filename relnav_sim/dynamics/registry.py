@@ -21,6 +21,7 @@ _BUILT_IN = {
     "schweighart_sedwick": "averaged_j2",
     "nonlinear": "two_body",
     "nonlinear_j2": "two_body_j2",
+    "nonlinear_field": "two_body_field",
     "gp": "gp.options",
 }
 """Kinds of relnav's own, in the order in which they are listed, and their modules."""

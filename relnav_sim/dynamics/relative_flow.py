@@ -43,15 +43,21 @@ class Division:
         return times
 
 
-def divide(orbit: ChiefOrbit, step_s: float) -> Division:
+def divide(orbit: ChiefOrbit, step_s: float, degree: int = 0) -> Division:
     """Return a division with a truncation of 1e-15 of the relative state, decided by the perigee of the nominal orbit.
 
-    Relative motion grows at most at sqrt(2 mu / r^3), the rate of the gravity gradient along the radius.
+    Relative motion grows at most at sqrt(2 mu / r^3), the rate of the gravity gradient along the radius. What
+    harmonics of a degree n add to it changes n times a revolution.
+
+    Args:
+        orbit: The nominal orbit.
+        step_s: Length of a step, s.
+        degree: Of the gravity field, where it has more than zonal harmonics.
     """
     perigee = orbit.semi_major_axis_m * (1 - orbit.eccentricity)
     rate = sqrt(2 * orbit.mu_m3_s2 / perigee**3)
     parts = ceil(rate * step_s / LONGEST_TURN)
-    return Division(rule_for(rate * step_s / parts), parts, step_s / parts)
+    return Division(rule_for(rate * step_s / parts, degree * rate * step_s / parts / sqrt(2)), parts, step_s / parts)
 
 
 @dataclass(frozen=True)
@@ -62,11 +68,14 @@ class Legs:
         frames: Its orbit frame at start and end, (K, b, 24), flat of (2, 4, 3): the unit vectors R, T and N in axes
             that do not turn, and the frame's rates about them, rad/s.
         nodes: The chief at the nodes in the same axes, (K, b, 6 s parts), flat of (parts, s, 2, 3): its position, m,
-            and the acceleration there by what is no point mass, m/s^2.
+            and the acceleration there by what is no point mass, m/s^2. In a field that turns, (K, b, 9 s parts), flat
+            of (parts, s, 3, 3): the last two are those by J2 to J4 and by the rest.
+        turns: How such a field is turned at the nodes, (K, s parts, 3, 3).
     """
 
     frames: Array
     nodes: Array
+    turns: Array | None = None
 
 
 Segment = tuple[Legs, int]
@@ -85,12 +94,22 @@ def linear_flow(mean: Array, segment: Segment, division: Division, gravity: Grav
     return kernels.relative_flow.linear_flow(points, *_step(len(mean), segment, division, gravity))
 
 
+def legs_for(runs: int, segment: Segment) -> Segment:
+    """Return a step for states of so many runs.
+
+    Raises:
+        ValueError: It is of another number of runs.
+    """
+    legs, place = segment
+    if legs.frames.shape[1] not in (1, runs):
+        raise ValueError(f"there are states of {runs} runs, but the chief's of {legs.frames.shape[1]}")
+    return legs, place
+
+
 def _step(
     runs: int, segment: Segment, division: Division, gravity: Gravity
 ) -> tuple[Array, Array, int, Array, int, float, Array]:
     """Return what the kernels take of a step."""
-    legs, place = segment
-    if legs.frames.shape[1] not in (1, runs):
-        raise ValueError(f"there are states of {runs} runs, but the chief's of {legs.frames.shape[1]}")
+    legs, place = legs_for(runs, segment)
     rule = division.rule
     return legs.frames, legs.nodes, place, rule.tableau, rule.sweeps, division.part_s, gravity.field

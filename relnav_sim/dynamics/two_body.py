@@ -9,6 +9,7 @@ from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.kepler import arc
 from relnav_sim.dynamics.by_epoch import PerChunk
@@ -29,6 +30,11 @@ class NonlinearOptions(DynamicsOptions):
     step_overhead_us: ClassVar[float] = 15.0
 
     kind: Literal["nonlinear"] = Field(default="nonlinear", description="Exact two-body relative motion")
+
+    @property
+    def believed_field(self) -> FieldExtent:
+        """The point mass's."""
+        return FieldExtent(0)
 
     def build(self, context: DynamicsContext) -> NonlinearDynamics:
         """Return the dynamics; epoch k is k steps after the nominal orbit's own epoch."""

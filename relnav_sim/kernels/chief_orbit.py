@@ -11,7 +11,17 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.collocation import finish, orbit_path, tangent
-from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel, number
+from relnav_sim.kernels.compiling import flag, given, inner, integer, kernel, kernel_like, number
+from relnav_sim.kernels.field_paths import (
+    FIELD,
+    Field,
+    acceleration_in_field,
+    field_during,
+    field_gradient,
+    orbit_path_in_field,
+    rest,
+    room_for_rest,
+)
 from relnav_sim.kernels.lanes import (
     LANES,
     back,
@@ -24,10 +34,15 @@ from relnav_sim.kernels.lanes import (
     store_symmetric,
     store_vectors,
 )
-from relnav_sim.kernels.relative_gravity import acceleration, gradient, harmonics
+from relnav_sim.kernels.relative_gravity import acceleration, during, gradient, harmonics
+
+_WALK = given(1), integer, given(2), integer, integer, number
+_FOLLOW = (
+    given(3), given(3), given(3), flag, given(2), given(3), given(2), given(1), given(2), integer, integer, number,
+)  # fmt: skip
 
 
-@kernel(given(1), integer, given(2), integer, integer, number, given(1))
+@kernel(*_WALK, given(1))
 def walk(state: Array, steps: int, tableau: Array, sweeps: int, parts: int, h: float, field: Array) -> Array:
     """Return the states (steps + 1, 6) of an orbit from a state (6,) on, step by step."""
     s = len(tableau) - 2
@@ -37,8 +52,8 @@ def walk(state: Array, steps: int, tableau: Array, sweeps: int, parts: int, h: f
         states[0, i] = x[i, 0] = state[i]
     r, v = x[:3], x[3:]
     for k in range(1, steps + 1):
-        for _ in range(parts):
-            orbit_path(tableau, sweeps, h, field, r, v, 1, path, f)
+        for part in range(parts):
+            orbit_path(tableau, sweeps, h, during(field, k - 1, part), r, v, 1, path, f)
             finish(tableau, h, f, 1, r, v, path)
         store_vectors(x, k, 1, states)
     return states
@@ -56,7 +71,8 @@ def legs(chief: Array, tableau: Array, sweeps: int, parts: int, h: float, field:
         used = min(LANES, count - first)
         load_vectors(chief, first, used, x)
         r, v = x[:3], x[3:]
-        orbit_frame(field, r, v, used, f[0], frame[0])
+        acceleration(field, r, used, f[0])
+        orbit_frame(f[0], r, v, used, frame[0])
         for part in range(parts):
             orbit_path(tableau, sweeps, h, field, r, v, used, path, f)
             for j in range(s):
@@ -65,27 +81,14 @@ def legs(chief: Array, tableau: Array, sweeps: int, parts: int, h: float, field:
                         leg[part, j, 0, i, b] = path[j, i, b]
                 harmonics(field, path[j], used, leg[part, j, 1])
             finish(tableau, h, f, used, r, v, path)
-        orbit_frame(field, r, v, used, f[0], frame[1])
+        acceleration(field, r, used, f[0])
+        orbit_frame(f[0], r, v, used, frame[1])
         store_vectors(flat_frames, first, used, frames)
         store_vectors(flat_nodes, first, used, nodes)
     return frames, nodes
 
 
-@kernel(
-    given(3),
-    given(3),
-    given(3),
-    flag,
-    given(2),
-    given(3),
-    given(2),
-    given(1),
-    given(2),
-    integer,
-    integer,
-    number,
-    given(1),
-)
+@kernel(*_FOLLOW, given(1))
 def follow(
     fixes: Array,
     before: Array,
@@ -141,8 +144,8 @@ def follow(
                 Y[:] = 0.0
                 for i in range(n):
                     F[i, i] = 1.0
-                for _ in range(parts):
-                    orbit_path(tableau, sweeps, h, field, r, v, used, path, f)
+                for part in range(parts):
+                    orbit_path(tableau, sweeps, h, during(field, k, part), r, v, used, path, f)
                     for j in range(s):
                         gradient(field, path[j], used, G[j])
                     finish(tableau, h, f, used, r, v, path)
@@ -165,6 +168,80 @@ def follow(
                     estimates[first + b, k, i] = x[i, b]
         store_symmetric(p, first, used, covariance)
     return estimates, covariance
+
+
+@kernel_like(walk, *_WALK, FIELD, during=field_during, orbit_path=orbit_path_in_field)
+def walk_in_field(state: Array, steps: int, tableau: Array, sweeps: int, parts: int, h: float, field: Field) -> Array:
+    """Return what `walk` does, in a turning field."""
+    return state
+
+
+@kernel(given(3), given(2), integer, integer, number, FIELD, given(4))
+def legs_in_field(
+    chief: Array, tableau: Array, sweeps: int, parts: int, h: float, field: Field, ends: Array
+) -> tuple[Array, Array]:
+    """Return what `legs` does, in a turning field, whose nodes have the acceleration by the rest of the field too.
+
+    Args:
+        chief: States where steps begin, (K, runs, 6).
+        tableau: How a step is integrated, as `sweeps`, `parts` and `h`.
+        sweeps: See there.
+        parts: See there.
+        h: See there.
+        field: The field during the K steps.
+        ends: How it is turned where they begin and end, (K, 2, 3, 3).
+
+    Returns:
+        Frames (K, runs, 24) and nodes (K, runs, 9 s parts), flat of (parts, s, 3, 3).
+    """
+    K, runs, _ = chief.shape
+    s = len(tableau) - 2
+    frames, nodes = np.empty((K, runs, 24)), np.empty((K, runs, 9 * s * parts))
+    x, path, f, room = np.empty((6, LANES)), np.empty((s, 3, LANES)), np.empty((s, 3, LANES)), room_for_rest()
+    flat_frames, flat_nodes = np.empty((24, LANES)), np.empty((9 * s * parts, LANES))
+    frame, leg = flat_frames.reshape(2, 4, 3, LANES), flat_nodes.reshape(parts, s, 3, 3, LANES)
+    for k in range(K):
+        for first in range(0, runs, LANES):
+            used = min(LANES, runs - first)
+            load_vectors(chief[k], first, used, x)
+            r, v = x[:3], x[3:]
+            acceleration_in_field(field_during(field, k, 0), ends[k, 0], r, used, room, f[0])
+            orbit_frame(f[0], r, v, used, frame[0])
+            for part in range(parts):
+                now = field_during(field, k, part)
+                orbit_path_in_field(tableau, sweeps, h, now, r, v, used, path, f)
+                for j in range(s):
+                    for i in range(3):
+                        for b in range(used):
+                            leg[part, j, 0, i, b] = path[j, i, b]
+                    harmonics(field.zonals, path[j], used, leg[part, j, 1])
+                    rest(now, now.turns[j], path[j], used, room, leg[part, j, 2])
+                finish(tableau, h, f, used, r, v, path)
+            acceleration_in_field(field_during(field, k, 0), ends[k, 1], r, used, room, f[0])
+            orbit_frame(f[0], r, v, used, frame[1])
+            store_vectors(flat_frames, first, used, frames[k])
+            store_vectors(flat_nodes, first, used, nodes[k])
+    return frames, nodes
+
+
+@kernel_like(follow, *_FOLLOW, FIELD, during=field_during, orbit_path=orbit_path_in_field, gradient=field_gradient)
+def follow_in_field(
+    fixes: Array,
+    before: Array,
+    after: Array,
+    started: bool,
+    m: Array,
+    P: Array,
+    Q: Array,
+    R: Array,
+    tableau: Array,
+    sweeps: int,
+    parts: int,
+    h: float,
+    field: Field,
+) -> tuple[Array, Array]:
+    """Return what `follow` does, in a turning field; the covariance goes by its zonal harmonics alone."""
+    return m, P
 
 
 @inner
@@ -225,13 +302,12 @@ def orbit_axes(r: Array, v: Array, used: int, axes: Array) -> None:
 
 
 @inner
-def orbit_frame(field: Array, r: Array, v: Array, used: int, a: Array, frame: Array) -> None:
-    """Set frame (4, 3) to the unit vectors R, T, N of an orbit and the frame's rates about them; a (3,) is room.
+def orbit_frame(a: Array, r: Array, v: Array, used: int, frame: Array) -> None:
+    """Set frame (4, 3) to the unit vectors R, T, N of an orbit and the frame's rates about them.
 
-    Besides h / r^2 about N the frame turns at r a_N / h about R, a_N being the acceleration along the normal.
+    Besides h / r^2 about N the frame turns at r a_N / h about R, a_N being the acceleration a (3,) along the normal.
     """
     orbit_axes(r, v, used, frame[:3])
-    acceleration(field, r, used, a)
     N, w = frame[2], frame[3]
     for b in range(used):
         distance = math.sqrt(r[0, b] * r[0, b] + r[1, b] * r[1, b] + r[2, b] * r[2, b])

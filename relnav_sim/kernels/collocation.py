@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import inlined, short_for
+from relnav_sim.kernels.compiling import inlined, inner, short_for
 from relnav_sim.kernels.relative_gravity import acceleration, difference
 
 
@@ -33,7 +33,7 @@ def place_nodes(tableau: Array, h: float, r: Array, v: Array, f: Array, sweep: i
                     nodes[j, i, b] = r[i, b] + ch * v[i, b] + nodes[j, i, b]
 
 
-@inlined
+@inner
 def finish(tableau: Array, h: float, f: Array, used: int, r: Array, v: Array, nodes: Array) -> None:
     """Move r and v to the end of the step by f at the nodes; the nodes' array serves as room and is lost."""
     s = len(f)
@@ -90,7 +90,7 @@ def relative_path(
             difference(field, chief[j, 0], chief[j, 1], nodes[j], used, room, f[j])
 
 
-@inlined
+@inner
 def tangent(
     tableau: Array, sweeps: int, h: float, G: Array, used: int, r: Array, v: Array, nodes: Array, f: Array
 ) -> None:

@@ -29,6 +29,7 @@ def _numba() -> ModuleType:
     try:
         import numba
         import numba.core.caching
+        import numba.core.codegen
         import numba.core.compiler
         import numba.core.serialize
         import numba.extending
@@ -71,9 +72,49 @@ def _as_compiled(name: str, value: Any) -> Any:
 def part(function: Callable[..., Any]) -> Any:
     """Return what numba compiles, as a part of kernels, for a function that they call."""
     how = PARTS[function]
+    if isinstance(how, Instruction):
+        return _intrinsic(function, how)
     # It is not called from Python; what lets it be called takes a tenth of the time of compiling.
     unwrapped = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return _intrinsic(function, how) if isinstance(how, Instruction) else _jit(function, **how, **unwrapped)
+    if numba.version_info.short <= LATEST_KNOWN:
+        unwrapped["pipeline_class"] = _PartCompiler
+    return _jit(function, **how, **unwrapped)
+
+
+class _PartCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+    """What compiles parts of kernels, which are made machine code in the kernels only."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or _PartOfKernels(target.codegen(), "part"), *others)
+
+
+class _PartOfKernels(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
+    """The code of a part of kernels, as it goes into the code of a kernel and is optimised with all of it.
+
+    By itself numba would optimise every function, and make machine code of it, before it goes into another one. That
+    takes a quarter of the time of compiling, and nobody runs that code.
+    """
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernels."""
+
+    def _finalize_final_module(self) -> None:
+        """Do without what only machine code needs."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return zero, which is the place of what is not there."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> _PartOfKernels:
+        """Who is told of the function's globals."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing: without machine code there is no place for them."""
 
 
 def _intrinsic(function: Callable[..., Any], how: Instruction) -> Any:

@@ -17,12 +17,17 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.collocation import finish, relative_path, tangent
-from relnav_sim.kernels.compiling import given, inlined, integer, kernel, number
+from relnav_sim.kernels.compiling import given, inlined, integer, kernel, kernel_like, number
+from relnav_sim.kernels.field_paths import FIELD, Field, field_during, field_gradient, relative_path_in_field
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
-from relnav_sim.kernels.relative_gravity import gradient
+from relnav_sim.kernels.relative_gravity import during, gradient
+
+VECTORS = 2
+"""What a node of a leg holds: position and acceleration."""
+_FLOW = given(2), given(3), given(3), integer, given(2), integer, number
 
 
-@kernel(given(2), given(3), given(3), integer, given(2), integer, number, given(1))
+@kernel(*_FLOW, given(1))
 def flow(
     points: Array, frames: Array, nodes: Array, epoch: int, tableau: Array, sweeps: int, h: float, field: Array
 ) -> Array:
@@ -31,7 +36,7 @@ def flow(
     moved = np.empty(points.shape)
     x, room, path, f = np.empty((6, LANES)), np.empty((3, LANES)), np.empty((s, 3, LANES)), np.empty((s, 3, LANES))
     flat_frames, flat_nodes = np.empty((24, LANES)), np.empty((nodes.shape[2], LANES))
-    frame, chief = flat_frames.reshape(2, 4, 3, LANES), flat_nodes.reshape(-1, s, 2, 3, LANES)
+    frame, chief = flat_frames.reshape(2, 4, 3, LANES), flat_nodes.reshape(-1, s, VECTORS, 3, LANES)
     runs, held = np.empty(LANES, dtype=np.int64), -1
     for first in range(0, len(points), LANES):
         used = min(LANES, len(points) - first)
@@ -44,14 +49,15 @@ def flow(
         r, v = x[:3], x[3:]
         out_of_frame(frame[0], used, r, v)
         for part in range(len(chief)):
-            relative_path(tableau, sweeps, h, field, chief[part], r, v, used, room, path, f)
+            now = during(field, epoch, part)
+            relative_path(tableau, sweeps, h, now, chief[part], r, v, used, room, path, f)
             finish(tableau, h, f, used, r, v, path)
         into_frame(frame[1], used, r, v)
         store_vectors(x, first, used, moved)
     return moved
 
 
-@kernel(given(2), given(3), given(3), integer, given(2), integer, number, given(1))
+@kernel(*_FLOW, given(1))
 def linear_flow(
     mean: Array, frames: Array, nodes: Array, epoch: int, tableau: Array, sweeps: int, h: float, field: Array
 ) -> tuple[Array, Array]:
@@ -62,7 +68,7 @@ def linear_flow(
     Y, Ypath, Yf = np.empty((36, LANES)), np.empty((s, 18, LANES)), np.empty((s, 18, LANES))
     G = np.empty((s, 3, 3, LANES))
     flat_frames, flat_nodes = np.empty((24, LANES)), np.empty((nodes.shape[2], LANES))
-    frame, chief = flat_frames.reshape(2, 4, 3, LANES), flat_nodes.reshape(-1, s, 2, 3, LANES)
+    frame, chief = flat_frames.reshape(2, 4, 3, LANES), flat_nodes.reshape(-1, s, VECTORS, 3, LANES)
     run = np.empty(LANES, dtype=np.int64)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
@@ -77,7 +83,8 @@ def linear_flow(
         out_of_frame(frame[0], used, r, v)
         out_of_frame(frame[0], used, Yr, Yv)
         for part in range(len(chief)):
-            relative_path(tableau, sweeps, h, field, chief[part], r, v, used, room, path, f)
+            now = during(field, epoch, part)
+            relative_path(tableau, sweeps, h, now, chief[part], r, v, used, room, path, f)
             for j in range(s):
                 for i in range(3):
                     for b in range(used):
@@ -90,6 +97,30 @@ def linear_flow(
         store_vectors(x, first, used, moved)
         store_vectors(Y, first, used, F.reshape(runs, 36))
     return moved, F
+
+
+_IN_FIELD = {
+    "VECTORS": 3,
+    "during": field_during,
+    "relative_path": relative_path_in_field,
+    "gradient": field_gradient,
+}
+
+
+@kernel_like(flow, *_FLOW, FIELD, **_IN_FIELD)
+def flow_in_field(
+    points: Array, frames: Array, nodes: Array, epoch: int, tableau: Array, sweeps: int, h: float, field: Field
+) -> Array:
+    """Return what `flow` does, in a turning field, whose legs come from `relnav_sim.kernels.chief_orbit`."""
+    return points
+
+
+@kernel_like(linear_flow, *_FLOW, FIELD, **_IN_FIELD)
+def linear_flow_in_field(
+    mean: Array, frames: Array, nodes: Array, epoch: int, tableau: Array, sweeps: int, h: float, field: Field
+) -> tuple[Array, Array]:
+    """Return what `linear_flow` does, in a turning field; the Jacobian takes its zonal harmonics alone."""
+    return mean, mean
 
 
 @inlined

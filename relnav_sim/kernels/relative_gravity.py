@@ -30,6 +30,12 @@ def has_harmonics(field: Array) -> bool:
 
 
 @inlined
+def during(field: Array, step: int, part: int) -> Array:
+    """Return the field as it is in a part of a step: the same at any time."""
+    return field
+
+
+@inlined
 def harmonics(field: Array, r: Array, used: int, a: Array) -> None:
     """Set a (3,) to the harmonics' acceleration at r (3,)."""
     mu, R, J2, J3, J4 = float(field[0]), float(field[1]), float(field[2]), float(field[3]), float(field[4])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from relnav_sim.campaign.shared_field import shared_field_of_results
 from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.results.seal import NO_SEAL
@@ -63,6 +64,17 @@ def geometry(results: Results) -> tuple[str, ...]:
             )
             for index, header in enumerate(results.headers)
             if any(len(results.case_runs(index, name)) for name in header.filters)
+        ),
+    )
+
+
+def shared_field(results: Results) -> tuple[str, ...]:
+    """Return which filters know all of the truth's gravity field, so that their consistency says nothing of flight."""
+    return shared_field_of_results(
+        results.campaign_content,
+        (
+            (header.label, header.variables, [name for name in header.filters if len(results.case_runs(index, name))])
+            for index, header in enumerate(results.headers)
         ),
     )
 

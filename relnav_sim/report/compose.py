@@ -99,12 +99,19 @@ def _without_pictures(
     judged = attempted("The judgement of the requirements", partial(judgements, results), missing) or ()
     geometry = attempted("What the geometry explains", partial(campaign_facts.geometry, results), missing)
     summary = attempted("The summary", lambda: (*summarise(rankings), *in_sentences(judged)), missing)
+    shared = attempted("The look at the truth's gravity field", partial(campaign_facts.shared_field, results), missing)
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
         name=results.campaign_name,
         facts=campaign_facts.headline_facts(results),
-        summary=(*(geometry or ()), *(summary or (_NO_SUMMARY,)), *campaign_facts.leakage(results), *_stopped(results)),
+        summary=(
+            *(geometry or ()),
+            *(summary or (_NO_SUMMARY,)),
+            *(shared or ()),
+            *campaign_facts.leakage(results),
+            *_stopped(results),
+        ),
         overview=attempted("The overview", partial(overview_table, rankings), missing),
         requirements=attempted("The table of requirements", partial(requirements_table, results, judged), missing)
         if judged

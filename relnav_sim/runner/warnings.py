@@ -1,8 +1,9 @@
-"""What a user should know of a campaign before it runs: its geometry, its observability, what it is too short for."""
+"""What a user should know of a campaign before it runs: its geometry, what it is too short and too simple for."""
 
 from __future__ import annotations
 
 from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.shared_field import shared_field_warnings
 from relnav_sim.campaign.warnings import campaign_warnings, together
 from relnav_sim.crlb.case_observability import case_observability
 from relnav_sim.kernels.compiling import interpreted
@@ -16,7 +17,12 @@ MOST_CASES = 12
 def warnings_before(campaign: Campaign) -> tuple[str, ...]:
     """Return the warnings of a campaign, a sentence each; none where all is well."""
     with interpreted():
-        return (*campaign_warnings(campaign), *observability_warnings(campaign), *convergence_warnings(campaign))
+        return (
+            *campaign_warnings(campaign),
+            *observability_warnings(campaign),
+            *convergence_warnings(campaign),
+            *shared_field_warnings(campaign),
+        )
 
 
 def observability_warnings(campaign: Campaign) -> tuple[str, ...]:

@@ -61,15 +61,6 @@ class AccelerometerOptions(SensorOptions):
         "0: none do. Without an estimated bias a filter that adds up the bias all the way is worse than none",
     )
 
-    @property
-    def reading(self) -> tuple[Channel, ...]:
-        """The plain and the weighted mean of the specific force, three axes each."""
-        weighted = (
-            Channel(f"weighted_{each.name}", each.unit, f"{each.label}, weighted with the time left")
-            for each in self.channels
-        )
-        return (*self.channels, *weighted)
-
     def bias(self, streams: SensorStreams) -> Array:
         """Return each run's constant error, (runs, 3), m/s^2."""
         return self.bias_sigma_m_s2 * streams.constant("bias", 1, 3)[:, 0]

@@ -12,14 +12,12 @@ from relnav_sim.containment import Containment
 from relnav_sim.printable import message_of
 from relnav_sim.sensors.campaign_sensors import Sensors, hosts_of
 from relnav_sim.sensors.host_frame import HostFrame
-from relnav_sim.sensors.interface import Craft, MeasurementContext, RelativeSensorOptions, Role, Sensed, SensorOptions
+from relnav_sim.sensors.interface import Craft, MeasurementContext, RelativeSensorOptions, Sensed, SensorOptions
 from relnav_sim.sensors.suite import streams_of
 from relnav_sim.streams import RandomSource
 
 _RUNS, _EPOCHS = 2, 3
 _ORBIT = ChiefOrbit(7.0e6, 0.0, 0.0, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 0.0)
-_OWN_CHANNELS: dict[Role, int] = {"orbit": 6, "attitude": 4, "force": 6}
-"""Numbers of a reading of a host's own state: an ECI state, a quaternion, two means of the specific force."""
 
 
 def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
@@ -40,7 +38,7 @@ def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:
 
 
 def _readings(name: str, options: SensorOptions, host: Craft, step_s: float) -> Iterator[str]:
-    m = _OWN_CHANNELS.get(options.role, len(options.channels))
+    m = len(options.reading)
     streams = streams_of(name, options, host, RandomSource(0, tuple(range(_RUNS))), step_s)
     sensed = _sensed(host, step_s)
     z = np.asarray(options.sample(sensed, streams))

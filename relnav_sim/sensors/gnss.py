@@ -11,7 +11,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.astro.frame_error import frame_covariance
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.options import AddedLater
-from relnav_sim.sensors.interface import Craft, Role, Sensed, SensorOptions
+from relnav_sim.sensors.interface import ECI_STATE, Craft, Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, white_variance
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
@@ -25,10 +25,7 @@ class GnssOptions(SensorOptions):
     """
 
     role: ClassVar[Role] = "orbit"
-    channels: ClassVar[tuple[Channel, ...]] = (
-        *(Channel(f"position_{axis}", "m", f"ECI position {axis}") for axis in "xyz"),
-        *(Channel(f"velocity_{axis}", "m/s", f"ECI velocity {axis}") for axis in "xyz"),
-    )
+    channels: ClassVar[tuple[Channel, ...]] = ECI_STATE
     kind: Literal["gnss"] = Field(default="gnss", description="Position and velocity of its host, ECI")
     host: Annotated[Craft | None, AddedLater()] = Field(
         default=None,

@@ -25,6 +25,22 @@ Role = Literal["other", "orbit", "attitude", "force"]
 Form = Literal["spherical", "cartesian"]
 AssumedNoise = Literal["nominal", "total", "mixture"]
 
+ECI_STATE = (
+    *(Channel(f"position_{axis}", "m", f"ECI position {axis}") for axis in "xyz"),
+    *(Channel(f"velocity_{axis}", "m/s", f"ECI velocity {axis}") for axis in "xyz"),
+)
+OWN_READINGS: Mapping[Role, tuple[Channel, ...]] = {
+    "orbit": ECI_STATE,
+    "attitude": tuple(Channel(f"quaternion_{part}", "", f"attitude quaternion {part}") for part in "xyzw"),
+    "force": tuple(
+        Channel(f"{mean}force_{axis}", "m/s^2", f"{mean}specific force, {axis}".replace("_", " "))
+        for mean in ("", "weighted_")
+        for axis in ("radial", "along", "normal")
+    ),
+}
+"""The numbers of a reading of a host's own state: an ECI state; a quaternion, scalar last, that turns ECI into body
+components; two means of the specific force over the step before, plain and weighted with the time left, RTN."""
+
 
 @dataclass(frozen=True)
 class Sensed:
@@ -153,8 +169,11 @@ class SensorOptions(Options):
 
     @property
     def reading(self) -> tuple[Channel, ...]:
-        """The numbers that `sample` returns of one reading, as files of readings name them: mostly the channels."""
-        return self.channels
+        """The m numbers that `sample` returns of one reading, as files of readings name them.
+
+        By default those of `OWN_READINGS` for the sensor's role, the channels where it measures the other craft.
+        """
+        return OWN_READINGS.get(self.role, self.channels)
 
     @property
     def sigmas(self) -> Array:

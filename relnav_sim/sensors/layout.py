@@ -5,12 +5,7 @@ from __future__ import annotations
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.recorded.readings import ReadingsError
 from relnav_sim.sensors.campaign_sensors import Sensors, own_sensor, reading_names, relative_sensors
-from relnav_sim.sensors.interface import Craft
-
-_STATE = (
-    *(Channel(f"position_{axis}", "m", f"ECI position {axis}") for axis in "xyz"),
-    *(Channel(f"velocity_{axis}", "m/s", f"ECI velocity {axis}") for axis in "xyz"),
-)
+from relnav_sim.sensors.interface import ECI_STATE, Craft
 
 
 def readings_layout(sensors: Sensors) -> dict[str, tuple[Channel, ...]]:
@@ -28,7 +23,7 @@ def readings_layout(sensors: Sensors) -> dict[str, tuple[Channel, ...]]:
     known = known_orbits(sensors).values()
     if taken := next((orbit for orbit in known if orbit in layout), None):
         raise ReadingsError(f"the campaign's sensor {taken} has the name that files give an orbit; rename the sensor")
-    return layout | dict.fromkeys(known, _STATE)
+    return layout | dict.fromkeys(known, ECI_STATE)
 
 
 def known_orbits(sensors: Sensors) -> dict[Craft, str]:

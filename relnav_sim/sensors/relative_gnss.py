@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.relative_state import relative_state
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import (
+    ECI_STATE,
     Form,
     MeasurementContext,
     RelativeSensorOptions,
@@ -29,6 +31,8 @@ _CHANNELS = (
     *(Channel(f"position_{axis}", "m", f"relative position, {axis}") for axis in ("radial", "along", "normal")),
     *(Channel(f"velocity_{axis}", "m/s", f"relative velocity, {axis}") for axis in ("radial", "along", "normal")),
 )
+
+_READ = tuple(replace(each, label=f"relative {each.label}") for each in ECI_STATE)
 
 
 @register_sensor("relative_gnss")
@@ -90,11 +94,7 @@ class RelativeGnssOptions(RelativeSensorOptions):
     @property
     def reading(self) -> tuple[Channel, ...]:
         """The solution as it is read: inertial axes."""
-        names = [f"{what}_{axis}" for what in ("position", "velocity") for axis in "xyz"]
-        return tuple(
-            Channel(name, each.unit, f"relative {name[:8]}, ECI {name[-1]}")
-            for name, each in zip(names, self.channels, strict=False)
-        )
+        return _READ[: len(self.channels)]
 
     @property
     def sigmas(self) -> Array:

@@ -66,11 +66,6 @@ class StarTrackerOptions(SensorOptions):
         return boresight
 
     @property
-    def reading(self) -> tuple[Channel, ...]:
-        """The quaternion that turns ECI into body components, scalar last."""
-        return tuple(Channel(f"quaternion_{part}", "", f"attitude quaternion, {part}") for part in "xyzw")
-
-    @property
     def sigmas(self) -> Array:
         """Standard deviations (3,) of the turns across, across and about the boresight, rad."""
         cross, about = self.cross_boresight_sigma_arcsec, self.about_boresight_sigma_arcsec

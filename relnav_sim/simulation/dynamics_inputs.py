@@ -80,6 +80,7 @@ def dynamics_context(
         step_s=config.clock.step_s,
         chief_fixes=_chief_fixes(config, runs) if runs is not None and "chief_fixes" in needs else None,
         share=(shared or SharedThings()).of,
+        epoch=config.truth.start_epoch,
     )
     return replace(context, learn=learned.by(entry, config, seed)) if "training_track" in needs else context
 

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.options import Options
 from relnav_sim.truth.craft_options import SpacecraftOptions
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
@@ -43,6 +44,8 @@ class EphemerisTruthOptions(Options):
         default=ConstantsOptions(), description="The Earth's constants that filters are told; stored with the results"
     )
 
+    field_extent: ClassVar[FieldExtent | None] = None
+    """The orbits tell nothing of the field."""
     is_dispersed: ClassVar[bool] = False
     """All runs fly the orbits of the files."""
     manoeuvres: ClassVar[Mapping[str, ManoeuvreOptions]] = {}

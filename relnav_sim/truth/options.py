@@ -11,6 +11,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from relnav_sim.arrays import Array
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.astro.frames import eci_from_rtn
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.line_of_sight import ARCSEC
@@ -107,6 +108,14 @@ class TruthOptions(Options):
     def _in_order_of_time(cls, manoeuvres: dict[str, ManoeuvreOptions]) -> dict[str, ManoeuvreOptions]:
         # The order in the file means nothing, and sums over manoeuvres must round alike whatever it is.
         return dict(sorted(manoeuvres.items(), key=lambda item: (item[1].time_s, item[0])))
+
+    @property
+    def field_extent(self) -> FieldExtent | None:
+        """How much of the Earth's gravity field there is; None where no force model makes the truth."""
+        gravity = self.forces.gravity
+        if gravity is None:
+            return FieldExtent(self.forces.highest_zonal)
+        return FieldExtent(gravity.degree, gravity.order or 0, gravity.model)
 
     @property
     def is_dispersed(self) -> bool:

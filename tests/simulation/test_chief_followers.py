@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from relnav_sim.campaign.load import parse_campaign
-from relnav_sim.dynamics import chief_segments, two_body_j2
+from relnav_sim.dynamics import about_chief
+from relnav_sim.dynamics.motion import ZonalMotion
 from relnav_sim.runner.work import with_filters
 from relnav_sim.simulation.block import simulate_block
 
@@ -32,13 +33,13 @@ def case(make_campaign):
 
 
 def test_shared_estimates_change_no_bit(case, monkeypatch):
-    real, made = two_body_j2.OrbitFilter, []
+    real, made = about_chief.OrbitFilter, []
 
     def counted(*args):
         made.append(real(*args))
         return made[-1]
 
-    monkeypatch.setattr(two_body_j2, "OrbitFilter", counted)
+    monkeypatch.setattr(about_chief, "OrbitFilter", counted)
     together = simulate_block(case, 1, [3]).result
     assert len(made) == 4  # wide, narrow and ukf share one
     for name in ("wide", "narrow", "higher", "untold"):
@@ -53,13 +54,13 @@ def test_shared_estimates_change_no_bit(case, monkeypatch):
 @pytest.mark.parametrize("gnss", [True, False])
 def test_whoever_shares_the_chief_is_charged_all_of_it(case, monkeypatch, gnss):
     """By a clock that stands still but for a second whenever segments are computed."""
-    clock, real = [0.0], chief_segments.chief_segments
+    clock, real = [0.0], ZonalMotion.legs
 
     def slow(*args):
         clock[0] += 1
         return real(*args)
 
-    monkeypatch.setattr(chief_segments, "chief_segments", slow)
+    monkeypatch.setattr(ZonalMotion, "legs", slow)
     monkeypatch.setattr(time, "process_time", lambda: clock[0])
     if not gnss:
         sensors = {name: each for name, each in case.config.sensors.items() if name != "gnss"}

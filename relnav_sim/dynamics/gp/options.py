@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from relnav_sim.arrays import Indices
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.dynamics.averaged_j2 import SchweighartSedwickOptions
 from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
 from relnav_sim.dynamics.context import DynamicsContext, Need, TrainingRequest, TrainingTrack
@@ -115,6 +116,11 @@ class GpOptions(DynamicsOptions):
     def uses_process_noise(self) -> bool:
         """Whether the filter's own process noise is added: the learned variance takes its place otherwise."""
         return self.add_process_noise
+
+    @property
+    def believed_field(self) -> FieldExtent | None:
+        """That of the base dynamics."""
+        return None if self.base is None else self.base.believed_field
 
     def training_request(self, orbit: ChiefOrbit) -> TrainingRequest:
         """Return the track of both spans."""
