@@ -98,7 +98,7 @@ def test_between_segments_there_is_no_orbit(tmp_path: Path) -> None:
     path = written(tmp_path, GOOD + after)
     found = load_ephemeris(path)
     np.testing.assert_allclose(found.at([30.0, 3630.0]), circular(np.array([30.0, 3630.0])), rtol=1e-9)
-    with pytest.raises(EphemerisError, match="does not cover 2021-07-10T16:30:00 UTC; it covers .* and .*"):
+    with pytest.raises(EphemerisError, match=r"does not cover 2021-07-10T16:30:00 UTC; it covers .* and .*"):
         found.at(1800.0)
     later = load_ephemeris(path, start="2021-07-10T17:05:00 UTC")
     np.testing.assert_allclose(later.at(3930.0), circular(np.array([3930.0]))[0], rtol=1e-9)
