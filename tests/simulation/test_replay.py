@@ -18,6 +18,7 @@ from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock
 from relnav_sim.simulation.recording import record
 from relnav_sim.simulation.replay import replay_block
+from relnav_sim.statistics.residual_checks import nis_check
 from relnav_sim.truth import ForceModel, propagate
 
 HEAD = """
@@ -167,6 +168,25 @@ def test_readings_between_epochs_are_used_as_those_of_a_fine_clock(sensor):
     told_nothing = replace(off, sensors={**off.sensors, sensor: whole})
     wrong = replay_block(coarse.cases[0], coarse.seed, [told_nothing], True).filters["ekf"].mean[0, :, :6]
     assert np.abs(a - wrong)[settled, :3].max() > 10 * np.abs(a - b)[settled, :3].max()
+
+
+def test_filters_take_late_readings_in_every_form():
+    filters = {
+        "converted": "{kind: kf, dynamics: {kind: cw}}",
+        "sigma points": "{kind: ukf, dynamics: {kind: nonlinear_j2}}",
+        "augmented": f"{EKF[:-1]}, augment: [{{kind: range_bias, sigma_m: 1}}]}}",
+    }
+    named = {name.replace(" ", "_"): entry for name, entry in filters.items()}
+    sensors = [RADAR, GNSS, TRACKER]
+    fine, coarse = campaign(sensors, named, step="0.5"), campaign(sensors, named)
+    one = next(record(fine.cases[0].config, fine.seed, [0]))
+    late = {name: thinned(one, name, np.arange(3, 1200, 4)) for name in one.sensors}  # half a second, each of them
+    done = replay_block(coarse.cases[0], coarse.seed, [replace(one, sensors=late)], True)
+    assert not done.broken and not done.warnings and done.longest_late_s == 0.5
+    for name, found in done.filters.items():
+        checked = nis_check(name, found.nis["radar"], found.dof["radar"], level=0.999)
+        assert checked.updates == 300
+        assert checked.band.low < checked.ratio < checked.band.high
 
 
 def test_fixes_between_epochs_are_carried_on_in_free_fall():
