@@ -64,6 +64,8 @@ def replay_campaign(
         RefusedError: There is no such case.
         OSError: A file can't be read.
     """
+    from threadpoolctl import threadpool_limits
+
     started, clock = datetime.now(UTC), time.monotonic()
     chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
     config = chosen.config
@@ -72,10 +74,12 @@ def replay_campaign(
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)
     epochs = last_epoch(config, recorded) + 1
-    parts = [
-        replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
-        for first in range(0, len(recorded), at_once)
-    ]
+    # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
+    with threadpool_limits(1):
+        parts = [
+            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
+            for first in range(0, len(recorded), at_once)
+        ]
     return Replay(
         campaign=_alone(campaign, chosen),
         case=chosen,
