@@ -138,7 +138,16 @@ def fly(
             break
         if SHADOW:
             longest = np.empty(LANES)
-            set_longest_by_shadow(forces, flights.states, flights.areas, flights.reached, row, used, room, longest)
+            set_longest_by_shadow(
+                forces,  # type: ignore[arg-type]  # those that the kernel of fields is given
+                flights.states,
+                flights.areas,
+                flights.reached,
+                row,
+                used,
+                room,
+                longest,
+            )
             for b in range(used):
                 shorten(flights, row[b], longest[b])
         for b in range(used):
