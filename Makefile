@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 BENCH := .venv-bench
-BENCHMARKS := filters filters_particle filters_alpha learned propagation scaling machine campaigns
+BENCHMARKS := filters filters_particle filters_alpha learned propagation real_field scaling machine campaigns
 # Small matrices are slower on many BLAS threads, and two workers share the cores.
 export OPENBLAS_NUM_THREADS ?= 1
 
