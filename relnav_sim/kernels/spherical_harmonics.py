@@ -14,12 +14,14 @@ three series are summed up at once. Their coefficients come from `relnav_sim.ast
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel, number, record, written
+from relnav_sim.kernels.compiling import given, inner, kernel, number, record, short_for, written
 from relnav_sim.kernels.lanes import LANES, load_vectors, store_vectors
 
 
@@ -121,6 +123,34 @@ def sums(series: Series, r: Array, used: int, room: Array, out: Array) -> None:
             out[0, b] += e * room[x_real + b] - f * room[x_imaginary + b]
             out[1, b] += e * room[y_real + b] - f * room[y_imaginary + b]
             out[2, b] += e * room[z_real + b] - f * room[z_imaginary + b]
+
+
+@short_for(sums)
+def _sums(series: Series, r: Array, used: int, room: Array, out: Array) -> None:
+    orders, (x, y, z) = len(series.sectoral), r[:3, 0].tolist()
+    r2 = x * x + y * y + z * z
+    w, q = series.radius * z / r2, series.radius * series.radius / r2
+    table = series.rows[_places(int(series.degree), orders)]
+    P = np.zeros((len(table) + 2, orders))  # two rows of zeros before degree 0
+    for n in range(len(table)):
+        P[n + 2] = table[n, :, 0] * w * P[n + 1] - table[n, :, 1] * q * P[n]
+        if n < orders:
+            P[n + 2, n] = 1.0
+    factors = series.sectoral * (series.radius / r2) * complex(x, y)
+    factors[0] = series.sectoral[0] * series.radius / math.sqrt(r2)
+    e, found = np.cumprod(factors), np.einsum("nm,nmk->mk", P[2:], table[..., 2:])
+    out[:3, 0] = (e.real[:, None] * found[:, ::2] - e.imag[:, None] * found[:, 1::2]).sum(axis=0)
+
+
+@cache
+def _places(degree: int, orders: int) -> NDArray[np.int64]:
+    """Return where the row of each degree and order is, (degree + 1, orders); above the degree the first, which is 0."""
+    places, first = np.empty((degree + 1, orders), dtype=np.int64), 0
+    for m in range(orders):
+        rows = degree + 1 - m
+        places[m:, m] = first + np.arange(rows)
+        first += rows + rows % 2
+    return np.where(np.tri(degree + 1, orders, dtype=bool), places, 0)
 
 
 @kernel(SERIES, given(2))

@@ -84,3 +84,28 @@ print(np.isnan(L).any(), 'numba' in sys.modules)
 
 def test_what_python_refuses_is_compiled_after_all():
     assert last_line(FAILS) == "True True"
+
+
+IN_A_FIELD = """
+import sys
+import numpy as np
+from relnav_sim import ForceModel, GravityField, propagate
+from relnav_sim.kernels.compiling import interpreted
+
+field = GravityField.load("ggm05s", 20, 20)
+force = ForceModel(
+    field.mu_m3_s2, field.radius_m, (), gravity=field, epoch="2010-07-27T00:00:00 GPS", third_bodies=("sun", "moon"),
+    radiation=True,
+)
+state, times = [[6.85e6, 0.0, 0.0, 0.0, 1e3, 7.55e3]], [0.0, 300.0]
+with interpreted():
+    plain = propagate(state, times, force, radiation_m2_kg=0.02)
+assert "numba" not in sys.modules
+compiled = propagate(state, times, force, radiation_m2_kg=0.02)
+assert "numba" in sys.modules
+print(np.abs(plain - compiled)[..., :3].max())
+"""
+
+
+def test_orbits_in_a_field_agree():
+    assert float(last_line(IN_A_FIELD)) < 1e-7
