@@ -74,6 +74,14 @@ def export(
         str | None,
         typer.Option(metavar="FILTER", help="Of estimates: whose.", show_default="the only one"),
     ] = None,
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SENSOR",
+            help="Of readings: a sensor, by the name that its columns begin with; may be given several times.",
+            show_default="all",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write the numbers of a result to a file that other programs read.
@@ -87,6 +95,8 @@ def export(
     existing(result, RESULTS)
     if filter is not None and part is not Part.ESTIMATES:
         raise UserError("--filter chooses estimates; give --part estimates with it")
+    if sensor and part is not Part.READINGS:
+        raise UserError("--sensor chooses readings; give --part readings with it")
     if part in _ORBITS:
         from relnav_sim.cli.export_orbits import export_orbits
 
@@ -103,7 +113,7 @@ def export(
 
         with readable(result) as file, open_results(file) as results:
             try:
-                export_readings(results, result, case, run or [], to.value, out, overwrite)
+                export_readings(results, result, case, run or [], sensor or [], to.value, out, overwrite)
             except ReadingsError as error:
                 raise UserError(str(error)) from None
         return

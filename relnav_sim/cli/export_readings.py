@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 
 
 def export_readings(
-    results: Results, result: Path, case: str | None, runs: Sequence[int], to: str, out: str | None, overwrite: bool
+    results: Results,
+    result: Path,
+    case: str | None,
+    runs: Sequence[int],
+    sensors: Sequence[str],
+    to: str,
+    out: str | None,
+    overwrite: bool,
 ) -> None:
     """Write the readings of some runs, simulated again, each to files of its own.
 
@@ -28,6 +35,7 @@ def export_readings(
         result: Its path as the user gave it.
         case: Number, label or id of the case; None: the first.
         runs: Numbers of the runs; none: the first that the result holds.
+        sensors: Names of the sensors whose readings are written; none: all.
         to: ``csv``, or ``tdm`` with a CSV file beside it for what no TDM can hold.
         out: The file, or a folder; None: beside the result.
         overwrite: Whether files may be replaced.
@@ -35,6 +43,7 @@ def export_readings(
     Raises:
         UserError: The result has no such run, or what is asked for can't be written.
     """
+    from relnav_sim.campaign.problems import no_such
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
@@ -50,6 +59,8 @@ def export_readings(
             "2010-07-27T00:00:00 UTC, or export --to csv"
         )
     layout = readings_layout(config.sensors)
+    if unknown := [name for name in sensors if name not in layout]:
+        raise UserError(no_such("sensor", unknown[0], list(layout)))
     stem = f"{result.stem}_readings" + (f"_case{index}" if len(campaign.cases) > 1 else "")
     paths = {run: _path(result, out, f"{stem}_run{run}.{to}", len(chosen)) for run in chosen}
     for path in paths.values():
@@ -64,6 +75,9 @@ def export_readings(
     comments |= {} if epoch is None else {"epoch": epoch.text()}
     for readings in record(config, campaign.seed, chosen):
         path = paths[readings.run]
+        if sensors:
+            chosen_ones = {name: one for name, one in readings.sensors.items() if name in sensors}
+            readings = replace(readings, sensors=chosen_ones)
         if epoch is not None and to == "tdm":
             readings = _write_tdm(path, readings, layout, config, epoch)
             path = path.with_suffix(".csv")
