@@ -33,9 +33,13 @@ class GravityField:
         radius_m: R, the radius that the coefficients refer to, m.
         C: Fully normalised cosine coefficients (degree + 1, degree + 1), by degree and order, with C_00.
         S: Sine coefficients.
-        order: The largest order whose coefficients are not zero.
+        order: The largest order; coefficients above it are left out.
         tide_system: `zero_tide`, `tide_free` or what the publishers say; nothing is converted.
         name: Of the model.
+
+    Raises:
+        ValueError: A gravitational parameter or radius that is not positive; coefficients of another shape or not
+            finite; an order above the degree.
 
     Examples:
         >>> from relnav_sim import GravityField
@@ -53,6 +57,23 @@ class GravityField:
     order: int
     tide_system: str = "unknown"
     name: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("mu_m3_s2", "radius_m"):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise ValueError(f"{name} is {value}; it must be a positive number")
+        for name in ("C", "S"):
+            value = np.array(getattr(self, name), dtype=float)
+            if value.ndim != 2 or value.shape != (len(self.C), len(self.C)) or not len(value):
+                raise ValueError(f"{name} has shape {value.shape}; C and S must both be (degree + 1, degree + 1)")
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} must hold finite numbers")
+            object.__setattr__(self, name, np.tril(value))
+        if not 0 <= self.order <= self.degree:
+            raise ValueError(f"order is {self.order}; it must be between 0 and the degree, {self.degree}")
+        for each in (self.C, self.S):
+            each[:, self.order + 1 :] = 0.0
 
     @classmethod
     def load(cls, name_or_gfc_path: str | os.PathLike[str], degree: int, order: int | None = None) -> GravityField:
@@ -101,8 +122,14 @@ class GravityField:
         return len(self.C) - 1
 
     def acceleration(self, positions: ArrayLike) -> Array:
-        """Return the acceleration (..., 3) in m/s^2 at positions (..., 3) in m, both in the body's axes."""
+        """Return the acceleration (..., 3) in m/s^2 at positions (..., 3) in m, both in the body's axes.
+
+        Raises:
+            ValueError: The last axis is not three long.
+        """
         points = np.asarray(positions, dtype=float)
+        if points.ndim == 0 or points.shape[-1] != 3:
+            raise ValueError(f"positions has shape {points.shape}; it must be (..., 3)")
         flat = np.ascontiguousarray(points).reshape(-1, 3)
         return kernels.spherical_harmonics.at_points(self.series, flat).reshape(points.shape)
 

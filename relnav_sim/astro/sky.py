@@ -11,7 +11,7 @@ from relnav_sim.arrays import Integers
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sky_table import sky_table
-from relnav_sim.kernels.sky import DAY_S
+from relnav_sim.kernels.sky import DAY_S, POWERS, ROWS
 
 if TYPE_CHECKING:
     from relnav_sim.kernels.sky import Sky
@@ -47,7 +47,7 @@ def still_sky(first_s: float, last_s: float) -> Sky:
     The Earth's rotation angle is 0 at time 0.
     """
     days = _days(first_s, last_s)
-    return kernels.sky.Sky(float(days[0]), np.zeros((len(days), kernels.sky.ROWS, 1)), 0.0, np.eye(3))
+    return kernels.sky.Sky(float(days[0]), np.zeros((len(days), ROWS, POWERS)), 0.0, np.eye(3))
 
 
 def _days(first_s: float, last_s: float) -> Integers:

@@ -89,7 +89,7 @@ def _check_recorded(truth: EphemerisTruthOptions, parts: Parts) -> Iterator[Prob
             duration_s = 0.0 if parts.clock is None else parts.clock.duration_s
             flown(truth.ephemeris, craft, epoch, duration_s, truth.orientation)
         nominal_chief(truth)
-    except (ValueError, OSError) as error:
+    except ValueError as error:
         yield Problem(("truth", "ephemeris"), str(error))
     for name, sensor in (parts.sensors or {}).items():
         if sensor.role == "force":

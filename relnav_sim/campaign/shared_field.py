@@ -81,9 +81,14 @@ def shared_field(truth: FieldExtent | None, beliefs: Beliefs) -> list[str]:
     ]
 
 
+_LEFT_OUT = ((2, "some 200 m"), (5, "some 2 m"), (10, "some 1 m"), (20, "some 0.6 m"), (40, "some 0.2 m"))
+"""What a field below a degree leaves out, as `_rest` has it; docs/dynamics.md has the measurement."""
+
+
 def _rest(truth: FieldExtent) -> str:
-    """Return how far the field that a truth lacks moves the relative position; docs/dynamics.md has the measurement."""
-    return "some 200 m" if truth.degree < 2 else "some 2 m"
+    """Return how far the field that a truth lacks moves the relative position, RMS over a period at 622 km."""
+    full = truth.degree if truth.degree < 2 else max(min(truth.degree, truth.order), 2)
+    return next((size for degree, size in _LEFT_OUT if full < degree), "some centimetres")
 
 
 def _extent(truth: Any) -> FieldExtent | None:

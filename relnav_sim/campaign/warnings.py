@@ -28,6 +28,7 @@ from relnav_sim.truth import (
     TruthSection,
     eci_from_rtn,
     nominal_truth,
+    rough_truth,
     start_warnings,
     truth_trajectory,
 )
@@ -40,6 +41,10 @@ MOST_EPOCHS = 20_000
 ROUGH = 1e-9
 """Relative error of such a trajectory: centimetres change nothing in what a sensor sees."""
 _LABEL_SHOWN = 120
+_NOT_LOOKED_AT = (
+    "The geometry was not looked at: the result was made by another version of relnav, or a file that it names "
+    "is not there or has changed."
+)
 
 
 def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
@@ -84,13 +89,13 @@ def flown_warnings(
             truth: AnyTruth = TypeAdapter(TruthSection).validate_json(json.dumps(varied["truth"]))
             sensors = sensors_from(varied["sensors"])
         except ValidationError:
-            said.append((label, ["The geometry was not looked at: the result was made by another version of relnav."]))
+            said.append((label, [_NOT_LOOKED_AT]))
             continue
         every = tuple(relative_sensors(sensors))
         going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
         try:
             states = _flown(truth, sensors, times_s, relative)
-        except (EphemerisError, OSError) as error:
+        except EphemerisError as error:
             said.append((label, [f"The geometry was not looked at: {error}."]))
             continue
         said.append((label, sight_warnings(sensors, states, going_by)))
@@ -101,7 +106,7 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
     clock, relative = config.clock, relative_sensors(config.sensors)
     every = min((steps_per_reading(each.period_s, clock.step_s) for each in relative.values()), default=1)
     every *= -(-clock.epochs // (every * MOST_EPOCHS))
-    trajectory = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
+    trajectory = truth_trajectory(rough_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
     at_start = trajectory.at([0.0])
     truth = trajectory.at(np.arange(0, clock.epochs, every) * clock.step_s)
     ended = [
@@ -132,8 +137,7 @@ def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array)
     matter then, and it may stay where it starts. A radar on the deputy turns with the deputy's own orbit.
 
     Raises:
-        EphemerisError: A recorded orbit is not what it was.
-        OSError: Its file can't be read.
+        EphemerisError: The file of a recorded orbit can't be read, or is not what it was.
     """
     trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
     if isinstance(options, EphemerisTruthOptions):

@@ -159,7 +159,9 @@ def tune(
             )
         except TuningError as error:
             raise UserError(str(error)) from None
-        text = with_header(edited(campaign.text, tuning.changes()), header_lines(tuning, changes or [], cases or []))
+        text = with_header(
+            edited(campaign.text, tuning.changes(), campaign.path), header_lines(tuning, changes or [], cases or [])
+        )
         figure = curve_figure(tuning)
         contents = (text.encode(), curve_csv(tuning).encode(), png(figure), pdf(figure))
         for path, content in zip((target, table, picture, page), contents, strict=True):

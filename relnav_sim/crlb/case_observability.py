@@ -25,7 +25,7 @@ from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.simulation.thrust_inputs import known_thrust, planned_forces
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import nominal_chief, nominal_truth, truth_trajectory
+from relnav_sim.truth import nominal_chief, rough_truth, truth_trajectory
 
 MOST_STEPS = 300
 """Steps into which a run is cut, however many epochs it has: each stands for the readings of all its epochs."""
@@ -92,7 +92,7 @@ class _Looked:
         every = max(-(-(clock.epochs - 1) // MOST_STEPS), 1)
         step_s = every * clock.step_s
         times_s = np.asarray(np.arange((clock.epochs - 1) // every + 1) * step_s, dtype=np.float64)
-        whole = truth_trajectory(nominal_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
+        whole = truth_trajectory(rough_truth(config.truth), clock.duration_s, RandomSource(0, (0,)), ROUGH)
         truth = whole.at(times_s)
         chances, fix, always = {}, {}, reading_at_every_epoch(config.sensors)
         for name, options in relative_sensors(config.sensors).items():
@@ -149,7 +149,7 @@ def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dyn
     """Return the motion that a filter believes in, with the manoeuvres that it is told of, over the longer steps."""
     config = looked.config
     orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-    options = entry.dynamics
+    options = entry.dynamics.simpler
     if "training_track" in options.needs:
         options = dynamics_kinds()["cw"].model_validate({"kind": "cw"})
     context = DynamicsContext(orbit, entry.process_noise, step_s, epoch=config.truth.start_epoch)

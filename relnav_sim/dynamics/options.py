@@ -49,6 +49,11 @@ class DynamicsOptions(Options):
         """
         return None
 
+    @property
+    def simpler(self) -> DynamicsOptions:
+        """Dynamics that tell as well which states can be observed, for a look before a run; default: these."""
+        return self
+
     def training_request(self, orbit: ChiefOrbit) -> TrainingRequest:
         """Return the track to learn from, for a chief's nominal orbit; with the need ``training_track``."""
         raise NotImplementedError(f"{type(self).__name__} needs a training_track and has no training_request(orbit)")

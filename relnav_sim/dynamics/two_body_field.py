@@ -19,6 +19,7 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.orbit_filter import OrbitFilterOptions
 from relnav_sim.dynamics.process_noise import white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
+from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
 
 
 @register_dynamics("nonlinear_field")
@@ -30,10 +31,10 @@ class NonlinearFieldOptions(DynamicsOptions):
     """
 
     needs: ClassVar[frozenset[Need]] = frozenset({"chief_fixes", "known_thrust", "epoch"})
-    step_cost_us: ClassVar[float] = 2.0
+    step_cost_us: ClassVar[float] = 4.0
     step_overhead_us: ClassVar[float] = 20.0
     # The orbit filter, and the chief's segments.
-    shared_overhead_us: ClassVar[float] = 20.0
+    shared_overhead_us: ClassVar[float] = 30.0
     shared_epoch_bytes: ClassVar[float] = 1200.0
 
     kind: Literal["nonlinear_field"] = Field(
@@ -57,6 +58,11 @@ class NonlinearFieldOptions(DynamicsOptions):
     def believed_field(self) -> FieldExtent:
         """All of it."""
         return FieldExtent(self.degree, self._field.order, self.model)
+
+    @property
+    def simpler(self) -> NonlinearJ2Options:
+        """J2 to J4 alone."""
+        return NonlinearJ2Options(zonals=4, chief_orbit=self.chief_orbit)
 
     def build(self, context: DynamicsContext) -> AboutChiefDynamics:
         """Return the dynamics about the nominal orbit until they are fed with fixes of the chief.

@@ -120,6 +120,7 @@ class AlphaKalmanFilter(SamplingFilter):
         # For a Gaussian, t steps temper the likelihood by 1 - (1 - alpha)^t in all.
         self._total_alpha = 1 - (1 - options.alpha) ** options.fixed_point
         self._kind = ("random", "antithetic", "fixed").index(options.sampling)  # as `kernels.sampling.moments` has it
+        self._tempering = np.sqrt(options.alpha / 2) * np.eye(measurement.dimension)[None]
         self._streams = Streams([])
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
@@ -135,7 +136,7 @@ class AlphaKalmanFilter(SamplingFilter):
         posterior = prior.posterior(mean, covariance)
         # Fewer effective samples than moments say nothing of a covariance; NaN fails the comparison too.
         d = mean.shape[1]
-        usable = (ess > d * (d + 3) / 2) & np.isfinite(posterior.covariance.sum(axis=(1, 2)))
+        usable = (ess > d * (d + 3) / 2) & np.isfinite(posterior.covariance.reshape(len(z), -1).sum(axis=1))
         posterior, failed = self.with_fallback(posterior, usable, belief, z, self._total_alpha, step)
         innovation = model.innovation()
         extras = {
@@ -153,23 +154,23 @@ class AlphaKalmanFilter(SamplingFilter):
         proposal = self._first_proposal(prior, belief, model, z, step)
         R = by_run(self._independent_noise(belief, model, step.epoch))
         # W with W^T W = (alpha / 2) R^-1
-        scale, *_ = kernels.roots.whiten(R, np.sqrt(options.alpha / 2) * np.eye(R.shape[-1])[None])
-        smallest = np.full(len(z), np.nan)
+        scale, *_ = kernels.roots.whiten(R, self._tempering)
+        sizes = []
         for _ in range(options.fixed_point):
             e = self._draw(prior)
-            samples = *prior.samples(proposal.mean, proposal.root), e
-            costs = self._cost(samples, belief.mean, scale, z, step.epoch)
-            if proposal.exponent.any():
+            centre, root = prior.samples() if proposal is None else prior.samples(proposal.mean, proposal.root)
+            costs = self._cost((centre, root, e), belief.mean, scale, z, step.epoch)
+            if proposal is not None and proposal.exponent.any():
                 costs -= proposal.log_ratio(e)
             mean, covariance, ess = kernels.sampling.moments(costs, e, self._kind)
-            if proposal.root is not None:
+            if proposal is not None:
                 mean = proposal.mean + np.einsum("bij,bj->bi", proposal.root, mean)
                 covariance = symmetric(proposal.root @ covariance @ transpose(proposal.root))
-            smallest = np.fmin(smallest, ess)
+            sizes.append(ess)
             if options.fixed_point > 1:
                 # p^alpha q^(1 - alpha) / q = (p / q)^alpha: the last q is the next step's proposal.
                 proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha))
-        return mean, covariance, smallest
+        return mean, covariance, ess if len(sizes) == 1 else np.fmin.reduce(sizes)
 
     def _independent_noise(self, belief: Gaussian, model: Linearisation, epoch: int) -> Array:
         """Return R for the likelihood, as every run has it where channels are independent: absent ones add nothing."""
@@ -181,21 +182,21 @@ class AlphaKalmanFilter(SamplingFilter):
 
     def _first_proposal(
         self, prior: WhitenedPrior, belief: Gaussian, model: Linearisation, z: Array, step: Step
-    ) -> _Proposal:
-        """Return the prediction, or the widened posterior in runs where the prediction's samples would be wasted."""
+    ) -> _Proposal | None:
+        """Return the widened posterior in runs where the prediction's samples would be wasted; None: in no run."""
         options = self._options
         d = prior.roots.shape[1]
-        standard = _Proposal(np.zeros((len(z), d)), None, np.zeros(len(z)))
         if options.proposal == "prior":
-            return standard
+            return None
         efficiency = sampling_efficiency(model, options.alpha)
         low = ~(efficiency * options.samples >= max(50 * d, options.samples / 20))
         if not low.any():
-            return standard
+            return None
         posterior, _ = self.iterated_update(belief, z, options.alpha, step)
         mean, root = prior.coordinates(posterior)
         widened = _Proposal(mean, np.sqrt(options.proposal_spread) * root, np.ones(len(z)))
-        return where_runs(low, widened, replace(standard, root=np.broadcast_to(np.eye(d), root.shape)))
+        prediction = _Proposal(np.zeros((len(z), d)), np.broadcast_to(np.eye(d), root.shape), np.zeros(len(z)))
+        return where_runs(low, widened, prediction)
 
     def _draw(self, prior: WhitenedPrior) -> Array:
         """Return standard normal samples, (runs, d, N) or (1, d, N)."""
@@ -224,18 +225,14 @@ class AlphaKalmanFilter(SamplingFilter):
 
 @dataclass(frozen=True)
 class _Proposal:
-    """N(mean, root root^T) of the whitened observed states; `exponent` on target over proposal, 0 for the prior.
-
-    The root of the prior is None: I.
-    """
+    """N(mean, root root^T) of the whitened observed states; `exponent` on target over proposal, 0 for the prior."""
 
     mean: Array
-    root: Array | None
+    root: Array
     exponent: Array
 
     def log_ratio(self, e: Array) -> Array:
         """Return exponent (log N(y; 0, I) - log N(e; 0, I)), (runs, N), y = mean + root e: the prior over this one."""
-        assert self.root is not None
         y = self.mean[:, :, None] + self.root @ e
         ratio = np.einsum("bin,bin->bn", e, e) - np.einsum("bin,bin->bn", y, y)
         return 0.5 * self.exponent[:, None] * ratio

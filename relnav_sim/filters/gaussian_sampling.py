@@ -51,14 +51,16 @@ class WhitenedPrior:
     remainder: Array
     observed: Indices
 
-    def samples(self, mean: Array, root: Array | None = None) -> tuple[Array, Array]:
+    def samples(self, mean: Array | None = None, root: Array | None = None) -> tuple[Array, Array]:
         """Return centre (runs, n) and root (runs, n, d) of the states of y = mean + root e, e ~ N(0, I), with u = 0.
 
         Args:
-            mean: (runs, d).
+            mean: (runs, d); None: 0.
             root: (runs, d, d); None: I.
         """
         G = transpose(self.roots)
+        if mean is None:
+            return self.mean, G
         return self.mean + np.einsum("bdn,bd->bn", self.roots, mean), G if root is None else G @ root
 
     def coordinates(self, gaussian: Gaussian) -> tuple[Array, Array]:

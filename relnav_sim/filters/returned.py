@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -44,7 +44,8 @@ class Returned:
         for name, shape in self._fields[kind]:
             value = getattr(belief, name)
             if shape is not None:
-                self._check(value, shape, name, method)
+                if type(value) is not np.ndarray or value.shape != shape or value.dtype != _FLOAT:
+                    self._refuse(value, shape, name, method)
                 value.setflags(write=False)
             elif isinstance(value, np.ndarray):
                 value.setflags(write=False)
@@ -53,8 +54,10 @@ class Returned:
     def moment(self, belief: Any, name: str) -> Array:
         """Return mean or covariance of a checked belief, which may compute them."""
         value: Array = getattr(belief, name)
-        if name not in vars(belief):
-            self._check(value, self._shapes[name], name, "update")
+        if name not in belief.__dict__:
+            shape = self._shapes[name]
+            if type(value) is not np.ndarray or value.shape != shape or value.dtype != _FLOAT:
+                self._refuse(value, shape, name, "update")
         return value
 
     def update(self, updated: Any) -> tuple[Any, Innovation]:
@@ -68,9 +71,7 @@ class Returned:
             self._check_numbers(value, name)
         return self.belief(belief, "update"), innovation
 
-    def _check(self, value: Any, shape: tuple[int, ...], name: str, method: str) -> None:
-        if type(value) is np.ndarray and value.shape == shape and value.dtype == _FLOAT:
-            return
+    def _refuse(self, value: Any, shape: tuple[int, ...], name: str, method: str) -> NoReturn:
         raise ValueError(
             f"the {name} of the belief that {method} has returned is {_kind(value)}; "
             f"it must be an array of float64 of shape {shape}"

@@ -11,6 +11,8 @@ from inspect import Parameter, Signature, signature
 from types import FunctionType, ModuleType
 from typing import Any
 
+import numpy as np
+
 from relnav_sim.kernels import CompilerError
 from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, read_code, warn_not_kept
 from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of
@@ -31,6 +33,7 @@ def _numba() -> ModuleType:
         import numba.core.caching
         import numba.core.codegen
         import numba.core.compiler
+        import numba.core.pythonapi
         import numba.core.serialize
         import numba.extending
     except Exception as error:  # of whatever kind: numba refuses versions, llvmlite loads a library
@@ -50,7 +53,7 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Calla
     if numba.config.DISABLE_JIT:
         return function
     name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
-    kernel = _jit(function)
+    kernel = _jit(function, **_through(_KernelCompiler))
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)
     with nullcontext() if is_kept(name) else alone(name):
@@ -76,12 +79,46 @@ def part(function: Callable[..., Any]) -> Any:
         return _intrinsic(function, how)
     # It is not called from Python; what lets it be called takes a tenth of the time of compiling.
     unwrapped = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    if numba.version_info.short <= LATEST_KNOWN:
-        unwrapped["pipeline_class"] = _PartCompiler
-    return _jit(function, **how, **unwrapped)
+    return _jit(function, **how, **unwrapped, **_through(_PartCompiler))
 
 
-class _PartCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+def _through(compiler: type) -> dict[str, Any]:
+    """Return what makes numba compile by a class of this module, where it is known to work."""
+    return {"pipeline_class": compiler} if numba.version_info.short <= LATEST_KNOWN else {}
+
+
+class _KernelCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types
+    """What compiles kernels, which hand over arrays in half the time that numba takes for it."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        target = self.state.targetctx  # a copy, of this kernel alone
+        target.get_python_api = lambda builder: _PythonInterface(target, builder)
+
+
+class _PythonInterface(numba.core.pythonapi.PythonAPI):  # type: ignore[misc]
+    """How compiled code works with Python's objects: here the class of NumPy's arrays is one of its constants.
+
+    numba has it looked up, by a function in Python, for every array that is returned.
+    """
+
+    def get_env_manager(self, *given: Any) -> Any:
+        """Return what holds the constants, and note it."""
+        self._constants = super().get_env_manager(*given)
+        return self._constants
+
+    def serialize_object(self, value: Any) -> Any:
+        """Return a pointer to the value as text; that class as it is."""
+        return value if value is np.ndarray else super().serialize_object(value)
+
+    def unserialize(self, pointer: Any) -> Any:
+        """Return the value, or the class from the constants."""
+        if pointer is np.ndarray:
+            return self._constants.read_const(self._constants.add_const(pointer))
+        return super().unserialize(pointer)
+
+
+class _PartCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]
     """What compiles parts of kernels, which are made machine code in the kernels only."""
 
     def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:

@@ -106,7 +106,8 @@ class Uncompiled:
 
     def __call__(self, *arguments: Any) -> Any:
         """Compile it, and call what is compiled; or run it as it stands where kernels are `interpreted`."""
-        if _interpreting:
+        if _called is not None:
+            _called[_name_of(self.function)] = None
             with suppress(ArithmeticError, ValueError), np.errstate(all="ignore"):
                 return _interpreted(self.function)(*arguments)
             # Python gives up where compiled code goes on with NaN or inf.
@@ -127,22 +128,28 @@ class Uncompiled:
         return function
 
 
-_interpreting = False
+_called: dict[str, None] | None = None
 
 
 @contextmanager
-def interpreted() -> Iterator[None]:
+def interpreted() -> Iterator[dict[str, None]]:
     """Within this, let kernels that are not compiled yet in this process run as plain Python, with a single lane.
 
     That is for a few numbers, at which it is faster than to load what compiles. Last digits may differ, as products
-    and sums are not fused.
+    and sums are not fused. The keys of what it yields are the kernels that have been called so, as `theme.function`, in
+    the order of their first calls.
     """
-    global _interpreting
-    before, _interpreting = _interpreting, True
+    global _called
+    before = _called
+    _called = {} if before is None else before
     try:
-        yield
+        yield _called
     finally:
-        _interpreting = before
+        _called = before
+
+
+def _name_of(function: Callable[..., Any]) -> str:
+    return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
 
 @cache

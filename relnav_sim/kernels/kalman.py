@@ -52,16 +52,23 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
     """Return the mean F m, (runs, n), and the covariance of `predict`; m (runs, n)."""
     runs, n = m.shape
     mean, predicted = np.empty((runs, n)), np.empty((runs, n, n))
-    x = np.empty((n, LANES))
+    x, y, f = np.empty((n, LANES)), np.empty((n, LANES)), np.empty((n, n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
+        load_vectors(m, first, used, x)
+        if len(F) > 1:
+            load(F, first, used, f)
         for i in range(n):
             for b in range(used):
-                x[i, b] = 0.0
+                y[i, b] = 0.0
             for j in range(n):
-                for b in range(used):
-                    x[i, b] += F[0 if len(F) == 1 else first + b, i, j] * m[first + b, j]
-        store_vectors(x, first, used, mean)
+                if len(F) > 1:
+                    for b in range(used):
+                        y[i, b] += f[i, j, b] * x[j, b]
+                else:
+                    for b in range(used):
+                        y[i, b] += F[0, i, j] * x[j, b]
+        store_vectors(y, first, used, mean)
     _carry(P, F, Q, predicted)
     return mean, predicted
 
@@ -208,14 +215,19 @@ def move(W: Array, w: Array, used: int, x: Array) -> None:
 
 @inner
 def subtract_square(P: Array, W: Array, used: int, out: Array) -> None:
-    """Set the lower triangle of out to that of P - W^T W, P (n, n), W (k, n)."""
+    """Set the lower triangle of out to that of P - W^T W, P (n, n), W (k, n); two terms at once, as in `product`."""
+    k = len(W)
     for i in range(len(P)):
         for j in range(i + 1):
-            for b in range(used):
-                out[i, j, b] = P[i, j, b] - W[0, i, b] * W[0, j, b]
-            for c in range(1, len(W)):
+            if k % 2 == 1:
                 for b in range(used):
-                    out[i, j, b] -= W[c, i, b] * W[c, j, b]
+                    out[i, j, b] = P[i, j, b] - W[0, i, b] * W[0, j, b]
+            else:
+                for b in range(used):
+                    out[i, j, b] = P[i, j, b] - W[0, i, b] * W[0, j, b] - W[1, i, b] * W[1, j, b]
+            for c in range(2 - k % 2, k, 2):
+                for b in range(used):
+                    out[i, j, b] = out[i, j, b] - W[c, i, b] * W[c, j, b] - W[c + 1, i, b] * W[c + 1, j, b]
 
 
 @kernel(given(3), given(2))
@@ -257,14 +269,19 @@ def places(found: Mask) -> Indices:
 
 @inner
 def score(w: Array, L: Array, first: int, used: int, nis: Array, log_likelihood: Array) -> None:
-    """Set NIS and log-likelihood of the runs from `first` on by their whitened residuals w = L^-1 nu, (k, LANES)."""
+    """Set NIS and log-likelihood of the runs from `first` on by their whitened residuals w = L^-1 nu, (k, LANES).
+
+    The residuals are lost: their place is taken by logarithms, which are computed side by side only by themselves.
+    """
     for b in range(used):
         nis[first + b], log_likelihood[first + b] = 0.0, 0.0
     for i in range(len(w)):
         for b in range(used):
             nis[first + b] += w[i, b] * w[i, b]
         for b in range(used):
-            log_likelihood[first + b] += log(L[i, i, b])
+            w[i, b] = log(L[i, i, b])
+        for b in range(used):
+            log_likelihood[first + b] += w[i, b]
     for b in range(used):
         log_likelihood[first + b] = -0.5 * (nis[first + b] + len(w) * _LOG_TWO_PI + 2 * log_likelihood[first + b])
 

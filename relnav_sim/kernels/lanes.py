@@ -84,26 +84,39 @@ def copy(A: Array, used: int, out: Array) -> None:
 
 @inner
 def product(A: Array, B: Array, used: int, out: Array) -> None:
-    """Set out (p, r) to A B of A (p, q), B (q, r)."""
+    """Set out (p, r) to A B of A (p, q), B (q, r).
+
+    Two terms at once, in their order: less of the time goes into loading and storing their sum.
+    """
+    q = A.shape[1]
     for i in range(A.shape[0]):
         for j in range(B.shape[1]):
-            for b in range(used):
-                out[i, j, b] = A[i, 0, b] * B[0, j, b]
-            for k in range(1, A.shape[1]):
+            if q % 2 == 1:
                 for b in range(used):
-                    out[i, j, b] += A[i, k, b] * B[k, j, b]
+                    out[i, j, b] = A[i, 0, b] * B[0, j, b]
+            else:
+                for b in range(used):
+                    out[i, j, b] = A[i, 0, b] * B[0, j, b] + A[i, 1, b] * B[1, j, b]
+            for k in range(2 - q % 2, q, 2):
+                for b in range(used):
+                    out[i, j, b] = out[i, j, b] + A[i, k, b] * B[k, j, b] + A[i, k + 1, b] * B[k + 1, j, b]
 
 
 @inner
 def product_by_transpose(A: Array, B: Array, used: int, out: Array) -> None:
-    """Set out (p, r) to A B^T of A (p, q), B (r, q)."""
+    """Set out (p, r) to A B^T of A (p, q), B (r, q), as `product` does."""
+    q = A.shape[1]
     for i in range(A.shape[0]):
         for j in range(B.shape[0]):
-            for b in range(used):
-                out[i, j, b] = A[i, 0, b] * B[j, 0, b]
-            for k in range(1, A.shape[1]):
+            if q % 2 == 1:
                 for b in range(used):
-                    out[i, j, b] += A[i, k, b] * B[j, k, b]
+                    out[i, j, b] = A[i, 0, b] * B[j, 0, b]
+            else:
+                for b in range(used):
+                    out[i, j, b] = A[i, 0, b] * B[j, 0, b] + A[i, 1, b] * B[j, 1, b]
+            for k in range(2 - q % 2, q, 2):
+                for b in range(used):
+                    out[i, j, b] = out[i, j, b] + A[i, k, b] * B[j, k, b] + A[i, k + 1, b] * B[j, k + 1, b]
 
 
 @inner
@@ -152,11 +165,15 @@ def forward(L: Array, used: int, X: Array) -> None:
     """Replace X (m, p) by L^-1 X."""
     for i in range(len(L)):
         for j in range(X.shape[1]):
-            for k in range(i):
+            for k in range(i - 1):
                 for b in range(used):
                     X[i, j, b] -= L[i, k, b] * X[k, j, b]
-            for b in range(used):
-                X[i, j, b] /= L[i, i, b]
+            if i == 0:
+                for b in range(used):
+                    X[i, j, b] /= L[i, i, b]
+            else:
+                for b in range(used):
+                    X[i, j, b] = (X[i, j, b] - L[i, i - 1, b] * X[i - 1, j, b]) / L[i, i, b]
 
 
 @inner

@@ -196,19 +196,12 @@ def moments(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
         _weights(costs[run], w)
         sums[:] = 0.0
         squares[:] = 0.0
-        for first in range(0, N, CHUNK):
-            weight = w[first : first + CHUNK]
-            _gather(samples, first, min(CHUNK, N - first), x)
-            _add(weight, sums[0])
-            _add_product(weight, weight, squares)
-            row = 1 + d
-            for i in range(d):
-                for b in range(CHUNK):
-                    wx[b] = weight[b] * x[i, b]
-                _add(wx, sums[1 + i])
-                for j in range(i + 1):
-                    _add_product(wx, x[j], sums[row])
-                    row += 1
+        whole = N - N % CHUNK
+        for first in range(0, whole, CHUNK):
+            _add_moments(w[first : first + CHUNK], samples, first, wx, sums, squares)
+        if whole < N:
+            _gather(samples, whole, N - whole, x)
+            _add_moments(w[whole:], x, 0, wx, sums, squares)
         total = _sum(sums[0])
         shares = _sum(squares) / (total * total)
         ess[run] = 1 / shares
@@ -247,6 +240,26 @@ def _weights(costs: Array, w: Array) -> None:
 
 
 @inner
+def _add_moments(weight: Array, x: Array, first: int, wx: Array, sums: Array, squares: Array) -> None:
+    """Add to the sums what CHUNK samples x (d, more) from `first` on give, and to `squares` those of their weights.
+
+    The sums are those of the weights, of w x by state, and of w x x^T by entry of its lower triangle; wx (CHUNK,) is
+    room.
+    """
+    d = len(x)
+    _add(weight, sums[0])
+    _add_product(weight, weight, 0, squares)
+    row = 1 + d
+    for i in range(d):
+        for b in range(CHUNK):
+            wx[b] = weight[b] * x[i, first + b]
+        _add(wx, sums[1 + i])
+        for j in range(i + 1):
+            _add_product(wx, x[j], first, sums[row])
+            row += 1
+
+
+@inner
 def _gather(samples: Array, first: int, used: int, x: Array) -> None:
     """Set x (d, CHUNK) to samples (d, N) from `first` on; zero behind the last, where weights are zero too."""
     for i in range(len(x)):
@@ -265,13 +278,13 @@ def _add(a: Array, sums: Array) -> None:
 
 
 @inlined
-def _add_product(a: Array, c: Array, sums: Array) -> None:
-    """Add products of numbers (CHUNK,) to sums (LANES,)."""
+def _add_product(a: Array, c: Array, first: int, sums: Array) -> None:
+    """Add products of numbers (CHUNK,) and of as many from `first` on to sums (LANES,)."""
     for b in range(LANES):
-        total = fused(a[b], c[b], sums[b])
-        total = fused(a[b + LANES], c[b + LANES], total)
-        total = fused(a[b + 2 * LANES], c[b + 2 * LANES], total)
-        sums[b] = fused(a[b + 3 * LANES], c[b + 3 * LANES], total)
+        total = fused(a[b], c[first + b], sums[b])
+        total = fused(a[b + LANES], c[first + b + LANES], total)
+        total = fused(a[b + 2 * LANES], c[first + b + 2 * LANES], total)
+        sums[b] = fused(a[b + 3 * LANES], c[first + b + 3 * LANES], total)
 
 
 @inner

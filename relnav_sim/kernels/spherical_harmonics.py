@@ -144,7 +144,7 @@ def _sums(series: Series, r: Array, used: int, room: Array, out: Array) -> None:
 
 @cache
 def _places(degree: int, orders: int) -> NDArray[np.int64]:
-    """Return where the row of each degree and order is, (degree + 1, orders); above the degree the first, which is 0."""
+    """Return which row has each degree and order, (degree + 1, orders); the first where there is none."""
     places, first = np.empty((degree + 1, orders), dtype=np.int64), 0
     for m in range(orders):
         rows = degree + 1 - m

@@ -20,11 +20,7 @@ def number(text: str) -> float:
         if re.fullmatch(r"[+-]?\d+,\d+", text):
             raise ValueError("has a decimal comma; write a decimal point")
         raise ValueError("is no number")
-    value = float(text.translate(_EXPONENT))
+    value = float(text.replace("D", "e").replace("d", "e"))  # exponents of Fortran
     if not math.isfinite(value):
         raise ValueError("is too large for a number of 64 bits")
     return value
-
-
-_EXPONENT = str.maketrans("dD", "ee")
-"""Fortran's exponents."""

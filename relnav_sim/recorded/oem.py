@@ -11,6 +11,7 @@ from relnav_sim.astro.epoch import Epoch
 from relnav_sim.near_names import nearest
 from relnav_sim.recorded.interpolation import Interpolation
 from relnav_sim.recorded.segment import Place, Segment
+from relnav_sim.wording import counted
 
 VERSION_KEY = "CCSDS_OEM_VERS"
 VERSIONS = ("1.0", "2.0", "3.0")
@@ -172,7 +173,8 @@ def _skip_covariance(lines: _Lines, scale: str) -> None:
         for row in range(1, _COVARIANCE_ROWS + 1):
             words = lines.take(f"row {row} of a covariance").split()
             if len(words) != row:
-                raise lines.place.error(f"row {row} of a covariance must hold {row} numbers; here stand {len(words)}")
+                here = f"{counted(len(words), 'word')} {'stands' if len(words) == 1 else 'stand'}"
+                raise lines.place.error(f"{here} where row {row} of a covariance should, with {counted(row, 'number')}")
             for word in words:
                 lines.place.number(word, "an element of a covariance")
     lines.take("COVARIANCE_STOP")

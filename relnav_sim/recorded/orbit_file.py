@@ -113,13 +113,15 @@ def _default(segment: Segment) -> Interpolation:
 
 
 def _check_coverage(segments: Sequence[Segment], needed: Needed, name: str) -> None:
-    """Refuse a file that does not cover what is needed."""
-    first, last = needed[0] or segments[0].useable[0], needed[1] or segments[-1].useable[1]
-    reached = first
-    for segment in segments:
-        if segment.useable[0] <= reached:
-            reached = max(reached, segment.useable[1])
-    if first >= segments[0].useable[0] and reached >= last:
+    """Refuse a file that does not cover what is needed: all from one bound to the other, or the only one."""
+    first, last = needed[0] or needed[1], needed[1] or needed[0]
+    if first is None or last is None:
+        return
+    reached: Epoch | None = None
+    for begin, end in (segment.useable for segment in segments):
+        if begin <= (reached or first) <= end:
+            reached = end
+    if reached is not None and reached >= last:
         return
     shown = [f"{each.useable[0].text()} to {each.useable[1].text()}" for each in segments[:_SHOWN]]
     more = [f"{len(segments) - _SHOWN} more"] if len(segments) > _SHOWN else []

@@ -10,10 +10,18 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.line_of_sight import half_open
+from relnav_sim.printable import printable
+
+_LONGEST_QUOTED = 60
 
 
 class ReadingsError(ValueError):
     """A file of readings can't be used; the message is one sentence that names file, line and remedy."""
+
+
+def quoted(text: str) -> str:
+    """Return a piece of a file as a sentence has it: in quotes, of bounded length, without characters that act."""
+    return repr(printable(text, _LONGEST_QUOTED))
 
 
 class Quantity(Protocol):
@@ -164,19 +172,22 @@ def _in_order(what: str, parts: Sequence[Column], files: Sequence[str], sort: bo
     def at(row: int) -> str:
         return f"{files[places[row, 0]]}:{places[row, 1]}"
 
+    lost = np.flatnonzero(~(np.isfinite(times) & np.isfinite(values)))
+    if len(lost):
+        raise ReadingsError(f"{at(int(lost[0]))}: {what} or its time is too large for a number of 64 bits in SI units")
     if sort:
         order = np.argsort(times, kind="stable")
         times, values, places = times[order], values[order], places[order]
-        again = np.flatnonzero((np.diff(times) == 0) & (np.diff(values) != 0))
+        again = np.flatnonzero((times[1:] == times[:-1]) & (values[1:] != values[:-1]))
         if len(again):
             row = int(again[0]) + 1
             raise ReadingsError(
                 f"{at(row)}: {what} has two different values at {times[row]!s} s, the other at {at(row - 1)}; "
                 "leave out the wrong one"
             )
-        kept = np.concatenate([[True], np.diff(times) > 0])
+        kept = np.concatenate([[True], times[1:] > times[:-1]])
         return times[kept], values[kept], places[kept]
-    wrong = np.flatnonzero(np.diff(times) <= 0)
+    wrong = np.flatnonzero(times[1:] <= times[:-1])
     if len(wrong):
         row = int(wrong[0]) + 1
         what_is = "is given twice" if times[row] == times[row - 1] else "goes back in time"

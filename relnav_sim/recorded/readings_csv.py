@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,34 +13,20 @@ from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.near_names import nearest
 from relnav_sim.printable import printable
+from relnav_sim.recorded.column_names import column_name, places_of, time_column
 from relnav_sim.recorded.number import number
-from relnav_sim.recorded.readings import Column, Layout, Quantity, Readings, ReadingsError, Start
+from relnav_sim.recorded.readings import Column, Layout, Readings, ReadingsError, Start, quoted
 from relnav_sim.recorded.recording import LINE_ENDS, Recording
-from relnav_sim.recorded.units import ending, factors
-from relnav_sim.wording import listed
 
-TIME_COLUMNS = {"time_s": None, "time_utc": "UTC", "time_gps": "GPS", "time_tai": "TAI", "time_tt": "TT"}
-"""The columns of time, and the time scales of those that hold calendar dates."""
-_OTHER_TIME_NAMES = {"gps_time": "time_gps", "utc_time": "time_utc", "tai_time": "time_tai", "tt_time": "time_tt"}
 _MEAN, _COVARIANCE = "start_mean_m_m_s", "start_covariance_m_m_s"
 _KEYS = ("run", "epoch", _MEAN, _COVARIANCE)
 """What comment lines before the header can say."""
 _TOLD = ("campaign", "case", "seed")
 """What they say for people."""
-_LONGEST_SHOWN = 60
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A column of the file that is a channel of a sensor: which one, and what its unit is in SI."""
-
-    sensor: str
-    channel: int
-    factor: float
 
 
 def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -> Recording:
-    """Return what a CSV file of readings holds.
+    """Return what a CSV file of readings holds; one that says where filters start need hold no readings.
 
     Args:
         path: The file's name, for messages.
@@ -57,12 +42,14 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
     zero = epoch or own
     shift_s = 0.0 if own is None or epoch is None else own.seconds_since(epoch)
     where = f"{path}:{header_line}"
-    time_column = _time_column(where, names)
-    places = _places(where, names, layout)
-    scale = TIME_COLUMNS[_plain(names[time_column])]
+    time_place, scale = time_column(where, names)
+    places = places_of(where, names, layout)
+    start = _start(path, keys)
+    if not places and start is None:
+        raise ReadingsError(f"{where}: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say")
     if scale is not None and zero is None:
         raise ReadingsError(
-            f"{where}: {names[time_column]} holds calendar dates, and the campaign has none; "
+            f"{where}: {names[time_place]} holds calendar dates, and the campaign has none; "
             "give it a truth.epoch, as 2010-07-27T00:00:00 UTC"
         )
 
@@ -72,14 +59,17 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
         assert zero is not None
         return Epoch.parse(cell, scale).seconds_since(zero)
 
-    lines, times, cells = _numbers(path, names, rows, time_column, seconds)
+    lines, times, cells = _numbers(path, names, rows, time_place, seconds)
+    if not len(lines) and start is None:
+        raise ReadingsError(f"{path}: it holds no row of readings after the header")
+    with np.errstate(over="ignore"):  # what is not finite then is refused where columns are put together
+        si = {index: cells[:, index] * place.factor for index, place in places.items()}
     columns = [
-        Column(place.sensor, place.channel, times[there], values[there] * place.factor, path, lines[there])
+        Column(place.sensor, place.channel, times[there], si[index][there], path, lines[there])
         for index, place in places.items()
-        for values in [cells[:, index]]
-        for there in [~np.isnan(values)]
+        for there in [~np.isnan(si[index])]
     ]
-    return Recording(path, tuple(columns), _run(path, keys), own, _start(path, keys), _notes(path, text, lines))
+    return Recording(path, tuple(columns), _run(path, keys), own, start, _notes(path, text))
 
 
 def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[str, str] | None = None) -> None:
@@ -99,7 +89,7 @@ def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[
     if readings.start is not None:
         keys[_MEAN] = " ".join(map(repr, readings.start.mean.tolist()))
         keys[_COVARIANCE] = " ".join(map(repr, readings.start.covariance.ravel().tolist()))
-    heading = ["time_s", *(_name(sensor, each) for sensor in readings.sensors for each in layout[sensor])]
+    heading = ["time_s", *(column_name(sensor, each) for sensor in readings.sensors for each in layout[sensor])]
     times_s = np.unique(np.concatenate([np.zeros(0), *(each.times_s for each in readings.sensors.values())]))
     cells = np.full((len(times_s), len(heading)), np.nan)
     cells[:, 0] = times_s
@@ -112,11 +102,6 @@ def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[
         csv.writer(file, lineterminator="\n").writerow(heading)
         for row in cells.tolist():
             file.write(",".join("" if value != value else repr(value) for value in row) + "\n")
-
-
-def _name(sensor: str, quantity: Quantity) -> str:
-    unit = ending(quantity.unit)
-    return f"{sensor}.{quantity.name}_{unit}" if unit else f"{sensor}.{quantity.name}"
 
 
 def _parts(path: str, text: str) -> tuple[dict[str, tuple[int, str]], list[str], int, Iterator[tuple[int, list[str]]]]:
@@ -168,95 +153,11 @@ def _take_key(path: str, line: int, content: str, keys: dict[str, tuple[int, str
     keys[key] = line, said
 
 
-def _time_column(where: str, names: Sequence[str]) -> int:
-    found = [index for index, name in enumerate(names) if _plain(name) in TIME_COLUMNS]
-    if len(found) == 1:
-        return found[0]
-    times = listed(list(TIME_COLUMNS))
-    if found:
-        raise ReadingsError(
-            f"{where}: {listed([names[index] for index in found])} both give the time; leave one of them"
-        )
-    if len(names) == 1 and (mark := next((each for each in ";\t|" if each in names[0]), None)):
-        raise ReadingsError(
-            f"{where}: the columns seem to be separated by {mark!r}; separate them by commas, and write decimal points"
-        )
-    raise ReadingsError(f"{where}: no column gives the time; the header must name one of {times}")
-
-
-def _plain(name: str) -> str:
-    return _OTHER_TIME_NAMES.get(name, name)
-
-
-def _places(where: str, names: Sequence[str], layout: Layout) -> dict[int, _Place]:
-    places: dict[int, _Place] = {}
-    taken: dict[tuple[str, int], str] = {}
-    for index, name in enumerate(names):
-        if _plain(name) in TIME_COLUMNS:
-            continue
-        place = _place(where, name, layout)
-        other = taken.setdefault((place.sensor, place.channel), name)
-        if index and (other != name or names.index(name) != index):
-            raise ReadingsError(
-                f"{where}: the column {_shown(name)} gives what {_shown(other)} gives; leave one of them"
-            )
-        places[index] = place
-    if not places:
-        raise ReadingsError(f"{where}: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say")
-    return places
-
-
-def _place(where: str, name: str, layout: Layout) -> _Place:
-    """Return which channel of which sensor a column holds.
-
-    A channel may stand without its sensor where one sensor alone has it.
-    """
-    sensors = [sensor for sensor in layout if name.startswith(f"{sensor}.")]
-    rest, candidates = name, list(layout)
-    if sensors:
-        candidates = [max(sensors, key=len)]
-        rest = name[len(candidates[0]) + 1 :]
-    found = [
-        _Place(sensor, channel, factor)
-        for sensor in candidates
-        for channel, quantity in enumerate(layout[sensor])
-        for unit, factor in factors(quantity.unit).items()
-        if rest == (f"{quantity.name}_{unit}" if unit else quantity.name)
-    ]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        whose = listed([f"{each.sensor}.{rest}" for each in found])
-        raise ReadingsError(f"{where}: the column {_shown(name)} may be {whose}; name the sensor")
-    raise ReadingsError(f"{where}: the column {_shown(name)} {_what_is_wrong(name, rest, candidates, layout)}")
-
-
-def _what_is_wrong(name: str, rest: str, candidates: Sequence[str], layout: Layout) -> str:
-    if not name:
-        return "has no name"
-    for sensor in candidates:
-        for quantity in layout[sensor]:
-            unit = rest.removeprefix(quantity.name)
-            if unit != rest and (not unit or unit.startswith("_")):
-                known = factors(quantity.unit)
-                begun = [each for each in known if each and unit[1:].startswith(each)]
-                meant = nearest(unit[1:], known) or max(begun, key=len, default=None)
-                names = listed([f"_{each}" if each else "no unit" for each in known])
-                hint = f"; did you mean {sensor}.{quantity.name}_{meant}?" if meant else ""
-                said = f"has the unit {_shown(unit[1:])}" if unit else "names no unit"
-                return f"{said}; {sensor}.{quantity.name} is in one of {names}{hint}"
-    known_names = [_name(sensor, quantity) for sensor, quantities in layout.items() for quantity in quantities]
-    near = nearest(name, [*known_names, *TIME_COLUMNS])
-    if near is not None:
-        return f"is no channel of a sensor of the campaign; did you mean {near}?"
-    return f"is no channel of a sensor of the campaign; those are {listed(known_names)}"
-
-
 def _numbers(
     path: str,
     names: Sequence[str],
     rows: Iterator[tuple[int, list[str]]],
-    time_column: int,
+    time_place: int,
     seconds: Callable[[str], float],
 ) -> tuple[Integers, Array, Array]:
     """Return the lines (N,), the times (N,) and the cells (N, columns); NaN where one is empty."""
@@ -266,33 +167,31 @@ def _numbers(
             comma = "; a decimal comma? write a decimal point" if len(row) > len(names) else ""
             raise ReadingsError(f"{path}:{line}: the row has {len(row)} cells, the header {len(names)}{comma}")
         try:
-            times.append(seconds(row[time_column].strip()))
+            times.append(seconds(row[time_place].strip()))
             cells.append(
                 [
-                    np.nan if index == time_column or not cell.strip() else _number(names[index], cell.strip())
+                    np.nan if index == time_place or not (text := cell.strip()) else _number(names[index], text)
                     for index, cell in enumerate(row)
                 ]
             )
         except ValueError as error:
             raise ReadingsError(f"{path}:{line}: {error}") from None
         lines.append(line)
-    if not lines:
-        raise ReadingsError(f"{path}: it holds no row of readings after the header")
-    return np.array(lines), np.array(times), np.array(cells)
+    return np.array(lines, dtype=np.int64), np.array(times), np.array(cells).reshape(len(lines), len(names))
 
 
 def _number(name: str, text: str) -> float:
     try:
         return number(text)
     except ValueError as error:
-        raise ValueError(f"{name}: {_shown(text)} {error}") from None
+        raise ValueError(f"{name}: {quoted(text)} {error}") from None
 
 
-def _notes(path: str, text: str, lines: Integers) -> tuple[str, ...]:
+def _notes(path: str, text: str) -> tuple[str, ...]:
     """Return a doubt about a file that may have been cut short: a number without its last digits is one, too."""
     if text.endswith(("\n", "\r")):
         return ()
-    return (f"{path}:{lines[-1]}: the last line has no end; see that the file is whole",)
+    return (f"{path}:{len(LINE_ENDS.split(text))}: the last line has no end; see that the file is whole",)
 
 
 def _epoch(path: str, keys: Mapping[str, tuple[int, str]]) -> Epoch | None:
@@ -310,7 +209,7 @@ def _run(path: str, keys: Mapping[str, tuple[int, str]]) -> int | None:
         return None
     line, said = keys["run"]
     if re.fullmatch(r"\d{1,9}", said, re.ASCII) is None:
-        raise ReadingsError(f"{path}:{line}: the run {_shown(said)} must be a whole number from 0 up")
+        raise ReadingsError(f"{path}:{line}: the run {quoted(said)} must be a whole number from 0 up")
     return int(said)
 
 
@@ -341,7 +240,3 @@ def _vector(path: str, line: int, said: str, key: str, size: int) -> Array:
         return np.array([number(word) for word in words])
     except ValueError as error:
         raise ReadingsError(f"{path}:{line}: a number of {key} {error}") from None
-
-
-def _shown(text: str) -> str:
-    return repr(printable(text, _LONGEST_SHOWN))

@@ -11,7 +11,8 @@ from relnav_sim.astro.epoch import Epoch
 from relnav_sim.recorded.readings import Layout, Readings, ReadingsError, Start, assemble
 from relnav_sim.recorded.readings_csv import read_csv
 from relnav_sim.recorded.recording import LINE_ENDS, Recording
-from relnav_sim.recorded.tdm import VERSION, read_tdm
+from relnav_sim.recorded.tdm import read_tdm
+from relnav_sim.recorded.tdm_segments import VERSION
 from relnav_sim.wording import listed
 
 _MARKS = {

@@ -9,11 +9,13 @@ from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import SCALES, Epoch
 from relnav_sim.recorded.errors import EphemerisError, at_line
 from relnav_sim.recorded.interpolation import Interpolation, Kind
+from relnav_sim.recorded.number import number
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ITRF = re.compile(r"ITRF([ -]?\d{2,4})?")
 _KINDS: dict[str, Kind] = {"LAGRANGE": "LAGRANGE", "HERMITE": "HERMITE", "LINEAR": "LINEAR"}
 _MOST_DEGREE = 30
+_LARGEST = 1e15
+"""In any unit of position, velocity, acceleration or time far beyond what orbits about the Earth have."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,12 @@ class Place:
         Raises:
             EphemerisError: It is none, or not finite.
         """
-        value = float(text) if _NUMBER.fullmatch(text) else float("inf")
-        if abs(value) == float("inf"):
-            raise self.error(f"{what} is {text!r}; it must be a finite number")
+        try:
+            value = number(text)
+        except ValueError:
+            raise self.error(f"{what} is {text!r}; it must be a finite number") from None
+        if abs(value) > _LARGEST:
+            raise self.error(f"{what} is {text!r}; no orbit about the Earth has that")
         return value
 
     def frame(self, name: str) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.recorded.readings import Layout, Quantity, Readings, SensorReadings
-from relnav_sim.recorded.tdm import KINDS, VERSION
+from relnav_sim.recorded.tdm import KINDS
+from relnav_sim.recorded.tdm_segments import VERSION
 
 _SCALE = "UTC"
 

@@ -3,6 +3,9 @@
 Nothing comes of that process but compiled code. Whatever goes wrong in it goes wrong again where it counts, and a
 kernel that it does not come by is compiled by the worker that needs it. A file in the folder of compiled code says of
 each shape of a case, which is the case without its numbers, that this has been done.
+
+Where there is a second processor, another process halves the time: it runs fewer epochs with kernels as plain Python,
+which tells in a second or two which ones are called, and compiles them from the last to the first.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from concurrent.futures import wait
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign import Case
 from relnav_sim.campaign.blocks import filter_cost_us
@@ -31,9 +34,13 @@ from relnav_sim.kernels.code_folder import (
     say_compiling,
     tell,
 )
+from relnav_sim.kernels.compiling import compile_kernel, interpreted
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.work import with_filters
 from relnav_sim.runner.worker import Worker
+
+if TYPE_CHECKING:
+    from relnav_sim.simulation.learned import Learned
 
 EPOCHS = 128
 """Epochs of a rehearsal: enough that sensors which seldom read have done so."""
@@ -43,6 +50,12 @@ LONGEST_IDLE_S = 5.0
 FILTER_SECONDS = 0.2
 """What a filter in a rehearsal may take; one with many samples has fewer epochs."""
 RUNS = (0, 1)
+PREVIEW_EPOCHS = 4
+"""Epochs that are run in plain Python."""
+PREVIEW_S = 5.0
+"""What they may take altogether."""
+PREVIEW_COST_US = 300.0
+"""Filters that take longer for a step would take too long in plain Python, which is up to 10000 times as slow."""
 LOOKED_AT_EVERY_S = 0.1
 LONGEST_SILENCE_S = 60.0
 """A rehearsal in which no kernel has been compiled for so long is at something else, and ended."""
@@ -84,8 +97,13 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
     tell(say)
     before = time.monotonic()
     last, seen, told = before, _changed(), False
+    helper = None
     try:
         ended = worker.call(rehearse, tasks)
+        if (os.cpu_count() or 1) > 1:
+            with suppress(OSError, RuntimeError, MemoryError):
+                helper = Worker()
+                helper.call(compile_ahead, tasks)
         while not ended.done() and not worker.is_lost and time.monotonic() - last < LONGEST_SILENCE_S:
             wait([ended], LOOKED_AT_EVERY_S)
             if _changed() != seen:
@@ -96,6 +114,8 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
         reason = ended.result() if ended.done() and ended.exception() is None else None
     finally:
         worker.end()
+        if helper is not None:
+            helper.end()
     if told:
         say(f"compiled in {max(time.monotonic() - before, 1):.0f} s")
     if reason is not None:
@@ -152,24 +172,15 @@ def rehearse(tasks: Sequence[Task]) -> str | None:
     """
     from threadpoolctl import threadpool_limits
 
-    from relnav_sim.crlb.case_bound import case_bound
     from relnav_sim.kernels import code_folder as folder
-    from relnav_sim.simulation.block import simulate_block
     from relnav_sim.simulation.learned import Learned
 
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
+    _be_silent()
     learned, idle_s = Learned(), 0.0
     with threadpool_limits(1):
         for task in tasks:
             before, kept_before = time.process_time(), sum(map(is_kept, kernel_names()))
-            with suppress(Exception):
-                case = _first_epochs(task.case)
-                if isinstance(task, BoundTask):
-                    case_bound(case, task.seed, learned)
-                else:
-                    simulate_block(case, task.seed, RUNS, learned=learned)
+            _run(task, EPOCHS, RUNS, learned)
             in_vain = sum(map(is_kept, kernel_names())) == kept_before
             idle_s = idle_s + time.process_time() - before if in_vain else 0.0
             if idle_s > LONGEST_IDLE_S:
@@ -177,10 +188,51 @@ def rehearse(tasks: Sequence[Task]) -> str | None:
     return folder.trouble()
 
 
-def _first_epochs(case: Case) -> Case:
+def compile_ahead(tasks: Sequence[Task]) -> None:
+    """Compile what tasks need, as far as a few epochs in plain Python tell, from the last kernel to the first.
+
+    To be called in a process of its own, beside one that rehearses the same tasks from the first kernel on.
+    """
+    from relnav_sim.simulation.learned import Learned
+
+    _be_silent()
+    learned, before = Learned(), time.process_time()
+    with interpreted() as called:
+        for task in tasks:
+            soon = isinstance(task, BoundTask) or _cost_us(task.case) < PREVIEW_COST_US
+            if soon and time.process_time() - before < PREVIEW_S:
+                _run(task, PREVIEW_EPOCHS, RUNS[:1], learned)
+    for name in reversed(called):
+        if not is_kept(name):
+            compile_kernel(name)
+
+
+def _be_silent() -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+
+
+def _run(task: Task, epochs: int, runs: tuple[int, ...], learned: Learned) -> None:
+    """Run the first epochs of a task, whatever comes of it."""
+    from relnav_sim.crlb.case_bound import case_bound
+    from relnav_sim.simulation.block import simulate_block
+
+    with suppress(Exception):
+        case = _first_epochs(task.case, epochs)
+        if isinstance(task, BoundTask):
+            case_bound(case, task.seed, learned)
+        else:
+            simulate_block(case, task.seed, runs, learned=learned)
+
+
+def _first_epochs(case: Case, most: int = EPOCHS) -> Case:
     clock = case.config.clock
-    step_s = 1e-6 * len(RUNS) * max(map(filter_cost_us, case.config.filters.values()))
-    epochs = min(EPOCHS, max(FEWEST_EPOCHS, int(FILTER_SECONDS / step_s)), clock.epochs - 1)
-    duration_s = clock.step_s * epochs
+    within = max(FEWEST_EPOCHS, int(FILTER_SECONDS / (1e-6 * len(RUNS) * _cost_us(case))))
+    duration_s = clock.step_s * min(most, within, clock.epochs - 1)
     clock = clock.model_copy(update={"duration_s": duration_s, "store_every_s": clock.step_s})
     return replace(case, config=case.config.model_copy(update={"clock": clock}))
+
+
+def _cost_us(case: Case) -> float:
+    return max(map(filter_cost_us, case.config.filters.values()))

@@ -7,6 +7,7 @@ from relnav_sim.truth.either import (
     highest_zonal,
     nominal_chief,
     nominal_truth,
+    rough_truth,
     truth_trajectory,
 )
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions, TruthSection
@@ -33,6 +34,7 @@ __all__ = [
     "nominal_chief",
     "nominal_truth",
     "propagate",
+    "rough_truth",
     "rtn_from_eci",
     "start_warnings",
     "truth_trajectory",

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 from relnav_sim.arrays import Array
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.truth.ephemeris_start import EphemerisStart
-from relnav_sim.truth.orbit_options import CartesianOptions, OmmOptions, OrbitOptions, OrbitStart, TleOptions
+from relnav_sim.truth.mean_elements_options import OmmOptions, TleOptions
+from relnav_sim.truth.orbit_options import CartesianOptions, OrbitOptions, OrbitStart
 from relnav_sim.truth.relative_options import RelativeOptions, RoeOptions, ShapeOptions
 from relnav_sim.truth.start_context import StartContext
 from relnav_sim.wording import listed

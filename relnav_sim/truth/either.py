@@ -61,6 +61,11 @@ def nominal_truth(options: AnyTruth) -> AnyTruth:
     return options if isinstance(options, EphemerisTruthOptions) else trajectory.nominal_truth(options)
 
 
+def rough_truth(options: AnyTruth) -> AnyTruth:
+    """Return the nominal truth under zonal harmonics and drag alone, for a quick look at geometry."""
+    return options if isinstance(options, EphemerisTruthOptions) else trajectory.rough_truth(options)
+
+
 def highest_zonal(options: AnyTruth) -> int:
     """Return the highest zonal harmonic of the Earth that filters can be told of."""
     return 4 if isinstance(options, EphemerisTruthOptions) else options.forces.highest_zonal

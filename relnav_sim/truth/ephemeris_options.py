@@ -69,8 +69,7 @@ class EphemerisTruthOptions(Options):
         """When the run starts: `epoch`, or the first instant that both files cover.
 
         Raises:
-            EphemerisError: A file can't be used, or they cover no instant together.
-            OSError: It can't be read.
+            EphemerisError: A file can't be read or used, or they cover no instant together.
         """
         return first_instant(self.ephemeris) if self.epoch is None else Epoch.parse(self.epoch)
 
@@ -88,10 +87,17 @@ class EphemerisTruthOptions(Options):
         ]
         others = [(key,) for key in data if key in TruthOptions.model_fields and key not in cls.model_fields]
         if not craft and not others:
-            return data
+            return _with_tuples(data)
         sentence = "the files of truth.ephemeris say already how the craft fly; leave this out"
         problems = [problem(place, sentence) for place in (*craft, *others)]
         raise ValidationError.from_exception_data(cls.__name__, problems)
+
+
+def _with_tuples(data: Any) -> Any:
+    """Return data of a file with tuples for lists: strict models, once they have plain data, take no list for one."""
+    if isinstance(data, dict):
+        return {key: _with_tuples(value) for key, value in data.items()}
+    return tuple(map(_with_tuples, data)) if isinstance(data, list) else data
 
 
 def _kind_of(data: Any) -> str:

@@ -23,8 +23,7 @@ def first_instant(options: EphemerisOptions) -> Epoch:
     """Return the first instant that both files cover.
 
     Raises:
-        EphemerisError: A file can't be used, or they cover no instant together.
-        OSError: It can't be read.
+        EphemerisError: A file can't be read or used, or they cover no instant together.
     """
     both = [flown(options, craft) for craft in CRAFT]
     begin = max(each.epoch.later(each.spans[0].start_s) for each in both)
@@ -53,12 +52,11 @@ def flown(
         orientation: What is known of the Earth's rotation.
 
     Raises:
-        EphemerisError: The file can't be used, is not what it was, or does not cover the run.
-        OSError: It can't be read.
+        EphemerisError: The file can't be read or used, is not what it was, or does not cover the run.
     """
     name, digest = options.file(craft)
     stop = None if epoch is None else epoch.later(duration_s)
-    return _flown(name, digest or digest_of(Path(name)), options.stated, epoch, stop, orientation)
+    return _flown(name, digest or _digest(name), options.stated, epoch, stop, orientation)
 
 
 @lru_cache(maxsize=8)
@@ -77,6 +75,13 @@ def _flown(
 @lru_cache(maxsize=2)
 def _read(name: str, digest: str, stated: Stated) -> OrbitFile:
     """Return what stands in a file; read once in a process, as a campaign wants several parts of it."""
-    if digest_of(Path(name)) != digest:
+    if _digest(name) != digest:
         raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
     return read_orbit_file(name, stated)
+
+
+def _digest(name: str) -> str:
+    try:
+        return digest_of(Path(name))
+    except ValueError as error:
+        raise EphemerisError(str(error)) from None

@@ -201,6 +201,15 @@ def nominal_truth(options: TruthOptions) -> TruthOptions:
     )
 
 
+def rough_truth(options: TruthOptions) -> TruthOptions:
+    """Return the nominal truth under zonal harmonics and drag alone, for a quick look at geometry.
+
+    Sun, Moon, sunlight and the rest of a gravity field move relative positions by some 2e-4 of themselves a revolution.
+    """
+    zonals = {"gravity": None, "zonals": options.forces.highest_zonal, "third_bodies": (), "radiation_pressure": False}
+    return nominal_truth(options).model_copy(update={"forces": options.forces.model_copy(update=zonals)})
+
+
 def nominal_relative(options: TruthOptions) -> Array:
     """Return the deputy's nominal state relative to the chief at the start, (6,), RTN, m and m/s."""
     deputy = options.deputy_state

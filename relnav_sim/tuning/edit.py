@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from itertools import takewhile
+from pathlib import Path as FilePath
 
 import yaml
 
@@ -14,12 +15,13 @@ from relnav_sim.campaign.paths import replaced
 from relnav_sim.campaign.problems import Path
 
 
-def edited(text: str, changes: Mapping[Path, float]) -> str:
+def edited(text: str, changes: Mapping[Path, float], file: FilePath | None = None) -> str:
     """Return the text with the numbers in place.
 
     Args:
         text: A valid campaign file.
         changes: Numbers by their paths; keys and sections that are missing on the way are added.
+        file: Where the text is from; files that it names are looked for from there.
 
     Raises:
         ValueError: The text cannot be edited so that these values differ and nothing else; a bug.
@@ -30,7 +32,7 @@ def edited(text: str, changes: Mapping[Path, float]) -> str:
         wanted = replaced(wanted, path, value)
     if load_document(text).data != wanted or before is None:
         raise ValueError("the edited campaign does not say what it should")
-    parse_campaign(text)
+    parse_campaign(text, path=file)
     return text
 
 

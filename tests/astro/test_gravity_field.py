@@ -1,5 +1,7 @@
 """Fields of any degree and order against another library, a plain potential, and the zonal kernel."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -139,3 +141,24 @@ def test_any_shape_of_points():
     field, r = GravityField.load("ggm05s", 3), points(6)
     assert np.array_equal(field.acceleration(r.reshape(2, 3, 3)), field.acceleration(r).reshape(2, 3, 3))
     assert field.acceleration(np.zeros((0, 3))).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        ({"mu_m3_s2": -1.0}, "mu_m3_s2 is -1.0; it must be a positive number"),
+        ({"C": np.eye(2)}, "C and S must both be"),
+        ({"S": np.full((3, 3), np.nan)}, "S must hold finite numbers"),
+        ({"order": 3}, "order is 3; it must be between 0 and the degree, 2"),
+    ],
+)
+def test_what_is_no_field_is_refused(changed, message):
+    good = {"mu_m3_s2": 1.0, "radius_m": 1.0, "C": np.eye(3), "S": np.zeros((3, 3)), "order": 2}
+    GravityField(**good)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        GravityField(**(good | changed))
+
+
+def test_points_of_another_shape_are_refused():
+    with pytest.raises(ValueError, match="positions has shape"):
+        GravityField.load("ggm05s", 2).acceleration([1.0, 2.0])

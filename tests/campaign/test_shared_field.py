@@ -66,3 +66,18 @@ def test_fields_with_tesserals():
     assert shared_field(part, {"other": FieldExtent(40, 40, "mine"), "order 4": FieldExtent(40, 4, "ggm05s")}) == []
     assert shared_field(FieldExtent(4), {"a": part})[0].startswith("a believes")
     assert shared_field(None, {"a": whole}) == []
+
+
+@pytest.mark.parametrize(
+    ("truth", "left_out"),
+    [
+        (FieldExtent(0), "200 m"),
+        (FieldExtent(4), "2 m"),
+        (FieldExtent(60, 0, "ggm05s"), "2 m"),
+        (FieldExtent(4, 4, "ggm05s"), "2 m"),
+        (FieldExtent(20, 20, "ggm05s"), "0.2 m"),
+        (FieldExtent(40, 40, "ggm05s"), "centimetres"),
+    ],
+)
+def test_the_sentence_says_how_much_the_truth_leaves_out(truth, left_out):
+    assert f"10 km by some {left_out} in a revolution" in shared_field(truth, {"a": truth})[0]

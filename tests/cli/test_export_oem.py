@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 from relnav_sim import load_campaign, load_ephemeris, open_results, rtn_from_eci, run_campaign, simulate
 from relnav_sim.arrays import Array
 from relnav_sim.cli.app import app
+from relnav_sim.truth import TruthOptions
+from relnav_sim.truth.trajectory import force_model
 
 CAMPAIGN = """name: small
 seed: 3
@@ -73,8 +75,17 @@ def test_true_orbits_are_read_by_the_oem_package(result: Path) -> None:
     with open_results(out) as results:
         stored = results.series(0, "ekf", 0)
     matrices = np.array([each.matrix for each in message.covariances]) * 1e6
-    sizes = np.sqrt(np.trace(matrices[:, :3, :3], axis1=1, axis2=2))
-    np.testing.assert_allclose(sizes, np.linalg.norm(stored.sigma[:, :3], axis=1), rtol=1e-5)
+    # Back into the chief's turning axes, by differences: the standard deviations that the filter states.
+    found = load_campaign(other)
+    truth = found.cases[0].config.truth
+    assert isinstance(truth, TruthOptions)
+    chief = simulate(found).chief[0, ::2]
+    normal = force_model(truth).normal_acceleration(chief, truth.chief.ballistic_m2_kg)
+    H = 1e5 * np.eye(6)
+    columns = rtn_from_eci(chief[:, None], chief[:, None] + H, normal[:, None]) / 1e5
+    back = np.swapaxes(columns, 1, 2) @ matrices @ columns
+    sigma = np.sqrt(np.diagonal(back, axis1=1, axis2=2))
+    np.testing.assert_allclose(sigma, stored.sigma, rtol=1e-5)
 
 
 def test_estimates_are_those_of_the_result(result: Path) -> None:

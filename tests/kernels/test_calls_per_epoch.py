@@ -16,7 +16,7 @@ from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 # Python functions and C functions an epoch, at most.
-BUDGET = {"kf": (64, 30), "ekf": (63, 33), "ukf": (77, 53)}
+BUDGET = {"kf": (40, 24), "ekf": (36, 27), "ukf": (48, 49)}
 SIGMAS = np.array([4.0, 1.2e-3, 1.2e-3])
 
 

@@ -206,6 +206,14 @@ def test_numba_of_the_user_is_left_as_it_is(copy):
     assert copy.run("-c", program, NUMBA_DISABLE_INTEL_SVML="0", NUMBA_CACHE_DIR="x") == (0, "x 0 False\n", "")
 
 
+def test_a_numba_that_is_not_known_compiles_in_its_own_way(copy):
+    program = (
+        "from relnav_sim.kernels import compiler\ncompiler.LATEST_KNOWN = (0, 1)\n"
+        "from relnav_sim import kernels\nprint(kernels.doubling.fourfold(3.0))"
+    )
+    assert copy.run("-c", program) == copy.run("-c", program) == (0, "12.0\n", "")
+
+
 def test_without_a_compiler_kernels_are_plain_python(copy):
     program = "from relnav_sim import kernels\nprint(kernels.doubling.fourfold(3.0))"
     assert copy.run("-c", program, NUMBA_DISABLE_JIT="1") == (0, "12.0\n", "")

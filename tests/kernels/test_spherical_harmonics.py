@@ -1,4 +1,4 @@
-"""The sums of harmonics in loops against the same in a few words of NumPy; `tests/astro` has them against potentials."""
+"""Sums of harmonics in loops against the same in a few words of NumPy; `tests/astro` has them against potentials."""
 
 import numpy as np
 import pytest

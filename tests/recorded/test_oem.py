@@ -93,6 +93,22 @@ def test_segments_are_interpolated_each_by_itself(tmp_path: Path) -> None:
     np.testing.assert_allclose(middle, (later[0] + later[1]) / 2, rtol=1e-14)
 
 
+def test_between_segments_there_is_no_orbit(tmp_path: Path) -> None:
+    after = oem_text(TIMES + 3600, circular(TIMES + 3600), head=False)
+    path = written(tmp_path, GOOD + after)
+    found = load_ephemeris(path)
+    np.testing.assert_allclose(found.at([30.0, 3630.0]), circular(np.array([30.0, 3630.0])), rtol=1e-9)
+    with pytest.raises(EphemerisError, match=r"does not cover 2021-07-10T16:30:00 UTC; it covers .* and .*"):
+        found.at(1800.0)
+    later = load_ephemeris(path, start="2021-07-10T17:05:00 UTC")
+    np.testing.assert_allclose(later.at(3930.0), circular(np.array([3930.0]))[0], rtol=1e-9)
+    for needed in ({"start": "2021-07-10T16:30:00 UTC"}, {"stop": "2021-07-10T16:30:00 UTC"}):
+        with pytest.raises(EphemerisError, match=r"a\.oem:4: the orbit is useable from"):
+            load_ephemeris(path, **needed)
+    with pytest.raises(EphemerisError, match=r"a\.oem:4: the orbit is useable from"):
+        load_ephemeris(path, start="2021-07-10T16:10:00 UTC", stop="2021-07-10T17:10:00 UTC")
+
+
 def test_only_the_useable_time_may_be_asked_for(tmp_path: Path) -> None:
     more = "USEABLE_START_TIME = 2021-07-10T16:02:00\nUSEABLE_STOP_TIME = 2021-07-10T16:18:00\n"
     found = load_ephemeris(written(tmp_path, oem_text(TIMES, STATES, more=more)))
@@ -164,7 +180,11 @@ def test_what_is_no_finite_number_is_refused(tmp_path: Path, word: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("COV_REF_FRAME = RTN", "BADHEADER 1234", "a.oem:38: row 1 of a covariance must hold 1 numbers; here stand 2"),
+        (
+            "COV_REF_FRAME = RTN",
+            "BADHEADER 1234",
+            "a.oem:38: 2 words stand where row 1 of a covariance should, with 1 number",
+        ),
         ("COV_REF_FRAME = RTN", "BADHEADER = 1234", "a.oem:38: 'BADHEADER' is no keyword of this part"),
         ("EPOCH = 2021-07-10T16:00:00\n", "", "a.oem:37: a covariance needs its EPOCH"),
         ("0.0 1.0\n", "0.0 x\n", "a.oem:40: an element of a covariance is 'x'"),

@@ -261,6 +261,8 @@ WRONG = {
     "missing reading out",
     "time_s,radar.range_m\n0,1_000\n": "pass.csv:2: radar.range_m: '1_000' is no number",
     "time_s,radar.range_m\n0,1e999\n": "pass.csv:2: radar.range_m: '1e999' is too large for a number of 64 bits",
+    "time_s,radar.range_km\n0,1e306\n": "pass.csv:2: radar.range or its time is too large for a number of 64 bits in "
+    "SI units",
     "time_s,radar.range_m\n0,٣\n": "pass.csv:2: radar.range_m: '٣' is no number",
     "time_s,radar.range_m\n,1\n": "pass.csv:2: time_s: '' is no number",
     'time_s,radar.range_m\n0,"1\n': "pass.csv:2: quotes do not pair up (unexpected end of data); a row is one line",
@@ -345,6 +347,15 @@ class TestSeveralFiles:
         assert (joined.run, set(joined.sensors)) == (2, {"radar", "gnss"})
         with pytest.raises(ReadingsError, match="names no run, and other files are of several"):
             load_readings([none, two, five], LAYOUT)
+
+    def test_a_file_may_hold_the_start_alone(self, write):
+        radar = write("radar.csv", "time_s,radar.range_m\n0,1\n")
+        start = Start(np.arange(6.0), np.eye(6))
+        write_csv(radar.with_name("start.csv"), Readings({}, start, 4), LAYOUT)
+        (readings,) = load_readings([radar, radar.with_name("start.csv")], LAYOUT)
+        assert (readings.run, readings.start.mean.tolist()) == (4, [0, 1, 2, 3, 4, 5])
+        with pytest.raises(ReadingsError, match="no cell holds a reading"):
+            load_readings([radar.with_name("start.csv")], LAYOUT)
 
     def test_starts_and_epochs_agree(self, write):
         start = f"# start_mean_m_m_s: 1 2 3 4 5 6\n# start_covariance_m_m_s: {'0 ' * 36}\n"

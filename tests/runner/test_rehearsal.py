@@ -1,5 +1,7 @@
 """Which cases are rehearsed for their kernels, and when none is."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,3 +108,28 @@ def test_a_rehearsal_ends_after_the_first_epochs(tmp_path):
     assert rehearsal._first_epochs(brief).config.clock.epochs == 41
     many = campaign(tmp_path, *longer, ("ekf: {kind: ekf}", "pf: {kind: particle, particles: 100000}")).cases[0]
     assert rehearsal._first_epochs(many).config.clock.epochs == rehearsal.FEWEST_EPOCHS + 1
+
+
+PREVIEW = """
+import sys
+from pathlib import Path
+from relnav_sim import load_campaign
+from relnav_sim.runner import rehearsal
+from relnav_sim.runner.work import Block
+campaign = load_campaign(sys.argv[1])
+named = []
+rehearsal._be_silent, rehearsal.is_kept, rehearsal.compile_kernel = lambda: None, lambda name: False, named.append
+rehearsal.compile_ahead([Block(campaign.seed, n, case, (0, 1), Path()) for n, case in enumerate(campaign.cases)])
+print(*named, "numba" in sys.modules)
+"""
+
+
+def test_a_preview_names_the_kernels_from_the_last_to_the_first_without_a_compiler(tmp_path):
+    campaign(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", PREVIEW, str(tmp_path / "small.yaml")], capture_output=True, text=True, check=True
+    )
+    *named, compiler = done.stdout.split()
+    assert compiler == "False" and len(named) == len(set(named)) and set(named) <= set(folder.kernel_names())
+    order = ["statistics.normalised_errors", "kalman.update", "kalman.predict_linear", "orbits.fly"]
+    assert [name for name in named if name in order] == order

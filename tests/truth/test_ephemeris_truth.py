@@ -5,16 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from orbit_files import EPOCH, MU_M3_S2, RADIUS_M, circular, oem_text
+from orbit_files import EPOCH, MU_M3_S2, RADIUS_M, calendar, circular, oem_text
 
-from relnav_sim import CampaignError, load_campaign, run_campaign, simulate
+from relnav_sim import CampaignError, eci_from_itrf, itrf_from_eci, load_campaign, run_campaign, simulate
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.recorded_orbits import recorded_orbits
+from relnav_sim.campaign.warnings import flown_warnings
 from relnav_sim.results.block import RefusedError
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import EphemerisTruthOptions, nominal_chief, truth_trajectory
 from relnav_sim.truth.flown_orbits import _flown, _read
 
+ARCSEC = np.pi / 180 / 3600
 TIMES = np.arange(0.0, 1500.0, 30.0)
 AHEAD_RAD = 1e4 / RADIUS_M
 CAMPAIGN = """name: recorded
@@ -201,6 +203,34 @@ def test_a_file_that_is_wrong_is_refused_with_both_places(folder: Path) -> None:
     assert problems(folder) == [
         "c.yaml:6: truth.ephemeris: b.oem:7: CENTER_NAME is MOON; relnav reads orbits about the EARTH only"
     ]
+
+
+def test_the_earths_orientation_may_be_told(folder: Path) -> None:
+    rows = [
+        ",".join([time, *map(repr, state)])
+        for time, state in zip(calendar(TIMES), itrf_from_eci(circular(TIMES), TIMES, EPOCH).tolist(), strict=True)
+    ]
+    (folder / "a.csv").write_text("\n".join(["time_utc,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s", *rows]), encoding="utf-8")
+    files = ("truth.ephemeris={chief: a.csv, deputy: a.csv, frame: ITRF}",)
+    np.testing.assert_allclose(simulate(campaign(folder, *files)).chief[0, 0], circular(TIMES)[0], rtol=0, atol=1e-6)
+    given = "truth.earth_orientation={ut1_utc_s: -0.1, polar_motion_arcsec: [0.1, 0.2]}"
+    turned = simulate(campaign(folder, *files, given)).chief[0, 0]
+    expected = itrf_from_eci(circular(TIMES), TIMES, EPOCH)
+    expected = eci_from_itrf(expected, TIMES, EPOCH, ut1_utc_s=-0.1, polar_motion_rad=(0.1 * ARCSEC, 0.2 * ARCSEC))[0]
+    np.testing.assert_allclose(turned, expected, rtol=0, atol=1e-6)
+
+
+def test_what_was_run_is_looked_at_again_by_a_report(folder: Path) -> None:
+    found = campaign(folder, "sensors.radar.host=deputy", "sensors.radar.range_limits_m=[0, 9000]")
+    flown = simulate(found, runs=[0])
+    looked = flown_warnings(found.content, [("base", {}, flown.times_s, flown.relative, {"ekf": ("radar",)})])
+    assert any("radar" in sentence for sentence in looked)
+    (folder / "a.oem").unlink()
+    _read.cache_clear()
+    _flown.cache_clear()
+    (sentence,) = flown_warnings(found.content, [("base", {}, flown.times_s, flown.relative, {"ekf": ("radar",)})])
+    assert sentence.startswith("The geometry was not looked at: ")
+    assert "a.oem: No such file or directory" in sentence
 
 
 def test_masses_may_be_told(folder: Path) -> None:

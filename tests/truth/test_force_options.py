@@ -214,3 +214,17 @@ def test_the_relative_rates_are_those_of_the_full_force():
     np.testing.assert_allclose(
         start.relative[0, 0], rtn_from_eci(options.chief_state, options.deputy_state, normal), atol=1e-8
     )
+
+
+def test_layers_without_a_calendar_leave_gravity_as_it_is():
+    """Without an epoch the Earth turns about ECI z; a craft that no air brakes feels J2 to J4 alone."""
+    thin = {"drag_coefficient": 0.0, "mass_kg": 200, "area_m2": 2}
+    chief, deputy = {**thin, "orbit": ORBIT}, {**thin, "shape": {"kind": "hold_point", "vbar_m": 100}}
+    times = np.array([0.0, 3000.0])
+    layered, none = (
+        truth_trajectory(
+            truth(epoch=None, chief=chief, deputy=deputy, forces={"drag": drag}), 3000.0, RandomSource(1, (0,))
+        ).at(times)
+        for drag in ("layers", "none")
+    )
+    np.testing.assert_allclose(layered.chief, none.chief, rtol=1e-10)

@@ -66,5 +66,5 @@ def _nis(checks: Sequence[NisCheck]) -> str:
 
 
 def _correlation(one: ChannelCheck) -> str:
-    first = significant(float(one.whiteness.correlation[0]), 2)
-    return f"{one.name} (lag 1: {first})"
+    lag = int(np.argmax(np.abs(one.whiteness.correlation)))
+    return f"{one.name} ({significant(float(one.whiteness.correlation[lag]), 2)} at lag {lag + 1})"
