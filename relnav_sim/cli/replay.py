@@ -109,7 +109,7 @@ def replay(
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
-        if done.truth:
+        if done.truth and found:
             result = write_result(done, folder / RESULT)
             say(f"wrote {result}; next: {command('relnav', 'report', result)}")
     if done.block.broken or any(one.replayed.failures for one in found):

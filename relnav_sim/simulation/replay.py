@@ -82,7 +82,12 @@ def replay_block(
         broken=outcome.broken,
         results=(outcome.result,) if with_truth else (),
         longest_late_s=readings.longest_late_s,
-        warnings=(*_other_starts(config, prior), *_lost_readings(watch.read, watch.lost), *held),
+        warnings=(
+            *_other_starts(config, prior),
+            *_never_settled(config),
+            *_lost_readings(watch.read, watch.lost),
+            *held,
+        ),
     )
 
 
@@ -269,6 +274,15 @@ def _other_starts(config: CaseConfig, prior: Gaussian | None) -> Iterator[str]:
     given = np.array([*config.start.position_m, *config.start.velocity_m_s])
     if (np.abs(prior.mean - given) > 1e-9 * np.abs(given).max()).any():
         yield "filters start where the files of readings say, not at the campaign's start"
+
+
+def _never_settled(config: CaseConfig) -> Iterator[str]:
+    settle_s, end_s = config.statistics.settle_s, config.clock.duration_s
+    if settle_s >= end_s:
+        yield (
+            f"nothing is settled: the replay ends at {end_s:g} s, statistics.settle_s is {settle_s:g} s; give a "
+            "smaller one, or 0"
+        )
 
 
 def _shortened(config: CaseConfig, epochs: int) -> CaseConfig:

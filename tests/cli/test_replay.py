@@ -1,6 +1,7 @@
 """`relnav replay` as a user types it: export, replay, report; and every mistake in one sentence."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 from relnav_sim.campaign import load_campaign
 from relnav_sim.cli.app import app
+from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.recorded.readings_csv import write_csv
 from relnav_sim.results import open_results
 from relnav_sim.runner.run import run_campaign
@@ -35,7 +37,7 @@ sensors:
 start: {kind: first_fix, velocity_sigma_m_s: 0.5}
 filters:
   ekf: {kind: ekf, dynamics: {kind: nonlinear_j2}, process_noise: {acceleration_psd_m2_s3: 1.0e-9}}
-  hasty: {kind: ekf, dynamics: {kind: cw}, assumed_noise: nominal, process_noise: {acceleration_psd_m2_s3: 1.0e-2}}
+  hasty: {kind: ukf, dynamics: {kind: cw}, assumed_noise: nominal, process_noise: {acceleration_psd_m2_s3: 1.0e-2}}
 statistics: {settle_s: 100}
 """
 
@@ -122,6 +124,32 @@ def test_mistakes_are_one_sentence(relnav, words, sentence):
     assert done.exit_code == 2
     assert sentence in done.output
     assert len(done.output.strip().splitlines()) == 1
+
+
+def test_a_filter_that_breaks_or_fails_leaves_the_others(relnav, monkeypatch):
+    update = ExtendedKalmanFilter.update
+
+    def broken(self, belief, z, step):
+        if step.epoch == 40:
+            raise RuntimeError("wires crossed")
+        return update(self, belief, z, step)
+
+    monkeypatch.setattr(ExtendedKalmanFilter, "update", broken)
+    done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite")
+    assert done.exit_code == 1
+    assert "ekf broke: RuntimeError: wires crossed" in done.output
+    assert "wires crossed" in Path("results/pass.replay/index.html").read_text()
+    done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite", "--filter", "ekf")
+    assert done.exit_code == 1 and "wires crossed" in done.output
+    assert not Path("results/pass.replay/result.h5").exists()  # nothing is left to put into it
+
+
+def test_readings_that_end_before_anything_is_settled(relnav):
+    short = Path("run0.csv").read_text().splitlines()[:60]
+    Path("short.csv").write_text("\n".join(short) + "\n")
+    done = relnav("replay", "pass.yaml", "--measurements", "short.csv", "--filter", "ekf")
+    assert done.exit_code == 0
+    assert "warning: nothing is settled: the replay ends at 55 s, statistics.settle_s is 100 s" in done.output
 
 
 def test_a_file_that_is_not_there(relnav):
