@@ -130,8 +130,10 @@ def main():
     numbers = {name: entry["process_noise"]["acceleration_psd_m2_s3"] for name, entry in filters.items()}
     for words, result in (("measured", "replayed/result.h5"), ("simulated", "simulated.h5")):
         print(f"\nrange {words}; {runs} runs, scored from 16950 s on")
-        print("| filter | process noise | position RMS, m | radial | along-track | normal | ANEES | NIS/dof range | "
-              "NIS/dof camera | range bias, m |")
+        print(
+            "| filter | process noise | position RMS, m | radial | along-track | normal | ANEES | NIS/dof range | "
+            "NIS/dof camera | range bias, m |"
+        )
         print("|" + "---|" * 10)
         table(folder / result, numbers)
     figure(folder / "replayed/result.h5", folder / "grace_errors.png")
