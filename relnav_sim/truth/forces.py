@@ -98,7 +98,7 @@ class ForceModel:
         ...     third_bodies=("sun", "moon"),
         ... )
         >>> force.acceleration([7e6, 0.0, 0.0, 0.0, 7.5e3, 0.0], times_s=60.0).round(4).tolist()
-        [-8.1461, -0.0001, -0.0001]
+        [-8.1455, -0.0001, -0.0001]
     """
 
     mu_m3_s2: float
