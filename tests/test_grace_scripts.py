@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from relnav_sim import ForceModel, Step, itrf_from_eci, load_campaign, load_ephemeris, propagate
+from relnav_sim import ForceModel, itrf_from_eci, load_campaign, load_ephemeris, propagate
 from relnav_sim.astro.epoch import Epoch
 
 SCRIPTS = Path(__file__).parents[1] / "benchmarks" / "grace"
@@ -28,8 +28,8 @@ def flight(tmp_path_factory):
     stamps = [f"{date.day}/{date.month}/{date.year},{date:%H:%M:%S}" for date in dates]
 
     def write(name, values):
-        rows = (",".join([stamp, *(f"{v:.10g}" for v in np.atleast_1d(row))]) for stamp, row in zip(stamps, values))
-        (folder / name).write_text("\n".join(rows) + "\n")
+        rows = [",".join(f"{value:.10g}" for value in np.atleast_1d(row)) for row in values]
+        (folder / name).write_text("".join(f"{date},{row}\n" for date, row in zip(stamps, rows, strict=True)))
 
     for name, orbit in zip(("grca_truth.csv", "grcb_truth.csv"), states, strict=True):
         write(name, orbit * np.repeat([1e-3, 10.0], 3))

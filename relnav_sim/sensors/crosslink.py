@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -24,8 +24,8 @@ _CHANNELS = (Channel("range", "m", "range"), Channel("range_rate", "m/s", "range
 class CrosslinkOptions(RelativeSensorOptions):
     """Radio link between the craft that measures their range, and with `range_rate_sigma_m_s` its rate too.
 
-    From either craft alike. A link that compares two free clocks (one-way) is off by their difference: by a bias and a drift that each run draws
-    once. Lever arms of the antennas are left out, and it needs no attitude.
+    From either craft alike. A link that compares two free clocks (one-way) is off by their difference: by a bias and a
+    drift that each run draws once. Lever arms of the antennas are left out, and it needs no attitude.
     """
 
     kind: Literal["crosslink"] = Field(
