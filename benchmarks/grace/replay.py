@@ -3,16 +3,19 @@
 Takes the files that rewrite.py writes and campaign.yaml beside this script, and does by public commands what
 docs/grace.md tells: the process noise is tuned on the first three revolutions with a simulated range; readings of the
 other sensors are simulated on the flown orbits and exported; the filters are replayed on these and the measured range,
-and scored after the first three revolutions. Prints the tables and draws the figure of that page:
+and scored after the first three revolutions. One of them is replayed once more with the process noise that tuning finds
+where truth and filter share their field. Prints the tables and draws the figure of that page:
 
     python benchmarks/grace/replay.py FOLDER [OUT]
 """
 
+import csv
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from textwrap import shorten
 
 import matplotlib
 
@@ -25,15 +28,17 @@ import yaml
 from relnav_sim import load_ephemeris, open_results
 from relnav_sim.statistics.intervals import mean_interval
 
-TUNED_ON = ["--set", "clock.duration_s=16950", "--set", "statistics.settle_s=5650"]
+SETTLED_S = 16950
+TUNED_ON = ["--set", f"clock.duration_s={SETTLED_S}", "--set", "statistics.settle_s=5650"]
 SIMULATED = ["camera", "gnss", "star_tracker"]
+TRUSTING = "j2_to_j4"
 SHOWN = {"j2": "#D55E00", "field_20": "#0072B2"}
 ROWS = ("radial", "along-track", "normal")
 
 
 def relnav(folder, *words):
     """Run a command of relnav in a folder, and show it."""
-    print(f"$ relnav {shlex.join(words)}", flush=True)
+    print(f"$ {shorten(shlex.join(['relnav', *words]), 200)}", flush=True)
     subprocess.run([sys.executable, "-m", "relnav_sim", *words], cwd=folder, check=True)
 
 
@@ -45,12 +50,28 @@ def prepared(data, folder):
     shutil.copyfile(Path(__file__).with_name("campaign.yaml"), folder / "campaign.yaml")
 
 
+def with_shared_field(folder, name):
+    """Write the campaign with one filter and a truth from the flown start states under J2 to J4, the filter's own."""
+    campaign = yaml.safe_load((folder / "campaign.yaml").read_text())
+    files = campaign["truth"]["ephemeris"]
+    craft = {key: {"ephemeris": {"file": file}, "mass_kg": 450, "area_m2": 1} for key, file in files.items()}
+    campaign["truth"] = {"epoch": campaign["truth"]["epoch"], **craft, "forces": {"zonals": 4, "drag": "none"}}
+    campaign["filters"] = {name: campaign["filters"][name]}
+    (folder / "shared_field.yaml").write_text(yaml.safe_dump(campaign, sort_keys=False))
+
+
+def tuned_noise(path):
+    """Return the process noise of each filter of a campaign."""
+    filters = yaml.safe_load(path.read_text())["filters"]
+    return {name: entry["process_noise"]["acceleration_psd_m2_s3"] for name, entry in filters.items()}
+
+
 def measured(folder, runs):
     """Write the measured range once for each run, and return all files of readings."""
     text = (folder / "k_band.csv").read_text()
     for run in range(runs):
         (folder / f"readings/k_band_run{run}.csv").write_text(f"# run: {run}\n{text}")
-    return [f"readings/{name}_run{run}.csv" for run in range(runs) for name in ("grace_readings", "k_band")]
+    return [f"readings/{name}_run{run}.csv" for run in range(runs) for name in ("simulated_readings", "k_band")]
 
 
 def offset(folder):
@@ -82,14 +103,40 @@ def table(path, numbers):
                 *(f"{of[f'settled_{axis}_rms_m'].mean():.3g}" for axis in "xyz"),
                 interval(of["settled_anees"]),
                 *(f"{value:.3g}" for value in ratio.values()),
-                f"{biases[name].estimate[:, -1, 0].mean():.3f}",
+                f"{biases[name].estimate[:, -1, 0].mean():.3f} ± {biases[name].sigma[:, -1, 0].mean():.3f}",
             ]
             print("| " + " | ".join(cells) + " |")
+
+
+def heading(words):
+    """Print the head of a table."""
+    print(f"\n{words}")
+    sizes = ("position RMS, m", *ROWS, "ANEES", "NIS/dof range", "NIS/dof camera", "range bias, m")
+    print(f"| filter | process noise, m^2/s^3 | {' | '.join(sizes)} |\n|{'---|' * 10}")
 
 
 def interval(values):
     found = mean_interval(values)
     return f"{found.estimate:.3g} [{found.low:.3g}, {found.high:.3g}]"
+
+
+def largest_residuals(folder):
+    """Say where in run 0 the measured range was farthest from the prediction of field_20, above it and below."""
+    with (folder / "replayed/residuals.csv").open(newline="") as file:
+        rows = [
+            (float(row["time_s"]), float(row["residual"]))
+            for row in csv.DictReader(file)
+            if (row["filter"], row["run"], row["sensor"]) == ("field_20", "0", "k_band")
+        ]
+    times_s, residuals = np.array([row for row in rows if row[0] >= SETTLED_S]).T
+    orbit = load_ephemeris(folder / "grace_a.csv")
+    for k in (residuals.argmax(), residuals.argmin()):
+        ((x, y, z),) = orbit.at([times_s[k]])[:, :3]
+        latitude, longitude = np.degrees([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)])
+        print(
+            f"residual of the range under field_20: {residuals[k]:.3f} m at {times_s[k] / 3600:.2f} h, "
+            f"over latitude {latitude:.0f}, longitude {longitude:.0f} deg"
+        )
 
 
 def figure(path, out):
@@ -104,8 +151,8 @@ def figure(path, out):
                 axis.plot(hours, series.error[:, k], color=colour, lw=0.7, label=name)
                 for sign in (-3, 3):
                     axis.plot(hours, sign * series.sigma[:, k], color=colour, lw=0.9, ls=":")
-    for axis, name, limit in zip(axes, ROWS, (12, 0.6, 12), strict=True):
-        axis.axvspan(0, 16950 / 3600, color="0.93", lw=0)
+    for axis, name, limit in zip(axes, ROWS, (12, 4, 8), strict=True):
+        axis.axvspan(0, SETTLED_S / 3600, color="0.93", lw=0)
         axis.set(ylabel=f"{name} [m]", ylim=(-limit, limit))
     axes[0].legend(loc="upper right", frameon=False, ncols=2)
     axes[-1].set(xlabel="time [h]", xlim=(0, 12))
@@ -124,18 +171,19 @@ def main():
     which = [word for run in range(runs) for word in ("--run", str(run))]
     (folder / "readings").mkdir(exist_ok=True)
     relnav(folder, "export", "simulated.h5", "--part", "readings", *chosen, *which, "--out", "readings/", "--overwrite")
-    files = measured(folder, runs)
-    relnav(folder, "replay", "tuned.yaml", "-m", *files, "--out", "replayed", "--overwrite")
-    filters = yaml.safe_load((folder / "tuned.yaml").read_text())["filters"]
-    numbers = {name: entry["process_noise"]["acceleration_psd_m2_s3"] for name, entry in filters.items()}
-    for words, result in (("measured", "replayed/result.h5"), ("simulated", "simulated.h5")):
-        print(f"\nrange {words}; {runs} runs, scored from 16950 s on")
-        print(
-            "| filter | process noise | position RMS, m | radial | along-track | normal | ANEES | NIS/dof range | "
-            "NIS/dof camera | range bias, m |"
-        )
-        print("|" + "---|" * 10)
-        table(folder / result, numbers)
+    replay = ["replay", "tuned.yaml", "-m", *measured(folder, runs), "--overwrite"]
+    relnav(folder, *replay, "--out", "replayed")
+    with_shared_field(folder, TRUSTING)
+    relnav(folder, "tune", "shared_field.yaml", *TUNED_ON, "--out", "shared_field_tuned.yaml", "--overwrite")
+    numbers, trusting = (tuned_noise(folder / f"{name}.yaml") for name in ("tuned", "shared_field_tuned"))
+    change = f"filters.{TRUSTING}.process_noise.acceleration_psd_m2_s3={trusting[TRUSTING]}"
+    relnav(folder, *replay, "--filter", TRUSTING, "--set", change, "--out", "trusting")
+    heading(f"range measured; {runs} runs, scored from {SETTLED_S} s on")
+    table(folder / "replayed/result.h5", numbers)
+    table(folder / "trusting/result.h5", trusting)
+    heading("the same with a simulated range")
+    table(folder / "simulated.h5", numbers)
+    largest_residuals(folder)
     figure(folder / "replayed/result.h5", folder / "grace_errors.png")
 
 
