@@ -43,6 +43,15 @@ def replay(
         list[Path] | None, typer.Argument(metavar="[READINGS]...", help="Further files of readings.")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Rows may be out of order, or stand there twice.")] = False,
+    participants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--participant",
+            metavar="NAME=SENSOR",
+            help="Which sensor a participant of a TDM stands for; may be repeated.",
+            show_default="by the sensors' names and what they read",
+        ),
+    ] = None,
     case: Annotated[str, typer.Option(help="The case, by number from 0, label or id.")] = "0",
     filters: Annotated[
         list[str] | None,
@@ -94,7 +103,9 @@ def replay(
         from relnav_sim.simulation.own_readings import ReplayError
 
         try:
-            done = replay_campaign(campaign, files, case, filters or (), runs or (), sort, truth.value)
+            done = replay_campaign(
+                campaign, files, case, filters or (), runs or (), sort, truth.value, _sensors(participants or [])
+            )
         except (ReadingsError, EphemerisError, ReplayError) as error:
             raise UserError(str(error)) from None
         for sentence in (*done.notes, *done.block.warnings):
@@ -114,6 +125,18 @@ def replay(
             say(f"wrote {result}; next: {command('relnav', 'report', result)}")
     if done.block.broken or any(one.replayed.failures for one in found):
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+
+def _sensors(participants: list[str]) -> dict[str, str]:
+    """Return the sensor that each participant named stands for."""
+    named: dict[str, str] = {}
+    for text in participants:
+        name, equals, sensor = text.rpartition("=")
+        if not (name and equals and sensor):
+            raise UserError(f"--participant {text!r} is not NAME=SENSOR, as in GRACE-B=crosslink")
+        if named.setdefault(name, sensor) != sensor:
+            raise UserError(f"--participant gives {name} two sensors, {named[name]} and {sensor}; leave one out")
+    return named
 
 
 def _print(found: list[FilterFigures], truth: str) -> None:

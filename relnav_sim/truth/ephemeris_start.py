@@ -11,9 +11,9 @@ from pydantic import Field, ValidationInfo, field_validator
 from relnav_sim.arrays import Array
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.named_files import in_campaign
 from relnav_sim.options import Options, Origin
 from relnav_sim.recorded import load_ephemeris
-from relnav_sim.truth.named_files import in_campaign
 from relnav_sim.truth.orbit_options import OrbitStart, Vector
 from relnav_sim.truth.start_context import StartContext
 

@@ -11,10 +11,10 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from relnav_sim.arrays import Array
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.mean_elements import MeanElements
+from relnav_sim.named_files import file_to_read, text_of
 from relnav_sim.options import Options, Origin
 from relnav_sim.recorded.omm_file import elements_in
 from relnav_sim.recorded.two_line_file import set_in
-from relnav_sim.truth.named_files import file_to_read, text_of
 from relnav_sim.truth.orbit_options import OrbitStart
 from relnav_sim.truth.start_context import StartContext
 

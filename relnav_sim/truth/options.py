@@ -16,12 +16,12 @@ from relnav_sim.astro.frames import eci_from_rtn
 from relnav_sim.astro.gravity import Gravity
 from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.astro.orbits import Elements, elements_from_state
+from relnav_sim.named_files import located
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, DeputyOptions
 from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
 from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
-from relnav_sim.truth.named_files import located
 from relnav_sim.truth.start_context import StartContext
 
 Arcseconds = Annotated[float, Field(ge=-2, le=2)]
