@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
-from xml.etree import ElementTree
+
+from relnav_sim.recorded.number import number
+from relnav_sim.recorded.readings import quoted
 
 _FIXED = {
     "MEAN_ELEMENT_THEORY": ("SGP4", "SGP", "SGP/SGP4"),
@@ -44,12 +45,9 @@ def elements_in(text: str, path: str) -> dict[str, str | float]:
     for name, key in _NUMBERS.items():
         value, place = _entry(entries, key, path)
         try:
-            number = float(value)
+            read[name] = number(value)
         except ValueError:
-            number = float("nan")
-        if not isfinite(number):
-            raise ValueError(f"{place}: {key} is {value!r}; it must be a number")
-        read[name] = number
+            raise ValueError(f"{place}: {key} is {quoted(value)}; it must be a number") from None
     return read
 
 
@@ -65,17 +63,17 @@ def _entry(entries: Entries, key: str, path: str) -> tuple[str, str]:
 
 def _kvn_entries(text: str, path: str) -> Entries:
     entries: dict[str, tuple[str, str]] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
+    for at, line in enumerate(text.splitlines(), start=1):
         key, equals, value = (part.strip() for part in line.partition("="))
         if not line.strip() or line.split()[0] == "COMMENT":
             continue
         if not equals:
-            raise ValueError(f"{path}:{number}: {line.strip()[:40]!r} stands where 'KEYWORD = value' should")
+            raise ValueError(f"{path}:{at}: {quoted(line.strip())} stands where 'KEYWORD = value' should")
         if not entries and key != "CCSDS_OMM_VERS":
-            raise ValueError(f"{path}:{number}: an OMM begins with CCSDS_OMM_VERS = 2.0")
+            raise ValueError(f"{path}:{at}: an OMM begins with CCSDS_OMM_VERS = 2.0")
         if key in entries and key != "USER_DEFINED":
-            raise ValueError(f"{path}:{number}: {key} stands here a second time")
-        entries[key] = value.partition("[")[0].strip(), f"{path}:{number}"
+            raise ValueError(f"{path}:{at}: {key} stands here a second time")
+        entries[key] = value.partition("[")[0].strip(), f"{path}:{at}"
     if not entries:
         raise ValueError(f"{path}:1: the file is empty")
     return entries
@@ -84,6 +82,8 @@ def _kvn_entries(text: str, path: str) -> Entries:
 def _xml_entries(text: str, path: str) -> Entries:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError(f"{path}: document types and entities are not read")
+    from xml.etree import ElementTree
+
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
