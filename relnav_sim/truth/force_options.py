@@ -15,6 +15,7 @@ from relnav_sim.options import AddedLater, Options, Origin
 from relnav_sim.truth.named_files import digest_of, located
 
 HIGHEST_ZONAL = 4
+"""The last zonal harmonic of which constants and filters know."""
 _NEARLY_THE_EARTHS = 0.01
 
 
@@ -96,6 +97,7 @@ class GravityOptions(Options):
 
 @functools.lru_cache(maxsize=8)
 def _field(model: str, digest: str | None, degree: int, order: int | None) -> GravityField:
+    """Return a field; the digest is there to tell a file from what it was before."""
     return GravityField.load(model, degree, order)
 
 
