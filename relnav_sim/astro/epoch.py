@@ -135,7 +135,7 @@ class Epoch:
         index = bisect_right(starts, self.tai_ps) - 1
         if index < 0:
             raise ValueError(
-                f"an epoch before 1972 ({self.text('TAI')}) has no UTC in whole seconds; take TAI, or a later one"
+                f"an epoch before 1972 ({self.text('TAI')}) has no UTC in whole seconds; take TAI or a later epoch"
             )
         return offsets[index]
 

@@ -155,7 +155,7 @@ class TruthOptions(Options):
 
     @model_validator(mode="after")
     def _fits_together(self) -> TruthOptions:
-        problems = [*self._starts(), *self._without_epoch(), *self._idle_dispersions(), *self._simultaneous()]
+        problems = [*self._starts(), *self._wrong_epoch(), *self._idle_dispersions(), *self._simultaneous()]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
@@ -211,16 +211,19 @@ class TruthOptions(Options):
             f"{orbit.a_km:.12g}, or a_km: {orbit.a_km + surface_km:.12g}"
         )
 
-    def _without_epoch(self) -> list[InitErrorDetails]:
-        force = self.forces.needs_epoch
-        if force is None or self.start_epoch is not None:
+    def _wrong_epoch(self) -> list[InitErrorDetails]:
+        """Return that forces have no epoch, or one at which nobody knows how the Earth was turned."""
+        force, epoch = self.forces.needs_epoch, self.start_epoch
+        if force is None:
             return []
-        return [
-            problem(
-                ("forces", force),
-                "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC",
-            )
-        ]
+        if epoch is None:
+            sentence = "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC"
+            return [problem(("forces", force), sentence)]
+        try:
+            self.orientation.rotation_angle(epoch)
+        except ValueError as error:
+            return [problem(("forces", force), str(error))]
+        return []
 
     def _idle_dispersions(self) -> list[InitErrorDetails]:
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}
