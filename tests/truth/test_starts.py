@@ -285,6 +285,12 @@ REFUSED = {
         "chief.omm.elements",
         "word.omm:13: INCLINATION is 'steep'; it must be a number",
     ),
+    "another unit": (
+        {"omm": {"file": "unit.omm"}},
+        BEHIND,
+        "chief.omm.elements",
+        "unit.omm:13: INCLINATION is in 'rad'; it must be in deg",
+    ),
     "a key missing": (
         {"omm": {"file": "short.omm"}},
         BEHIND,
@@ -324,6 +330,7 @@ def folder(tmp_path):
         "half.tle": LINES[0],
         "empty.tle": "",
         "dsst.omm": OMM.replace("= SGP4", "= DSST"),
+        "unit.omm": OMM.replace("88.9970 [deg]", "1.5532 [rad]"),
         "word.omm": OMM.replace("88.9970 [deg]", "steep"),
         "short.omm": OMM.replace("BSTAR = .96631E-5\n", ""),
         "broken.xml": "<ndm><omm>",
