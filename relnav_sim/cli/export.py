@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from relnav_sim.cli.exported_runs import writable
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.files import RESULTS, existing, target_file
-from relnav_sim.cli.output import new_file, say
+from relnav_sim.cli.output import say
 from relnav_sim.cli.source import readable
 
 
@@ -123,9 +124,7 @@ def export(
         raise UserError(f"--to {to.value} is no format of {part.value}; give {_OTHER_PART[to]} with it")
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
-    if path.exists() and result.exists() and path.samefile(result):
-        raise UserError(f"{path} is the result itself; give another --out")
-    new_file(path, overwrite)
+    writable(path, result, overwrite)
     write = export_series if part is Part.SERIES else export_summary
     with readable(result) as file, open_results(file) as results:
         write(results, path)
