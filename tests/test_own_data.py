@@ -11,6 +11,7 @@ import pytest
 
 import relnav_sim
 from relnav_sim import Step, dynamics, measurements
+from relnav_sim.astro.epoch import Epoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
@@ -45,11 +46,13 @@ def test_no_module_hides_a_public_name():
 def test_every_built_in_dynamics_has_a_function_that_gives_what_campaigns_build():
     x = np.array([[100.0, -5000.0, 300.0, 0.1, 0.2, -0.3]])
     given = {"step_s": 10.0, "acceleration_psd_m2_s3": 1e-8}
-    context = DynamicsContext(ORBIT, ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8), 10.0)
+    epoch = Epoch.parse("2025-03-20T12:00:00 UTC")
+    context = DynamicsContext(ORBIT, ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8), 10.0, epoch=epoch)
     names = [name for name, options in dynamics_kinds().items() if options.__module__.startswith("relnav_sim.")]
     names.remove("gp")  # which `fit_gp_dynamics` makes
     for name in names:
         where = {"mean_motion_rad_s": ORBIT.mean_motion_rad_s} if name == "cw" else {"orbit": ORBIT}
+        where |= {"epoch": epoch} if "epoch" in dynamics_kinds()[name].needs else {}
         own, built = getattr(dynamics, name)(**where, **given), dynamics_kinds()[name]().build(context)
         for step in (Step(0, 10.0), Step(3, 10.0)):
             assert np.array_equal(own.propagate(x, step), built.propagate(x, step)), name

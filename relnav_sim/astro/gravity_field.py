@@ -138,15 +138,3 @@ class GravityField:
         """The components of the acceleration as the kernels take them."""
         scale = self.mu_m3_s2 / self.radius_m**2
         return packed(derivatives(self.C - 1j * self.S), self.order + 1, scale, self.radius_m)
-
-    @cached_property
-    def gradients(self) -> tuple[Series, Series]:
-        """The acceleration's gradient, 1/s^2, as the kernels take it: by xx, xy, xz, and by yy, yz, zz."""
-        by_x, by_y, by_z = derivatives(self.C - 1j * self.S)
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = map(derivatives, (by_x, by_y, by_z))
-        scale = self.mu_m3_s2 / self.radius_m**3
-        first, second = ((xx, xy, xz), (yy, yz, zz))
-        return (
-            packed(first, self.order + 2, scale, self.radius_m),
-            packed(second, self.order + 2, scale, self.radius_m),
-        )

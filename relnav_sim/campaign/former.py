@@ -86,8 +86,17 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
+def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind."""
+    first = former_spelling(model, entry)
+    motion = first.get("dynamics")
+    if isinstance(motion, Mapping) and motion.get("kind") in dynamics:
+        first["dynamics"] = former_spelling(dynamics[motion["kind"]], motion)
+    return first
+
+
 def former_content(
-    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options]
+    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options], dynamics: Models
 ) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
@@ -96,6 +105,7 @@ def former_content(
         truth: The model of the truth.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
+        dynamics: The options model of every kind of dynamics.
     """
     first = dict(content)
     if "truth" in first:
@@ -103,7 +113,7 @@ def former_content(
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
-        first["filters"] = {name: former_spelling(filters, entry) for name, entry in first["filters"].items()}
+        first["filters"] = {name: former_filter(filters, dynamics, entry) for name, entry in first["filters"].items()}
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(

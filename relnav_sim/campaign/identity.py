@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.former import former_content, former_spelling
+from relnav_sim.campaign.former import former_content, former_filter
+from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
@@ -19,7 +20,7 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
     truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
-    return former_content(content, truth, sensor_kinds(), FilterEntry)
+    return former_content(content, truth, sensor_kinds(), FilterEntry, dynamics_kinds())
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:
@@ -47,7 +48,7 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
 
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
-    return _digest(former_spelling(FilterEntry, entry.model_dump(mode="json")))[:12]
+    return _digest(former_filter(FilterEntry, dynamics_kinds(), entry.model_dump(mode="json")))[:12]
 
 
 def _digest(content: Any) -> str:

@@ -43,6 +43,15 @@ def replay(
         list[Path] | None, typer.Argument(metavar="[READINGS]...", help="Further files of readings.")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Rows may be out of order, or stand there twice.")] = False,
+    participants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--participant",
+            metavar="NAME=SENSOR",
+            help="Which sensor a participant of a TDM stands for; may be repeated.",
+            show_default="by the sensors' names and what they read",
+        ),
+    ] = None,
     case: Annotated[str, typer.Option(help="The case, by number from 0, label or id.")] = "0",
     filters: Annotated[
         list[str] | None,
@@ -94,7 +103,9 @@ def replay(
         from relnav_sim.simulation.own_readings import ReplayError
 
         try:
-            done = replay_campaign(campaign, files, case, filters or (), runs or (), sort, truth.value)
+            done = replay_campaign(
+                campaign, files, case, filters or (), runs or (), sort, truth.value, _sensors(participants or [])
+            )
         except (ReadingsError, EphemerisError, ReplayError) as error:
             raise UserError(str(error)) from None
         for sentence in (*done.notes, *done.block.warnings):
@@ -105,24 +116,36 @@ def replay(
         for name, why in done.block.broken.items():
             say(f"{name} broke: {why.reason}", err=True)
         say("")
-        _print(found, done.truth)
+        _print(found, done.truth, done.block.config.statistics.settle_s)
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
-        if done.truth:
+        if done.truth and found:
             result = write_result(done, folder / RESULT)
             say(f"wrote {result}; next: {command('relnav', 'report', result)}")
     if done.block.broken or any(one.replayed.failures for one in found):
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 
 
-def _print(found: list[FilterFigures], truth: str) -> None:
+def _sensors(participants: list[str]) -> dict[str, str]:
+    """Return the sensor that each participant named stands for."""
+    named: dict[str, str] = {}
+    for text in participants:
+        name, equals, sensor = text.rpartition("=")
+        if not (name and equals and sensor):
+            raise UserError(f"--participant {text!r} is not NAME=SENSOR, as in GRACE-B=crosslink")
+        if named.setdefault(name, sensor) != sensor:
+            raise UserError(f"--participant gives {name} two sensors, {named[name]} and {sensor}; leave one out")
+    return named
+
+
+def _print(found: list[FilterFigures], truth: str, settle_s: float) -> None:
     """Print the tables over all filters."""
     from relnav_sim.report.replay.tables import scores_table, sensors_table
 
     tables = [sensors_table(found)]
     if truth:
-        tables.insert(0, scores_table(found, truth, 0.0))
+        tables.insert(0, scores_table(found, truth, settle_s))
         say(f"scored against {truth}")
     else:
         say("not scored: no truth is known for these readings, so that nothing says how far the estimates are off")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
@@ -11,7 +10,7 @@ from pydantic import Field, model_validator
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.field_extent import FieldExtent
-from relnav_sim.astro.gravity_field import GravityField
+from relnav_sim.astro.gravity_options import GravityOptions
 from relnav_sim.dynamics.about_chief import AboutChiefDynamics, about_chief, about_given
 from relnav_sim.dynamics.context import DynamicsContext, Need
 from relnav_sim.dynamics.field_motion import FieldMotion, about
@@ -20,10 +19,11 @@ from relnav_sim.dynamics.orbit_filter import OrbitFilterOptions
 from relnav_sim.dynamics.process_noise import white_acceleration
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
+from relnav_sim.options import Origin
 
 
 @register_dynamics("nonlinear_field")
-class NonlinearFieldOptions(DynamicsOptions):
+class NonlinearFieldOptions(GravityOptions, DynamicsOptions):
     """Exact relative motion under a gravity field of any degree, about the chief's orbit from its own GNSS fixes.
 
     Without GNSS fixes of the chief, the nominal orbit takes their place, propagated by the same gravity. The field
@@ -40,24 +40,25 @@ class NonlinearFieldOptions(DynamicsOptions):
     kind: Literal["nonlinear_field"] = Field(
         default="nonlinear_field", description="Exact relative motion in a gravity field about the chief's orbit"
     )
-    model: str = Field(
-        default="ggm05s", description="The field: ggm05s (comes with relnav, to degree 60; default) or a `.gfc` file"
+    model: Annotated[str, Origin("sha256")] = Field(
+        default="ggm05s",
+        description="The field: ggm05s (comes with relnav, to degree 60; default) or a `.gfc` file, relative to the "
+        "campaign's",
     )
     degree: int = Field(default=20, ge=2, description="Largest degree; default 20")
-    order: int | None = Field(default=None, ge=0, description="Largest order; default: the degree")
     chief_orbit: OrbitFilterOptions = Field(
         default=OrbitFilterOptions(), description="How the chief's orbit is estimated from its GNSS fixes"
     )
 
     @model_validator(mode="after")
     def _there_is_such_a_field(self) -> NonlinearFieldOptions:
-        _ = self._field
+        _ = self.field
         return self
 
     @property
     def believed_field(self) -> FieldExtent:
         """All of it."""
-        return FieldExtent(self.degree, self._field.order, self.model)
+        return FieldExtent(self.degree, self.field.order, self.model)
 
     @property
     def simpler(self) -> NonlinearJ2Options:
@@ -72,18 +73,9 @@ class NonlinearFieldOptions(DynamicsOptions):
         """
         if context.epoch is None:
             raise ValueError("nonlinear_field needs to know how the Earth is turned: give an epoch (truth.epoch)")
-        orbit = about(self._field, context.orbit)
-        motion = FieldMotion(self._field, orbit, context.step_s, context.epoch)
+        orbit = about(self.field, context.orbit)
+        motion = FieldMotion(self.field, orbit, context.step_s, context.epoch)
         return about_chief(motion, orbit, context, self.chief_orbit)
-
-    @property
-    def _field(self) -> GravityField:
-        return _loaded(self.model, self.degree, self.order)
-
-
-@lru_cache(maxsize=8)
-def _loaded(model: str, degree: int, order: int | None) -> GravityField:
-    return GravityField.load(model, degree, order)
 
 
 def nonlinear_field(

@@ -90,6 +90,8 @@ def compile_kernels(tasks: Iterable[Task], say: Callable[[str], None]) -> None:
 
 def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
     """Run a rehearsal in a process of its own; return whether another one would do no better."""
+    from joblib import cpu_count  # as many as this process may use
+
     try:
         worker = Worker()
     except (OSError, RuntimeError, MemoryError):
@@ -100,7 +102,7 @@ def _rehearsed(tasks: Sequence[Task], say: Callable[[str], None]) -> bool:
     helper = None
     try:
         ended = worker.call(rehearse, tasks)
-        if (os.cpu_count() or 1) > 1:
+        if cpu_count() > 1:
             with suppress(OSError, RuntimeError, MemoryError):
                 helper = Worker()
                 helper.call(compile_ahead, tasks)

@@ -6,10 +6,11 @@ import hashlib
 import os
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 from relnav_sim.campaign import Campaign, Case
@@ -45,6 +46,7 @@ def replay_campaign(
     runs: Sequence[int] = (),
     sort: bool = False,
     truth: TruthChoice = "auto",
+    participants: Mapping[str, str] = MappingProxyType({}),
 ) -> Replay:
     """Run a campaign's filters on recorded readings.
 
@@ -57,25 +59,35 @@ def replay_campaign(
         sort: Whether rows of a file may be out of order.
         truth: ``auto``: score where the campaign's truth is recorded orbits, or where the readings are those that the
             campaign itself simulates; ``campaign``: score against the campaign's truth, whatever it is; ``none``.
+        participants: Which sensor a participant of a TDM stands for, by the participant's name.
 
     Raises:
         ReadingsError: A file can't be used.
-        ReplayError: The readings do not fit the campaign.
+        ReplayError: The readings do not fit the campaign, or a participant's sensor is none of it.
         RefusedError: There is no such case.
         OSError: A file can't be read.
     """
+    from threadpoolctl import threadpool_limits
+
     started, clock = datetime.now(UTC), time.monotonic()
     chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
     config = chosen.config
-    recorded = _of_runs(load_readings(files, readings_layout(config.sensors), config.truth.start_epoch, sort), runs)
+    layout = readings_layout(config.sensors)
+    for sensor in participants.values():
+        if sensor not in layout:
+            raise ReplayError(no_such("sensor", sensor, list(layout)))
+    recorded = _of_runs(load_readings(files, layout, config.truth.start_epoch, sort, participants), runs)
     against = _truth(campaign, chosen, recorded, truth)
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)
     epochs = last_epoch(config, recorded) + 1
-    parts = [
-        replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
-        for first in range(0, len(recorded), at_once)
-    ]
+    own_errors = bool(against) and _errors_are_of_campaign(campaign, chosen, recorded)
+    # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
+    with threadpool_limits(1):
+        parts = [
+            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs, own_errors)
+            for first in range(0, len(recorded), at_once)
+        ]
     return Replay(
         campaign=_alone(campaign, chosen),
         case=chosen,
@@ -148,6 +160,17 @@ def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice:
     if are_of_campaign(case.config, campaign.seed, recorded):
         return "the truth that the campaign simulates, whose readings these are"
     return ""
+
+
+def _errors_are_of_campaign(campaign: Campaign, case: Case, recorded: Sequence[Readings]) -> bool:
+    """Return whether the readings of a replay with a truth have the errors that the campaign draws.
+
+    Along recorded orbits measured readings are replayed as well as simulated ones; a simulated truth has its own.
+    """
+    config = case.config
+    if not isinstance(config.truth, EphemerisTruthOptions) or not any(e.augment for e in config.filters.values()):
+        return True
+    return are_of_campaign(config, campaign.seed, recorded)
 
 
 def _alone(campaign: Campaign, case: Case) -> Campaign:

@@ -39,7 +39,12 @@ HELD_REFUSED = 1.0
 
 
 def replay_block(
-    case: Case, seed: int, recorded: Sequence[Readings], with_truth: bool, epochs: int | None = None
+    case: Case,
+    seed: int,
+    recorded: Sequence[Readings],
+    with_truth: bool,
+    epochs: int | None = None,
+    errors_are_known: bool = True,
 ) -> ReplayedBlock:
     """Return what the filters of a case make of recorded readings.
 
@@ -53,6 +58,8 @@ def replay_block(
         recorded: The readings, a run each, by ascending number.
         with_truth: Whether the truth of the campaign is that of the readings, so that estimates can be scored.
         epochs: Number of epochs that are replayed; None: as many as the readings ask for, see `last_epoch`.
+        errors_are_known: Whether the sensors' errors are those that the campaign draws, so that augmented states can be
+            scored too.
 
     Raises:
         ReplayError: The readings do not fit the case.
@@ -68,7 +75,7 @@ def replay_block(
     trajectory = truth_trajectory(config.truth, duration_s, source) if with_truth else None
     watch = _Collector(config.clock.step_s, nominal_chief(config.truth).mean_motion_rad_s)
     short = Case(case.id, case.label, case.variables, config)
-    arriving = watch.counting(recorded_chunks(config, source, readings, trajectory))
+    arriving = watch.counting(recorded_chunks(config, source, readings, trajectory, errors_are_known))
     outcome = filter_block(short, source, arriving, prior=prior, watch=watch)
     held = list(_held_velocities(watch.held, config))
     return ReplayedBlock(
@@ -82,7 +89,12 @@ def replay_block(
         broken=outcome.broken,
         results=(outcome.result,) if with_truth else (),
         longest_late_s=readings.longest_late_s,
-        warnings=(*_other_starts(config, prior), *_lost_readings(watch.read, watch.lost), *held),
+        warnings=(
+            *_other_starts(config, prior),
+            *_never_settled(config),
+            *_lost_readings(watch.read, watch.lost),
+            *held,
+        ),
     )
 
 
@@ -269,6 +281,15 @@ def _other_starts(config: CaseConfig, prior: Gaussian | None) -> Iterator[str]:
     given = np.array([*config.start.position_m, *config.start.velocity_m_s])
     if (np.abs(prior.mean - given) > 1e-9 * np.abs(given).max()).any():
         yield "filters start where the files of readings say, not at the campaign's start"
+
+
+def _never_settled(config: CaseConfig) -> Iterator[str]:
+    settle_s, end_s = config.statistics.settle_s, config.clock.duration_s
+    if settle_s >= end_s:
+        yield (
+            f"nothing is settled: the replay ends at {end_s:g} s, statistics.settle_s is {settle_s:g} s; give a "
+            "smaller one, or 0"
+        )
 
 
 def _shortened(config: CaseConfig, epochs: int) -> CaseConfig:

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from relnav_sim.named_files import digest_of, in_campaign, located
 from relnav_sim.options import Options, Origin
 from relnav_sim.recorded.stated import Stated
-from relnav_sim.truth.named_files import digest_of, in_campaign, located
 
 
 class EphemerisOptions(Options):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.named_files import digest_of
 from relnav_sim.recorded import Ephemeris, EphemerisError
 from relnav_sim.recorded.load import read_orbit_file
 from relnav_sim.recorded.orbit_file import OrbitFile
 from relnav_sim.recorded.stated import Stated
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
-from relnav_sim.truth.named_files import digest_of
 from relnav_sim.truth.thrust import CRAFT
 
 UNOBSERVED = EarthOrientation()

@@ -73,6 +73,18 @@ def test_a_gravity_file_is_its_content(written):
     assert j2 == pytest.approx(4.84e-4 * 5**0.5, rel=1e-12)
 
 
+def test_a_gravity_file_that_a_filter_believes_in_is_its_content_too(written):
+    truth = "  epoch: 2026-01-01T00:00:00 UTC\n"
+
+    def with_belief(folder, c20):
+        campaign = written(folder, truth=truth, small_gfc=FIELD.format(c20=c20))
+        believed = "filters.ekf.dynamics={kind: nonlinear_field, model: small.gfc, degree: 2}"
+        return load_campaign(campaign.path, [believed])
+
+    one, moved, changed = (with_belief(*each) for each in (("a", -4.84e-4), ("b", -4.84e-4), ("c", -4.83e-4)))
+    assert one.hash == moved.hash != changed.hash
+
+
 def test_files_may_be_varied(written, demo):
     forces = "forces: {zonals: 4, drag: exponential}"
     assert forces in demo

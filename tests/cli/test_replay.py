@@ -1,6 +1,8 @@
 """`relnav replay` as a user types it: export, replay, report; and every mistake in one sentence."""
 
+import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from typer.testing import CliRunner
 
 from relnav_sim.campaign import load_campaign
 from relnav_sim.cli.app import app
+from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.recorded.readings_csv import write_csv
 from relnav_sim.results import open_results
 from relnav_sim.runner.run import run_campaign
@@ -35,7 +38,7 @@ sensors:
 start: {kind: first_fix, velocity_sigma_m_s: 0.5}
 filters:
   ekf: {kind: ekf, dynamics: {kind: nonlinear_j2}, process_noise: {acceleration_psd_m2_s3: 1.0e-9}}
-  hasty: {kind: ekf, dynamics: {kind: cw}, assumed_noise: nominal, process_noise: {acceleration_psd_m2_s3: 1.0e-2}}
+  hasty: {kind: ukf, dynamics: {kind: cw}, assumed_noise: nominal, process_noise: {acceleration_psd_m2_s3: 1.0e-2}}
 statistics: {settle_s: 100}
 """
 
@@ -111,6 +114,9 @@ def test_a_replay_without_truth_leaves_no_scored_result_of_an_earlier_one(relnav
     ("words", "sentence"),
     [
         (["--filter", "efk"], "no filter is named 'efk'; did you mean 'ekf'?"),
+        (["--participant", "radar"], "--participant 'radar' is not NAME=SENSOR"),
+        (["--participant", "B=rader"], "no sensor is named 'rader'; did you mean 'radar'?"),
+        (["--participant", "B=radar", "--participant", "B=gnss"], "gives B two sensors, radar and gnss"),
         (["--run", "7"], "the files hold no run 7; they hold run 0"),
         (["--case", "4"], "the campaign has no case '4'"),
         (["--set", "clock.duration_s=200"], "run0.csv:206: radar reads at 201 s, after the campaign's end at 200 s"),
@@ -122,6 +128,63 @@ def test_mistakes_are_one_sentence(relnav, words, sentence):
     assert done.exit_code == 2
     assert sentence in done.output
     assert len(done.output.strip().splitlines()) == 1
+
+
+TDM = """CCSDS_TDM_VERS = 2.0
+CREATION_DATE = 2026-01-01T00:00:00
+ORIGINATOR = TEST
+META_START
+TIME_SYSTEM = UTC
+PARTICIPANT_1 = ALPHA
+PARTICIPANT_2 = BRAVO
+MODE = SEQUENTIAL
+PATH = 2,1
+RANGE_UNITS = km
+META_STOP
+DATA_START
+RANGE = 2026-01-01T00:00:01 2.0025
+RANGE = 2026-01-01T00:00:02 2.0026
+DATA_STOP
+"""
+
+
+def test_a_participant_stands_for_a_sensor(relnav, tmp_path):
+    (tmp_path / "range.tdm").write_text(TDM)
+    second = "sensors.second={kind: radar, range_sigma_m: 5, angle_sigma_deg: 1}"
+    words = ["replay", "pass.yaml", "-m", "range.tdm", "-m", "run0.csv", "--set", second]
+    words += ["--set", "truth.epoch=2026-01-01T00:00:00 UTC", "--truth", "none", "--filter", "ekf"]
+    refused = relnav(*words)
+    assert refused.exit_code == 2
+    assert "range.tdm:4: which sensor" in refused.output and "give --participant NAME=SENSOR" in refused.output
+    done = relnav(*words, "--participant", "BRAVO=second")
+    assert done.exit_code == 0, done.output
+    assert re.search(r"^ekf +second +2 ", done.output, re.MULTILINE), done.output
+
+
+def test_a_filter_that_breaks_or_fails_leaves_the_others(relnav, monkeypatch):
+    update = ExtendedKalmanFilter.update
+
+    def broken(self, belief, z, step):
+        if step.epoch == 40:
+            raise RuntimeError("wires crossed")
+        return update(self, belief, z, step)
+
+    monkeypatch.setattr(ExtendedKalmanFilter, "update", broken)
+    done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite")
+    assert done.exit_code == 1
+    assert "ekf broke: RuntimeError: wires crossed" in done.output
+    assert "wires crossed" in Path("results/pass.replay/index.html").read_text()
+    done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite", "--filter", "ekf")
+    assert done.exit_code == 1 and "wires crossed" in done.output
+    assert not Path("results/pass.replay/result.h5").exists()  # nothing is left to put into it
+
+
+def test_readings_that_end_before_anything_is_settled(relnav):
+    short = Path("run0.csv").read_text().splitlines()[:60]
+    Path("short.csv").write_text("\n".join(short) + "\n")
+    done = relnav("replay", "pass.yaml", "--measurements", "short.csv", "--filter", "ekf")
+    assert done.exit_code == 0
+    assert "warning: nothing is settled: the replay ends at 55 s, statistics.settle_s is 100 s" in done.output
 
 
 def test_a_file_that_is_not_there(relnav):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.epoch import Epoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Step
@@ -22,10 +23,11 @@ NOISE = ProcessNoiseOptions(acceleration_psd_m2_s3=1e-8)
 KINDS = sorted(kind for kind, options in dynamics_kinds().items() if "training_track" not in options.needs)
 SIZES = np.repeat([5e3, 5.0], 3)
 STEP = Step(4, 10.0)
+EPOCH = Epoch.parse("2026-01-01T00:00:00 UTC")
 
 
 def base(kind, orbit=ORBIT, step_s=10.0):
-    return dynamics_kinds()[kind]().build(DynamicsContext(orbit, NOISE, step_s))
+    return dynamics_kinds()[kind]().build(DynamicsContext(orbit, NOISE, step_s, epoch=EPOCH))
 
 
 def forces(runs=20, seed=1, size=0.05):

@@ -5,9 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
-from relnav_sim import GravityField, Step, dynamics, eci_from_rtn, rtn_from_eci
+from relnav_sim import GravityField, Step, dynamics, eci_from_rtn, load_campaign, rtn_from_eci
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
+from relnav_sim.astro.field_extent import FieldExtent
+from relnav_sim.astro.gravity_field import SHIPPED
 from relnav_sim.astro.kepler import initial_state
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.campaign.problems import CampaignError
@@ -175,6 +177,17 @@ sensors:
 filters:
   ekf: {kind: ekf, dynamics: {kind: nonlinear_field, degree: 4}}
 """
+
+
+def test_a_file_is_found_beside_the_campaign(tmp_path, monkeypatch):
+    monkeypatch.chdir("/")
+    (tmp_path / "own.gfc").write_bytes(SHIPPED["ggm05s"].read_bytes())
+    dated = CAMPAIGN.replace("truth:\n", "truth:\n  epoch: 2025-03-20T12:00:00 UTC\n")
+    (tmp_path / "own.yaml").write_text(dated.replace("degree: 4", "degree: 4, model: own.gfc"), encoding="utf-8")
+    options = load_campaign(tmp_path / "own.yaml").cases[0].config.filters["ekf"].dynamics
+    assert options.believed_field == FieldExtent(4, 4, str(tmp_path / "own.gfc"))
+    with pytest.raises(ValueError, match=r"nowhere\.gfc"):
+        NonlinearFieldOptions(model="nowhere.gfc")
 
 
 def test_what_is_refused():

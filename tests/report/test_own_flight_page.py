@@ -17,6 +17,7 @@ COMMANDS = re.compile(r"```sh\n(?P<text>.*?)```", re.DOTALL)
 ROW = re.compile(r"^\| (\w+) \| .* \| ([\d.]+) m \| ([\d.]+) \|$", re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_the_page_runs_and_its_table_is_what_comes_of_it(tmp_path, monkeypatch, unrendered):
     page = (DOCS / "your-own-flight.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
