@@ -65,6 +65,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
+        yield from _check_process_noise(name, entry)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
@@ -215,6 +216,17 @@ def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
             )
 
 
+def _check_process_noise(name: str, entry: FilterEntry) -> Iterator[Problem]:
+    """Yield a process noise that is states of its own, where the dynamics are learned with it or take none."""
+    learned = "training_track" in entry.dynamics.needs
+    if entry.process_noise.dmc is not None and (learned or not entry.dynamics.uses_process_noise):
+        yield Problem(
+            ("filters", name, "process_noise", "dmc"),
+            f"{entry.dynamics.kind} dynamics have a process noise of their own, to which dmc's acceleration would come "
+            "twice; take acceleration_psd_m2_s3 or snc_rtn",
+        )
+
+
 def _check_manoeuvres(truth: AnyTruth, clock: Clock) -> Iterator[Problem]:
     for name, manoeuvre in truth.manoeuvres.items():
         if manoeuvre.time_s >= clock.duration_s:
@@ -269,11 +281,11 @@ def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Ite
 
 def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
     """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
-    if not entry.augment or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+    if not entry.augmented_states or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # a sensor that is not there is said already
     known = relative_sensors(sensors, entry.sensors)
     try:
-        extra = extension(entry.augment, known, step_s=1.0)
+        extra = extension(entry.augmented_states, known, step_s=1.0)
     except ValueError:
         return  # an error of no sensor here is said already
     for each, options in known.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import get_args
 
 from pydantic import ValidationError
 
@@ -87,8 +88,9 @@ def declared(options: Options, path: Path = ()) -> Iterator[Scalar]:
 def marked(model: type[Options], path: Path = ()) -> Iterator[tuple[Path, Tunable]]:
     """Yield the marks of an options model and the sections in it, whatever their values."""
     for key, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, Options):
-            yield from marked(field.annotation, (*path, key))
+        for section in (field.annotation, *get_args(field.annotation)):  # an optional one is a union with None
+            if isinstance(section, type) and issubclass(section, Options):
+                yield from marked(section, (*path, key))
         yield from (((*path, key), mark) for mark in field.metadata if isinstance(mark, Tunable))
 
 
