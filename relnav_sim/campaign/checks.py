@@ -217,13 +217,22 @@ def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
 
 
 def _check_process_noise(name: str, entry: FilterEntry) -> Iterator[Problem]:
-    """Yield a process noise that is states of its own, where the dynamics are learned with it or take none."""
-    learned = "training_track" in entry.dynamics.needs
-    if entry.process_noise.dmc is not None and (learned or not entry.dynamics.uses_process_noise):
+    """Yield a process noise that the dynamics, which are learned with one or take none, or the filter can't have."""
+    form = next((form for form in ("dmc", "adaptive") if getattr(entry.process_noise, form) is not None), None)
+    if form is None:
+        return
+    path: Path = ("filters", name, "process_noise", form)
+    if "training_track" in entry.dynamics.needs or not entry.dynamics.uses_process_noise:
         yield Problem(
-            ("filters", name, "process_noise", "dmc"),
-            f"{entry.dynamics.kind} dynamics have a process noise of their own, to which dmc's acceleration would come "
-            "twice; take acceleration_psd_m2_s3 or snc_rtn",
+            path,
+            f"{entry.dynamics.kind} dynamics have learned a process noise of their own; take acceleration_psd_m2_s3 or "
+            "snc_rtn, or dynamics that are not learned",
+        )
+    elif form == "adaptive" and not filter_kinds()[entry.kind].matches_covariance:
+        yield Problem(
+            path,
+            f"the {entry.kind} filter is not a single Gaussian of position and velocity, whose corrections tell the "
+            "process noise; take another form, or a filter such as ekf or ukf",
         )
 
 

@@ -22,7 +22,7 @@ from relnav_sim.dynamics.process_noise import ACTS_ON_VELOCITY
 LEAST_TAUS = 2.0
 """Correlation times in a step below which the resolvents' terms cancel; the power series of the whole does not."""
 TERMS = 40
-"""Of the power series, whose argument is below 2, or the angle that the orbit turns in a step: 6.3^40 / 40! is 1e-16."""
+"""Of the power series, whose argument is below 2, or the angle that the orbit turns in a step: 6.3^40 / 40! < 1e-15."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class CorrelatedAcceleration:
     tau_s: float
 
     def over_step(self, A: Array, step_s: float) -> tuple[Array, Array]:
-        """Return what an acceleration 1 at the start makes of [x; a] in a step, (n + 1,), and the noise Q (n + 1, n + 1).
+        """Return what an acceleration 1 at the start makes of [x; a] in a step, (7,), and the noise Q, (7, 7).
 
         Args:
             A: System matrix of position and velocity, (6, 6), 1/s.

@@ -61,6 +61,25 @@ class DmcOptions(Options):
         return self.radial, self.along_track, self.normal
 
 
+class AdaptiveOptions(Options):
+    """White acceleration whose densities the filter finds by itself, from what its readings correct.
+
+    Covariance matching over a window of readings (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976; Stacey
+    and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). For filters with one Gaussian.
+    """
+
+    start: SncRtnOptions = Field(description="Densities until the window is full")
+    window: Annotated[int, Tunable(10, 300)] = Field(
+        default=50, ge=2, le=10_000, description="Number of readings that the densities come from; default 50"
+    )
+
+    @model_validator(mode="after")
+    def _some_noise(self) -> AdaptiveOptions:
+        if self.start.densities.min() == 0:
+            raise ValueError("start must have a density above 0 on each axis: densities grow by factors, 0 never does")
+        return self
+
+
 class ProcessNoiseOptions(Options):
     """What the filter adds to its covariance each step: exactly one of the forms."""
 
@@ -85,6 +104,11 @@ class ProcessNoiseOptions(Options):
         description="Time-correlated acceleration on each RTN axis, which the filter estimates as three more states",
     )
 
+    adaptive: Annotated[AdaptiveOptions | None, AddedLater()] = Field(
+        default=None,
+        description="White acceleration with one power spectral density for each RTN axis, found during each run",
+    )
+
     @model_validator(mode="after")
     def _one_form(self) -> ProcessNoiseOptions:
         forms = list(type(self).model_fields)
@@ -102,7 +126,9 @@ class ProcessNoiseOptions(Options):
 
     @property
     def density(self) -> Array:
-        """Power spectral density of the white acceleration, RTN, (3, 3), m^2/s^3; 0 where there is none."""
+        """Power spectral density of the white acceleration at the start, (3, 3), m^2/s^3; 0 where there is none."""
+        if self.adaptive is not None:
+            return np.diag(self.adaptive.start.densities)
         if self.snc_rtn is not None:
             return np.diag(self.snc_rtn.densities)
         return (self.acceleration_psd_m2_s3 or 0.0) * np.eye(3)

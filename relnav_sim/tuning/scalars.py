@@ -36,6 +36,7 @@ class Scalar:
         high: Greatest.
         log: Searched on a logarithmic scale.
         scales_noise: Acts as a factor on the measurement noise.
+        whole: It is a whole number.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class Scalar:
     high: float
     log: bool
     scales_noise: bool = False
+    whole: bool = False
 
     @property
     def name(self) -> str:
@@ -58,7 +60,8 @@ class Scalar:
         """Return the value at a place from 0 to 1 of the range, in the digits that a file gets."""
         ratio = self.high / self.low if self.log else 0.0
         value = self.low * ratio**place if self.log else self.low + (self.high - self.low) * place
-        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+        value = min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+        return round(value) if self.whole else value
 
     def place(self, value: float) -> float:
         """Return where a value stands in the range, from 0 to 1; the nearer end for one outside."""
@@ -82,7 +85,7 @@ def declared(options: Options, path: Path = ()) -> Iterator[Scalar]:
             if not isinstance(mark, Tunable) or not isinstance(value, int | float):
                 continue
             if mark.when is None or getattr(options, mark.when[0]) == mark.when[1]:
-                yield Scalar((*path, key), mark.low, mark.high, mark.log, mark.scales_noise)
+                yield Scalar((*path, key), mark.low, mark.high, mark.log, mark.scales_noise, field.annotation is int)
 
 
 def marked(model: type[Options], path: Path = ()) -> Iterator[tuple[Path, Tunable]]:
@@ -195,6 +198,8 @@ def _named(text: str, bounds: Bounds | None, campaign: Campaign) -> tuple[str, S
     low, high = bounds
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise TuningError(f"the range {low:g} to {high:g} of {text} is empty; its first number must be the smaller")
+    if known is not None and known.whole:
+        low, high = round(low), round(high)
     log = low > 0 and (known is None or known.log)
     return name, replace(known or Scalar(inner, low, high, log), low=low, high=high, log=log)
 

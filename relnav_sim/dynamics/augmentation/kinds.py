@@ -342,7 +342,7 @@ class Extension:
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered, within)
 
     def _correlate(self, G: Array, A: Array, step_s: float) -> Array:
-        """Put the columns of the correlated accelerations into G (6, e); return their noise within a step, (6, 6 + e)."""
+        """Put the columns of the correlated accelerations into G (6, e); return their noise in a step, (6, 6 + e)."""
         within = np.zeros((6, 6 + len(self.names)))
         for place, acceleration in self.correlated.items():
             end, Q = acceleration.over_step(A, step_s)
