@@ -153,7 +153,8 @@ def with_values(entry: FilterEntry, values: Mapping[Path, float]) -> FilterEntry
     """
     data = entry.model_dump(mode="json")
     for path, value in values.items():
-        data = replaced(data, path, value)
+        whole = isinstance(value_at(data, path), int)
+        data = replaced(data, path, round(value) if whole else value)
     return entry_from(data)
 
 
@@ -198,8 +199,6 @@ def _named(text: str, bounds: Bounds | None, campaign: Campaign) -> tuple[str, S
     low, high = bounds
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise TuningError(f"the range {low:g} to {high:g} of {text} is empty; its first number must be the smaller")
-    if known is not None and known.whole:
-        low, high = round(low), round(high)
     log = low > 0 and (known is None or known.log)
     return name, replace(known or Scalar(inner, low, high, log), low=low, high=high, log=log)
 

@@ -78,6 +78,7 @@ def test_all_numbers_are_free(tmp_path):
     assert {name: len(scalars) for name, scalars in free.items()} == {"snc": 3, "dmc": 6, "found": 4}
     (window,) = (scalar for scalar in free["found"] if scalar.path[-1] == "window")
     entry = with_values(loaded.cases[0].config.filters["found"], {window.path: window.value(0.5)})
+    assert with_values(entry, {window.path: 30.0}).process_noise.adaptive.window == 30
     assert entry.process_noise.adaptive.window == 55  # half way from 10 to 300 on a logarithmic scale
 
 
