@@ -40,10 +40,12 @@ class GaussianFilter:
 
     Attributes:
         considers: Whether the filter can account for states without estimating them.
+        matches_covariance: Whether its corrections tell how much process noise there is, see `CovarianceMatching`.
     """
 
     stochastic = False
     considers = True
+    matches_covariance = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
