@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.budget.linearised import linear_filter
 from relnav_sim.budget.recursion import means, variances
 from relnav_sim.budget.sources import (
@@ -16,6 +16,7 @@ from relnav_sim.budget.sources import (
     not_covered,
     random_sources,
 )
+from relnav_sim.budget.truth_errors import truth_numbers, with_truth_errors
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.registry import filter_kinds
@@ -51,7 +52,7 @@ class Budget:
 
         That of the interaction, which is no source by itself, is the total.
         """
-        fixed = self.means.any(axis=(1, 2))
+        fixed: Mask = np.asarray(self.means.any(axis=(1, 2)))
         sum_of_means = self.means.sum(axis=0)
         drawn = self.total - 0.75 * self.variance
         moved = self.total - np.square(sum_of_means) + np.square(sum_of_means - 0.5 * self.means)
@@ -98,14 +99,15 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
     config = campaign.cases[case].config
     name = _chosen(config, filter)
     entry = config.filters[name]
-    injections = injections_of(config, entry)
+    injections, numbers = injections_of(config, entry), truth_numbers(config, entry)
     try:
         linear = linear_filter(config, entry, campaign.seed, injections)
     except ValueError as error:
         raise ValueError(f"filter {name!r} has no error budget: {error}") from None
-    drawn, fixed = random_sources(config, injections, linear), fixed_sources(config, injections, linear)
+    linear = with_truth_errors(linear, config, numbers)
+    drawn, fixed = random_sources(config, injections, numbers, linear), fixed_sources(config, injections, linear)
     variance, mean = variances(linear, drawn), means(linear, fixed)
-    parts, names = [variance, np.square(mean)], [one.name for one in (*drawn, *fixed)]
+    parts, names = [variance, np.square(mean)], [*(one.name for one in drawn), *(one.name for one in fixed)]
     errors = [np.zeros_like(variance), mean]
     if len(fixed) > 1:
         parts.append((np.square(mean.sum(axis=0)) - np.square(mean).sum(axis=0))[None])

@@ -62,9 +62,7 @@ def asked_numbers(config: CaseConfig) -> list[Injection]:
     return asked
 
 
-def linear_filter(
-    config: CaseConfig, entry: FilterEntry, seed: int, injections: Sequence[Injection]
-) -> LinearFilter:
+def linear_filter(config: CaseConfig, entry: FilterEntry, seed: int, injections: Sequence[Injection]) -> LinearFilter:
     """Return a filter to first order along the nominal truth of a case.
 
     Nothing is derived by hand: the sensors read with one error at a time, the front end makes of that what filters
@@ -189,7 +187,7 @@ class _Along:
         C = (residual[1:errors] - residual[0]).T / SIZE
         H = np.broadcast_to(measurement.jacobian(mean, epoch), (len(z), m, n))[0]
         R = measurement.noise(mean, epoch)
-        # The mean is linear in the reading, so any size will do; one of the noise's keeps digits and stays on the chart.
+        # The mean is linear in the reading, so any size will do; that of the noise keeps the digits.
         probe = np.sqrt(np.diagonal(R if R.ndim == 2 else R[0]))
         probed = z.copy()
         probed[errors:] += np.diag(probe)

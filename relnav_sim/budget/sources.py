@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import exp
 
 import numpy as np
@@ -11,8 +12,9 @@ from relnav_sim.arrays import Array
 from relnav_sim.budget.injection import Injection
 from relnav_sim.budget.linearised import LinearFilter, asked_numbers
 from relnav_sim.budget.recursion import FixedSourceOfError, RandomSourceOfError
+from relnav_sim.budget.truth_errors import TruthNumber
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import CaseConfig, DispersedStart
+from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
 from relnav_sim.sensors import frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.sensors.interface import Craft, SensorOptions
@@ -25,7 +27,6 @@ from relnav_sim.sensors.noise import (
     white_variance,
 )
 from relnav_sim.simulation.thrust_inputs import known_thrust
-from relnav_sim.truth import EphemerisTruthOptions
 
 DYNAMICS = "dynamics left out"
 INTERACTION = "interaction of fixed sources"
@@ -33,7 +34,8 @@ INTERACTION = "interaction of fixed sources"
 
 def injections_of(config: CaseConfig, entry: FilterEntry) -> list[Injection]:
     """Return the errors of a case that may reach a filter through its readings, one for each number drawn."""
-    readers = [(name, host) for name, host in reading_names(config.sensors).values() if _counts(config, entry, name, host)]
+    carried = reading_names(config.sensors).values()
+    readers = [(name, host) for name, host in carried if _counts(config, entry, name, host)]
     found = [
         Injection(name, host, "noise", "", place)
         for name, host in readers
@@ -58,9 +60,16 @@ def _carried(config: CaseConfig, entry: FilterEntry, host: Craft) -> bool:
 
 
 def random_sources(
-    config: CaseConfig, injections: Sequence[Injection], filter: LinearFilter
+    config: CaseConfig, injections: Sequence[Injection], numbers: Sequence[TruthNumber], filter: LinearFilter
 ) -> list[RandomSourceOfError]:
-    """Return the sources that each run draws anew and that reach the filter."""
+    """Return the sources that each run draws anew and that reach the filter.
+
+    Args:
+        config: The case.
+        injections: What the first columns of the filter's response are.
+        numbers: What the columns behind them are.
+        filter: The filter.
+    """
     found = list(_drawn_start(config, filter))
     for column, one in enumerate(injections):
         if not filter.response[:, :, column].any():
@@ -76,6 +85,9 @@ def random_sources(
                 phi = exp(-config.clock.step_s / part.tau_s)
                 words = f"correlated error, {part.tau_s:g} s"
                 found.append(RandomSourceOfError(_named(config, one, words), column, phi, part.scale))
+    for column, number in enumerate(numbers, start=len(injections)):
+        if filter.response[:, :, column].any():
+            found.append(RandomSourceOfError(number.name, column, 1.0, 1.0))
     return _apart(found)
 
 
@@ -102,19 +114,17 @@ def fixed_sources(
     for column, one in enumerate(injections):
         if one.draw == "noise" and filter.response[:, :, column].any() and (bias := biases[one.sensor][one.place]):
             found.append(FixedSourceOfError(_named(config, one, "bias"), column, float(bias)))
-    # What a first fix has of the sensors' biases is theirs, so the start's own offset is without.
-    offset = filter.offset - sum((one.value * filter.response[0, :, one.column or 0] for one in found), np.zeros(1))
-    for part, word in ((slice(0, 3), "position"), (slice(3, 6), "velocity")):
-        own = np.zeros_like(offset)
-        own[part] = offset[part]
-        if np.abs(own).max() > _NO_OFFSET * max(np.abs(filter.offset).max(), 1.0):
+    # A first fix errs in position by what its sensor's errors make of it, which are sources themselves.
+    parts = {"velocity": slice(3, 6)}
+    if not isinstance(config.start, FirstFixStart):
+        parts = {"position": slice(0, 3), **parts}
+    for word, part in parts.items():
+        own = np.zeros_like(filter.offset)
+        own[part] = filter.offset[part]
+        if own.any():
             found.append(FixedSourceOfError(f"start {word}, the same in every run", start=own))
     found.append(FixedSourceOfError(DYNAMICS, left_out=True))
     return found
-
-
-_NO_OFFSET = 1e-6
-"""A first fix of perfect readings is the truth but for rounding."""
 
 
 def _constants(options: SensorOptions) -> Array:
@@ -137,8 +147,6 @@ def _named(config: CaseConfig, one: Injection, words: str) -> str:
 
 def _apart(sources: list[RandomSourceOfError]) -> list[RandomSourceOfError]:
     """Return the sources with names that differ: two correlated parts may have one time constant."""
-    from dataclasses import replace
-
     seen: dict[str, int] = {}
     found = []
     for one in sources:
@@ -159,14 +167,6 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
             found.append(f"cycle slips of {name}")
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
             found.append(f"the latency of {name}, of which the filter is not told")
-    truth = config.truth
-    if not isinstance(truth, EphemerisTruthOptions):
-        varied = [word for word in type(truth.dispersions).model_fields if getattr(truth.dispersions, word) is not None]
-        if varied:
-            found.append(f"truth.dispersions ({', '.join(varied)})")
-        known = known_thrust(entry, config)
-        if known != "measured" and any((each.errors or truth.execution_errors).any for each in truth.manoeuvres.values()):
-            found.append("execution errors of manoeuvres")
     if (force := own_sensor(config.sensors, "force")) is not None and known_thrust(entry, config) == "measured":
         found.append(f"errors of {force[0]}")
     for host in sorted({each.host for each in relative_sensors(config.sensors, entry.sensors).values()}):
