@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import CAMPAIGNS, existing
+from relnav_sim.cli.files import CAMPAIGNS, RESULTS, existing
 from relnav_sim.cli.output import command, new_file, print_table, say
 
 if TYPE_CHECKING:
@@ -27,6 +27,15 @@ def budget(
             metavar="NAME",
             help="The filter; repeat for several.",
             show_default="the first that has a budget",
+        ),
+    ] = None,
+    result: Annotated[
+        Path | None,
+        typer.Option(
+            "--result",
+            metavar="RESULT",
+            help="A Monte Carlo of the campaign to compare with.",
+            show_default="results/NAME.h5, if it is one",
         ),
     ] = None,
     changes: Annotated[
@@ -56,8 +65,11 @@ def budget(
     except ValueError as error:
         raise UserError(str(error)) from None
     config = campaign.cases[case].config
+    compared = _result(campaign, result)
     for one in found:
         _show(one, campaign, case)
+        if compared is not None:
+            _compare(one, campaign, case, compared)
     if not filters:
         known = budgeted_filters(config)
         if others := [name for name in known if name != found[0].filter]:
@@ -83,3 +95,48 @@ def _show(budget: Budget, campaign: Campaign, case: int) -> None:
     say("\nshare and gain: of the position from then on; formal: what the filter itself states")
     for sentence in budget.not_covered:
         say(f"not in this budget: {sentence}")
+
+
+def _result(campaign: Campaign, given: Path | None) -> Path | None:
+    """Return the result to compare with: the one that is given, else the campaign's own where there is one.
+
+    Raises:
+        UserError: The given one is of another campaign.
+    """
+    from relnav_sim.cli.source import readable
+    from relnav_sim.results import open_results
+
+    path = Path("results") / f"{campaign.name}.h5" if given is None else existing(given, RESULTS)
+    if not path.is_file():
+        return None
+    with readable(path) as file, open_results(file) as results:
+        if results.campaign_hash == campaign.hash:
+            return path
+    if given is not None:
+        raise UserError(f"{path} is a result of another campaign, or of another version of {campaign.name}")
+    say(f"{path} is of another version of the campaign: it is not compared\n")
+    return None
+
+
+def _compare(budget: Budget, campaign: Campaign, case: int, path: Path) -> None:
+    from relnav_sim.budget.verdict import squares_of, verdict
+    from relnav_sim.cli.source import readable
+    from relnav_sim.results import open_results
+
+    of = campaign.cases[case]
+    with readable(path) as file, open_results(file) as results:
+        squares = squares_of(results, of.id, budget.filter)
+    found = verdict(budget, squares, of.config.statistics.settle_s)
+    if found is None:
+        say(f"{path}: too few runs of {budget.filter} to compare with")
+        return
+    words = "linear here"
+    if not found.agrees:
+        words = "nonlinear here: trust the Monte Carlo"
+        if budget.not_covered:
+            words = "nonlinear here, or it is what the budget leaves out: trust the Monte Carlo"
+    failed = f"; {found.failed} failed" if found.failed else ""
+    say(
+        f"{path}: position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's, "
+        f"99.9 % interval {found.low:.3f} to {found.high:.3f}: {words}"
+    )
