@@ -19,6 +19,7 @@ from relnav_sim.budget.sources import (
 from relnav_sim.budget.truth_errors import truth_numbers, with_truth_errors
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import filter_kinds
 
 
@@ -64,10 +65,13 @@ class Budget:
 
 def budgeted_filters(config: CaseConfig) -> tuple[str, ...]:
     """Return the filters of a case whose gain does not depend on the readings, so that they have a budget."""
-    kinds = filter_kinds()
     return tuple(
-        name for name, entry in config.filters.items() if getattr(kinds[entry.kind].factory, "nominal_gain", False)
+        name for name, entry in config.filters.items() if _has_nominal_gain(filter_kinds()[entry.kind].factory)
     )
+
+
+def _has_nominal_gain(factory: object) -> bool:
+    return isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
 
 
 def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -> Budget:

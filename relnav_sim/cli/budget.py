@@ -136,7 +136,8 @@ def _compare(budget: Budget, campaign: Campaign, case: int, path: Path) -> None:
         if budget.not_covered:
             words = "nonlinear here, or it is what the budget leaves out: trust the Monte Carlo"
     failed = f"; {found.failed} failed" if found.failed else ""
+    low, high = found.interval
     say(
-        f"{path}: position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's, "
-        f"99.9 % interval {found.low:.3f} to {found.high:.3f}: {words}"
+        f"{path}: position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's "
+        f"({low:.3f} to {high:.3f}): {words}"
     )

@@ -31,8 +31,6 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
     Noise that depends on the state is taken at the prediction. Only a local maximum is sought.
     """
 
-    nominal_gain = True
-
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: IterationOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options
