@@ -116,7 +116,7 @@ def replay(
         for name, why in done.block.broken.items():
             say(f"{name} broke: {why.reason}", err=True)
         say("")
-        _print(found, done.truth)
+        _print(found, done.truth, done.block.config.statistics.settle_s)
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
@@ -139,13 +139,13 @@ def _sensors(participants: list[str]) -> dict[str, str]:
     return named
 
 
-def _print(found: list[FilterFigures], truth: str) -> None:
+def _print(found: list[FilterFigures], truth: str, settle_s: float) -> None:
     """Print the tables over all filters."""
     from relnav_sim.report.replay.tables import scores_table, sensors_table
 
     tables = [sensors_table(found)]
     if truth:
-        tables.insert(0, scores_table(found, truth, 0.0))
+        tables.insert(0, scores_table(found, truth, settle_s))
         say(f"scored against {truth}")
     else:
         say("not scored: no truth is known for these readings, so that nothing says how far the estimates are off")

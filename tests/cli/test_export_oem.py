@@ -148,3 +148,12 @@ def test_a_campaign_without_a_calendar_is_refused(tmp_path: Path) -> None:
     assert "an OEM holds calendar dates, and the campaign has none; give it a truth.epoch" in " ".join(
         found.output.split()
     )
+
+
+def test_the_result_itself_is_not_replaced(result: Path) -> None:
+    before = result.read_bytes()
+    words = ["--to", "oem", "--part", "estimates", "--filter", "ekf", "--out", str(result), "--overwrite"]
+    found = CliRunner().invoke(app, ["export", str(result), *words])
+    assert found.exit_code == 2
+    assert "is the result itself; give another --out" in " ".join(found.output.split())
+    assert result.read_bytes() == before
