@@ -17,6 +17,7 @@ from relnav_sim.measurements.delayed import with_latency
 from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Craft, Form
+from relnav_sim.sensors.suite import StreamsMaker, streams_of
 from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
@@ -74,16 +75,17 @@ class Simulation:
     inputs: Mapping[str, Array]
 
 
-def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
+def chunks(config: CaseConfig, source: RandomSource, streams: StreamsMaker = streams_of) -> Iterator[Chunk]:
     """Yield the truth and measurements of a block, a chunk of epochs at a time.
 
     Args:
         config: The case.
         source: Seed and numbers of the runs.
+        streams: Makes the random numbers of each sensor; default: those of the seed and the runs.
     """
     clock = config.clock
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
-    suite = SensorSuite(config.sensors, source, clock.step_s)
+    suite = SensorSuite(config.sensors, source, clock.step_s, streams)
     force = own_sensor(config.sensors, "force")
     front_end = FrontEnd(config, len(source.runs))
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
