@@ -18,6 +18,7 @@ from relnav_sim.budget.sources import (
 )
 from relnav_sim.budget.truth_errors import truth_numbers, with_truth_errors
 from relnav_sim.campaign import Campaign
+from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import filter_kinds
@@ -65,13 +66,14 @@ class Budget:
 
 def budgeted_filters(config: CaseConfig) -> tuple[str, ...]:
     """Return the filters of a case whose gain does not depend on the readings, so that they have a budget."""
-    return tuple(
-        name for name, entry in config.filters.items() if _has_nominal_gain(filter_kinds()[entry.kind].factory)
-    )
+    return tuple(name for name, entry in config.filters.items() if _has_nominal_gain(entry))
 
 
-def _has_nominal_gain(factory: object) -> bool:
-    return isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
+def _has_nominal_gain(entry: FilterEntry) -> bool:
+    factory: object = filter_kinds()[entry.kind].factory
+    nominal = isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
+    # Process noise that is found from the readings makes the gain depend on them.
+    return nominal and entry.process_noise.adaptive is None
 
 
 def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -> Budget:

@@ -170,5 +170,12 @@ def test_filters_whose_gain_depends_on_the_readings_are_refused_by_name():
     assert error_budget(made).filter == "ekf"
 
 
+def test_process_noise_that_is_found_from_the_readings_has_no_budget():
+    start = "{radial_psd_m2_s3: 1.0e-8, along_track_psd_m2_s3: 1.0e-8, normal_psd_m2_s3: 1.0e-8}"
+    made = campaign(f"filters.ekf.process_noise={{adaptive: {{start: {start}}}}}")
+    with pytest.raises(ValueError, match="filter 'ekf' has no error budget: its gain depends on the readings"):
+        error_budget(made, filter="ekf")
+
+
 def test_it_is_public():
     assert relnav_sim.error_budget is error_budget
