@@ -137,8 +137,8 @@ def fly(
         if used == 0:
             break
         if SHADOW:
-            longest = np.empty(LANES)
-            set_longest_by_shadow(forces, flights.states, flights.areas, flights.reached, row, used, room, longest)
+            states, areas, reached, longest = flights.states, flights.areas, flights.reached, np.empty(LANES)
+            set_longest_by_shadow(forces, states, areas, reached, row, used, room, longest)  # type: ignore[arg-type]
             for b in range(used):
                 shorten(flights, row[b], longest[b])
         for b in range(used):
