@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.kernels import spherical_harmonics
 from relnav_sim.kernels.atmosphere import LAYERS, Layers, add_layered_drag
 from relnav_sim.kernels.compiling import flag, given, inner, kernel, number, record, written
@@ -24,6 +24,7 @@ from relnav_sim.kernels.sky import (
     add_radiation,
     add_third_body,
     add_turned_back,
+    longest_by_shadow,
     look_up,
     set_orientation,
     turn,
@@ -127,6 +128,35 @@ def longest_step(forces: FieldForces, aim: float, states: Array, i: int) -> floa
     hx, hy, hz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
     radian = r2 / math.sqrt(hx * hx + hy * hy + hz * hz)  # s
     return min(radian * (aim / error) ** (1 / 7), DAY_S)
+
+
+@inner
+def set_longest_by_shadow(
+    forces: FieldForces, states: Array, areas: Array, times: Array, rows: Integers, used: int, room: Array, out: Array
+) -> None:
+    """Set out (LANES,) to how long a step may be, s, by where the Earth's shadow is; infinity without sunlight.
+
+    The penumbra is passed in seconds. The error estimate may miss it in a long step, which then may be wrong by more
+    than what sunlight does to one craft relative to another that is alike.
+
+    Args:
+        forces: The environment.
+        states: Of n orbits (n, 6), m and m/s.
+        areas: Cd A / m and Cr A / m (n, 2), m^2/kg.
+        times: (n,), s, as the clock of `derivative`.
+        rows: Which orbits are in the lanes (LANES,).
+        used: How many lanes count.
+        room: (ROOM,) to work in.
+        out: Where it goes.
+    """
+    found, time = room[:_TURN], room[_TIME]
+    for b in range(used):
+        time[b], out[b] = forces.sense * times[rows[b]], math.inf
+    if forces.sunlight:
+        look_up(forces.sky, time, used, found)
+        for b in range(used):
+            if areas[rows[b], 1] > 0:
+                out[b] = longest_by_shadow(states, rows[b], found[SUN:], b, forces.mu, forces.radius)
 
 
 @kernel(FIELD_FORCES, given(2), given(2), given(1))

@@ -23,7 +23,7 @@ from relnav_sim.kernels.dop853 import (
     stage_time,
     weighted_sum,
 )
-from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces
+from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces, set_longest_by_shadow
 from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative, longest_step
 from relnav_sim.kernels.lanes import LANES
 
@@ -34,6 +34,8 @@ COARSEST = 16
 ERROR_RATIO_OF_DOUBLING = 2.0**7
 """The estimate per unit time grows with the seventh power of the step."""
 
+SHADOW = False
+"""Whether steps are to be short in the penumbra; they are in the kernel that takes this name for another value."""
 SLACK = 1.5
 """A step is not halved for what is longest where it begins unless it is this many times as long."""
 
@@ -134,6 +136,11 @@ def fly(
                 row[b] = row[used]
         if used == 0:
             break
+        if SHADOW:
+            states, areas, reached, longest = flights.states, flights.areas, flights.reached, np.empty(LANES)
+            set_longest_by_shadow(forces, states, areas, reached, row, used, room, longest)  # type: ignore[arg-type]
+            for b in range(used):
+                shorten(flights, row[b], longest[b])
         for b in range(used):
             i = row[b]
             until[b], step = next_step(flights, i)
@@ -195,6 +202,7 @@ def fly(
     derivative=field_forces.derivative,
     longest_step=field_forces.longest_step,
     ROOM=field_forces.ROOM,
+    SHADOW=True,
 )
 def fly_in_field(
     forces: FieldForces,
@@ -217,6 +225,13 @@ def goes_on(flights: Flights, i: int, place: Integers, T: int) -> bool:
     if flights.reached[i] >= flights.event[i]:
         flights.doing[i] = EVENT_DUE
     return flights.doing[i] == FLIES
+
+
+@inner
+def shorten(flights: Flights, i: int, longest: float) -> None:
+    """Halve the next step of flight i until it is not longer than `longest`, s."""
+    while math.ldexp(flights.base[i], int(flights.level[i])) > longest and flights.level[i] > FINEST:
+        flights.level[i] -= 1
 
 
 @inner

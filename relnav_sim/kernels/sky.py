@@ -29,6 +29,11 @@ SUN_RADIUS_M = 6.957e8
 SUN_PRESSURE = 1361.0 / 299792458.0
 """The Sun's radius, and the pressure of its light at the astronomical unit, N/m^2: the irradiance of 1361 W/m^2 by the
 speed of light (IAU 2015, resolution B3)."""
+SHARE_OF_PENUMBRA = 0.25
+"""A step in the penumbra may last this share of the time in which the craft goes as far as the Sun's radius appears at
+the Earth's distance. Twice as much costs a digit after a day, half as much gains none."""
+SHARE_OF_WAY = 0.875
+"""A step towards the penumbra may last this share of the time until there."""
 
 
 class Sky(NamedTuple):
@@ -200,6 +205,45 @@ def sun_in_sight(r: float, d: float, product: float, radius: float) -> float:
         - apart * y
     )
     return 1 - covered / (math.pi * sun * sun)
+
+
+@inner
+def longest_by_shadow(states: Array, i: int, sun: Array, b: int, mu: float, radius: float) -> float:
+    """Return how long a step from state i may be that should not run into the edge of the Earth's shadow unawares, s.
+
+    Penumbra and umbra are cones about the axis away from the Sun (Montenbruck and Gill 2000, section 3.4): with s along
+    it, f = r^2 - s^2 - (R +- k s)^2 is zero on them. When it will be zero follows from its first two derivatives on a
+    Kepler orbit, as a step is a small part of a radian.
+
+    Args:
+        states: (n, 6), m and m/s.
+        i: Which of them.
+        sun: Positions (3,) of the Sun, m.
+        b: The lane of it that is looked at.
+        mu: Gravitational parameter of the Earth, m^3/s^2.
+        radius: Of the Earth, m.
+    """
+    x, y, z, vx, vy, vz = states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5]
+    sx, sy, sz = sun[0, b], sun[1, b], sun[2, b]
+    d = math.sqrt(sx * sx + sy * sy + sz * sz)
+    s, s1 = -(x * sx + y * sy + z * sz) / d, -(vx * sx + vy * sy + vz * sz) / d
+    r2, v2, rv = x * x + y * y + z * z, vx * vx + vy * vy + vz * vz, x * vx + y * vy + z * vz
+    pull = mu / (r2 * math.sqrt(r2))
+    least, until, partly = SHARE_OF_PENUMBRA * SUN_RADIUS_M / d * math.sqrt(r2 / v2), math.inf, s > 0
+    for side in (-1, 1):  # umbra, penumbra
+        k = (side * SUN_RADIUS_M + radius) / d
+        w, w1 = radius + k * s, k * s1
+        f = r2 - s * s - w * w
+        f1 = 2 * (rv - s * s1 - w * w1)
+        f2 = v2 - s1 * s1 - w1 * w1 - pull * (r2 - s * s - k * s * w)  # half the second derivative
+        partly = partly and side * f < 0
+        root2 = f1 * f1 - 4 * f2 * f
+        if root2 >= 0:
+            q = -(f1 + math.copysign(math.sqrt(root2), f1)) / 2
+            for t in (q / f2, f / q):
+                if t > 0 and s + s1 * t > 0:  # on the Sun's side of the Earth the cones are no shadow
+                    until = min(until, t)
+    return least if partly else max(least, SHARE_OF_WAY * until)
 
 
 @kernel(SKY, given(1))

@@ -30,8 +30,9 @@ def propagate(
     """Return the states (B, T, 6) in m and m/s, ECI, of B orbits at T times.
 
     Dormand-Prince 8(5,3) with dense output of order 7. After a day in low orbit at the default tolerance, positions are
-    within 1e-5 m, and so are differences between neighbours (docs/accuracy.md). An orbit's bits depend neither on the
-    others in the batch nor on the other times asked for.
+    within 2e-5 m, and so are differences between neighbours (docs/accuracy.md). Through the Earth's shadow that takes
+    short steps: with sunlight up to twice as many in all. An orbit's bits depend neither on the others in the batch nor
+    on the other times asked for.
 
     Args:
         state0: Position and velocity (B, 6) in m and m/s, ECI, at time 0, the force model's epoch if it has one.

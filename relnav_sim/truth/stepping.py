@@ -3,6 +3,7 @@
 An orbit's steps follow from its own state, its own error estimate and rtol, so that its bits never depend on which
 others share the batch. Steps come from a coarse grid (a base with one of eight mantissas, times a power of two,
 starting at multiples of itself), so that neighbours take the same steps and their truncation errors are alike.
+With sunlight, steps end before the Earth's shadow and are short in the penumbra, which each orbit meets in its time.
 
 Where an orbit's thrust changes, its step ends: the step is cut there, the velocity changes, and a new grid begins.
 """

@@ -62,22 +62,17 @@ def test_brahe_flies_the_same_day(degree, start, position, velocity):
     assert np.abs(found[3:] - velocity).max() < 3e-8
 
 
-@pytest.mark.parametrize("radiation, within_m", [(False, 5e-6), (True, 5e-3)])
-def test_scipy_flies_the_same_under_every_force(radiation, within_m):
-    """SciPy's integrator of the same method with short steps on the same accelerations at the same times.
-
-    Steps do not end where the Earth's shadow does: sunlight, 9e-8 m/s^2, then counts from some seconds earlier or later
-    on, for up to 6000 s.
-    """
-    force, state = everything(radiation=radiation), dispersed(1)[0]
+def test_scipy_flies_the_same_under_every_force_but_sunlight():
+    """SciPy's integrator of the same method with short steps on the same accelerations at the same times."""
+    force, state = everything(radiation=False), dispersed(1)[0]
 
     def slope(t, y):
-        return np.concatenate([y[3:], force.acceleration(y, AREA, t, 2 * AREA)])
+        return np.concatenate([y[3:], force.acceleration(y, AREA, t)])
 
     times = np.linspace(0.0, 6000.0, 101)
     peer = solve_ivp(slope, (0, 6000), state, method="DOP853", rtol=1e-13, atol=1e-9, max_step=40, dense_output=True)
-    found = propagate(state[None], times, force, AREA, radiation_m2_kg=2 * AREA)[0]
-    assert np.abs(found - peer.sol(times).T)[:, :3].max() < within_m
+    found = propagate(state[None], times, force, AREA)[0]
+    assert np.abs(found - peer.sol(times).T)[:, :3].max() < 5e-6
 
 
 def test_the_jacobi_integral_is_conserved_for_a_day(monkeypatch):
