@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 from relnav_sim.campaign import Campaign
-from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.campaign.load import parse_content
 from relnav_sim.campaign.problems import CampaignError
 from relnav_sim.results.block import RefusedError
 from relnav_sim.results.read import Results
@@ -18,7 +16,7 @@ def stored_campaign(results: Results) -> Campaign:
         RefusedError: This version of relnav, or a package of the user's that is not here, reads it otherwise.
     """
     try:
-        campaign = parse_campaign(json.dumps(results.campaign_content))
+        campaign = parse_content(results.campaign_content)
     except CampaignError as error:
         problem = error.problems[0].removeprefix("campaign:1: ")
         raise RefusedError(f"{results.path}: its campaign can't be run again: {problem}") from None
