@@ -32,6 +32,8 @@ from relnav_sim.truth import (
     start_warnings,
     truth_trajectory,
 )
+from relnav_sim.truth.flown_orbits import flown, interpolation_warnings
+from relnav_sim.truth.thrust import CRAFT
 from relnav_sim.truth.trajectory import force_model
 
 MOST_GEOMETRIES = 12
@@ -121,8 +123,18 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
                 f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
                 "fail; take start.kind dispersed or given."
             )
-    starts = [] if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    starts = (
+        _orbit_warnings(config) if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    )
     return [*starts, *ended, *sentences]
+
+
+def _orbit_warnings(config: CaseConfig) -> list[str]:
+    truth = config.truth
+    assert isinstance(truth, EphemerisTruthOptions)
+    return interpolation_warnings(
+        flown(truth.ephemeris, craft, truth.start_epoch, config.clock.duration_s, truth.orientation) for craft in CRAFT
+    )
 
 
 def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
