@@ -116,7 +116,7 @@ def replay(
         for name, why in done.block.broken.items():
             say(f"{name} broke: {why.reason}", err=True)
         say("")
-        _print(found, done.truth)
+        _print(found, done.truth, done.unscored)
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
@@ -139,7 +139,7 @@ def _sensors(participants: list[str]) -> dict[str, str]:
     return named
 
 
-def _print(found: list[FilterFigures], truth: str) -> None:
+def _print(found: list[FilterFigures], truth: str, unscored: str) -> None:
     """Print the tables over all filters."""
     from relnav_sim.report.replay.tables import scores_table, sensors_table
 
@@ -149,6 +149,8 @@ def _print(found: list[FilterFigures], truth: str) -> None:
         say(f"scored against {truth}")
     else:
         say("not scored: no truth is known for these readings, so that nothing says how far the estimates are off")
+        if unscored:
+            say(unscored)
     for table in tables:
         rows = [[row.record or row.label, *(cell.text for cell in row.cells)] for row in table.rows]
         print_table(rows, headings=[table.corner, *(column.label for column in table.columns)])
