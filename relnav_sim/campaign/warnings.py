@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from relnav_sim.arrays import Array
 from relnav_sim.campaign.file_model import sensors_from
+from relnav_sim.campaign.idle_options import idle_options
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.campaign.paths import parse_path, replaced
@@ -61,7 +62,7 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
         if key not in found and len(found) < MOST_GEOMETRIES:
             found[key] = _nominal_warnings(config)
         if key in found:
-            said.append((case.label, found[key]))
+            said.append((case.label, [*idle_options(config), *found[key]]))
     unseen = len(campaign.cases) - len(said)
     rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
     return (*together(said), *rest)

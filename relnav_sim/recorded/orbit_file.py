@@ -80,6 +80,7 @@ class OrbitFile:
             rows += len(at)
         frame = self.segments[0].frame
         notes = [f"{frame} is taken for the ITRF: its realisations differ by centimetres."] * is_realisation(frame)
+        notes += [note for segment in self.segments for note in segment.notes]
         whole = np.concatenate(times), np.concatenate(states)
         return Ephemeris(self.path, first, *whole, frame, tuple(spans), tuple(notes))
 

@@ -161,8 +161,8 @@ def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice:
     if not difference:
         return "the truth that the campaign simulates, whose readings these are", ""
     return "", (
-        f"The readings are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another seed, "
-        "run number, orbit or sensor than theirs makes such a difference; --truth campaign scores them all the same."
+        f"The readings are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another "
+        "seed, run number, orbit or sensor than theirs does that; --truth campaign scores them all the same."
     )
 
 
