@@ -73,4 +73,5 @@ class GravityOptions(Options):
 
 @lru_cache(maxsize=8)
 def _field(model: str, digest: str | None, degree: int, order: int | None) -> GravityField:
+    """Return a field; the digest is there to tell a file from what it was before."""
     return GravityField.load(model, degree, order)

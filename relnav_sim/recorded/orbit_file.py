@@ -128,11 +128,8 @@ def _check_coverage(segments: Sequence[Segment], needed: Needed, name: str) -> N
         return
     shown = [f"{each.useable[0].text()} to {each.useable[1].text()}" for each in segments[:_SHOWN]]
     more = [f"{len(segments) - _SHOWN} more"] if len(segments) > _SHOWN else []
-    raise at_line(
-        name,
-        segments[0].line,
-        f"the orbit is useable from {listed([*shown, *more])}; it is needed from {first.text()} to {last.text()}",
-    )
+    span = f"at {first.text()}" if first == last else f"from {first.text()} to {last.text()}"
+    raise at_line(name, segments[0].line, f"the orbit is useable from {listed([*shown, *more])}; it is needed {span}")
 
 
 def _kept(segment: Segment, method: Interpolation, needed: Needed) -> slice | None:

@@ -130,6 +130,8 @@ class Place:
             raise (degree_at or self).error(
                 f"the interpolation degree is {degree!r}; it must be a whole number from 1 to {_MOST_DEGREE}"
             )
+        if kind == "HERMITE" and int(degree) < 2:
+            raise (degree_at or self).error(f"a HERMITE interpolation has at least degree 2, not {degree}")
         return Interpolation(kind, int(degree))
 
 

@@ -81,10 +81,11 @@ def replay_campaign(
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)
     epochs = last_epoch(config, recorded) + 1
+    own_errors = bool(against) and _errors_are_of_campaign(campaign, chosen, recorded)
     # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
     with threadpool_limits(1):
         parts = [
-            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
+            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs, own_errors)
             for first in range(0, len(recorded), at_once)
         ]
     return Replay(
@@ -164,6 +165,17 @@ def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice:
         f"The readings are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another "
         "seed, run number, orbit or sensor than theirs does that; --truth campaign scores them all the same."
     )
+
+
+def _errors_are_of_campaign(campaign: Campaign, case: Case, recorded: Sequence[Readings]) -> bool:
+    """Return whether the readings of a replay with a truth have the errors that the campaign draws.
+
+    Along recorded orbits measured readings are replayed as well as simulated ones; a simulated truth has its own.
+    """
+    config = case.config
+    if not isinstance(config.truth, EphemerisTruthOptions) or not any(e.augment for e in config.filters.values()):
+        return True
+    return not difference_from_campaign(config, campaign.seed, recorded)
 
 
 def _alone(campaign: Campaign, case: Case) -> Campaign:

@@ -89,7 +89,10 @@ class AugmentedTrack:
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: Integers) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_augmented_states(self._entry, self._config, chunk.truth, self._source)
+        if chunk.errors_are_known:
+            truth = true_augmented_states(self._entry, self._config, chunk.truth, self._source)
+        else:
+            truth = np.full(history.mean[..., 6:].shape, np.nan)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 

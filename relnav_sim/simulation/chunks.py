@@ -37,6 +37,8 @@ class Chunk:
         late: How long before its epoch each reading was taken, on top of the sensor's own latency, (runs, K), s; by
             the relative sensors of which any was. Only recorded readings are.
         truth_is_known: Whether the true states are any. Those of a recorded flight may be NaN throughout.
+        errors_are_known: Whether the errors of the sensors are those that the campaign draws. Those of a recorded
+            flight are not.
     """
 
     first_epoch: int
@@ -47,6 +49,7 @@ class Chunk:
     orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
     late: Mapping[str, Array] = field(default_factory=dict)
     truth_is_known: bool = True
+    errors_are_known: bool = True
 
 
 @dataclass(frozen=True)

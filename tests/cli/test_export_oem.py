@@ -166,3 +166,12 @@ def float_like(word: str) -> float:
         return float(word)
     except ValueError:
         return np.nan
+
+
+def test_the_result_itself_is_not_replaced(result: Path) -> None:
+    before = result.read_bytes()
+    words = ["--to", "oem", "--part", "estimates", "--filter", "ekf", "--out", str(result), "--overwrite"]
+    found = CliRunner().invoke(app, ["export", str(result), *words])
+    assert found.exit_code == 2
+    assert "is the result itself; give another --out" in " ".join(found.output.split())
+    assert result.read_bytes() == before

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from relnav_sim import load_campaign, load_ephemeris, run_campaign, simulate
+from relnav_sim import load_campaign, load_ephemeris, open_results, run_campaign, simulate
 from relnav_sim.cli.app import app
+from relnav_sim.results.block import RefusedError
+from relnav_sim.results.stored_campaign import stored_campaign
 
 LINES = """GRACE-FO 1
 1 43476U 18047A   18365.89673225 +.00000266 +00000-0 +96631-5 0  9993
@@ -57,6 +59,16 @@ STARTS = {
 }
 
 
+def campaign_text(chief: str, deputy: str, epoch: str = "") -> str:
+    return (
+        "name: one\nseed: 3\nruns: 1\nclock: {duration_s: 60, step_s: 10, store_every_s: 10}\n"
+        f"truth:\n{epoch}  chief: {{{chief}, mass_kg: 500, area_m2: 1}}\n"
+        f"  deputy: {{{deputy}, mass_kg: 500, area_m2: 1}}\n"
+        "sensors: {radar: {range_sigma_m: 4, angle_sigma_deg: 0.0667}}\nstatistics: {settle_s: 20}\n"
+        "filters: {ekf: {kind: ekf, dynamics: {kind: cw}, process_noise: {acceleration_psd_m2_s3: 1.0e-6}}}\n"
+    )
+
+
 @pytest.mark.parametrize("start", STARTS)
 def test_a_result_is_simulated_again_without_the_files_of_its_start(start: str, tmp_path: Path) -> None:
     chief, deputy = STARTS[start]
@@ -64,14 +76,7 @@ def test_a_result_is_simulated_again_without_the_files_of_its_start(start: str, 
     for name, text in named.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     epoch = "  epoch: 2021-07-10T16:05:00 UTC\n" if start in ("elements", "state") else ""
-    (tmp_path / "one.yaml").write_text(
-        "name: one\nseed: 3\nruns: 1\nclock: {duration_s: 60, step_s: 10, store_every_s: 10}\n"
-        f"truth:\n{epoch}  chief: {{{chief}, mass_kg: 500, area_m2: 1}}\n"
-        f"  deputy: {{{deputy}, mass_kg: 500, area_m2: 1}}\n"
-        "sensors: {radar: {range_sigma_m: 4, angle_sigma_deg: 0.0667}}\nstatistics: {settle_s: 20}\n"
-        "filters: {ekf: {kind: ekf, dynamics: {kind: cw}, process_noise: {acceleration_psd_m2_s3: 1.0e-6}}}\n",
-        encoding="utf-8",
-    )
+    (tmp_path / "one.yaml").write_text(campaign_text(chief, deputy, epoch), encoding="utf-8")
     campaign = load_campaign(tmp_path / "one.yaml")
     flown = simulate(campaign)
     result = run_campaign(campaign, tmp_path / "one.h5", workers=1, backend="sequential")
@@ -85,3 +90,26 @@ def test_a_result_is_simulated_again_without_the_files_of_its_start(start: str, 
     found = CliRunner().invoke(app, ["report", str(result)])
     assert found.exit_code == 0, found.output
     assert "not looked at" not in found.output
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_result_whose_cases_are_files_says_how_to_keep_them(whole: bool, tmp_path: Path) -> None:
+    (tmp_path / "pair.tle").write_text(LINES, encoding="utf-8")
+    sets = ["GRACE-FO 1", "GRACE-FO 2"]
+    if whole:
+        grid = f"truth.chief.tle: [{', '.join(f'{{file: pair.tle, name: {name}}}' for name in sets)}]"
+    else:
+        grid = f"truth.chief.tle.name: [{', '.join(sets)}]"
+    (tmp_path / "one.yaml").write_text(
+        campaign_text("tle: {file: pair.tle, name: GRACE-FO 1}", RELATIVE) + f"grid: {{{grid}}}\n", encoding="utf-8"
+    )
+    result = run_campaign(load_campaign(tmp_path / "one.yaml"), tmp_path / "one.h5", workers=1, backend="sequential")
+    (tmp_path / "pair.tle").unlink()
+    words = ["export", str(result), "--part", "truth", "--to", "oem", "--case", "1"]
+    found = CliRunner().invoke(app, words)
+    assert found.exit_code == (0 if whole else 2), found.output
+    if not whole:
+        with pytest.raises(
+            RefusedError, match=r"it varies truth\.chief\.tle\.name, .* vary truth\.chief\.tle as a whole"
+        ):
+            stored_campaign(open_results(result))

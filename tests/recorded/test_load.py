@@ -87,6 +87,8 @@ def test_a_stated_interpolation_wins_over_the_files(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.at(30.0), (STATES[0] + STATES[1]) / 2, rtol=1e-15)
     with pytest.raises(EphemerisError, match=r"a\.oem:4: the interpolation 'CUBIC' is not known"):
         load_ephemeris(tmp_path / "a.oem", interpolation="CUBIC")
+    with pytest.raises(EphemerisError, match=r"a\.oem:4: a HERMITE interpolation has at least degree 2, not 1"):
+        load_ephemeris(tmp_path / "a.oem", interpolation="HERMITE", interpolation_degree=1)
 
 
 def test_what_is_stated_against_an_oem_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from relnav_sim.results.merge import run_ranges
 from relnav_sim.simulation.replayed import Replay
 from relnav_sim.wording import counted
 
-_DIGITS_SHOWN = 16
 UNSCORED = (
     "No truth is known for these readings, so nothing here says how far the estimates are from it. The residuals can "
     "show that a filter is wrong; they can't show that it is right: an error that no reading feels leaves no trace in "
