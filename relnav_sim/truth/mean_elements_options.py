@@ -49,7 +49,7 @@ class TleOptions(MeanElementsStart):
     file: Annotated[str | None, Origin("lines")] = Field(
         default=None, description="File of two-line elements, relative to the campaign's; give this or lines"
     )
-    name: Annotated[str | None, Origin("lines")] = Field(
+    name: Annotated[str | int | None, Origin("lines")] = Field(
         default=None, description="Which set of the file: the line above it, or its catalogue number; default: the only"
     )
     lines: tuple[str, str] | None = Field(
@@ -57,6 +57,11 @@ class TleOptions(MeanElementsStart):
         validate_default=True,
         description="Line 1 and line 2, in quotes; give this or file. Results have them filled in from the file",
     )
+
+    @field_validator("name", mode="after")
+    @classmethod
+    def _as_text(cls, name: str | int | None) -> str | None:
+        return None if name is None else str(name)
 
     @field_validator("lines", mode="after")
     @classmethod

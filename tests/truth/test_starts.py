@@ -115,7 +115,9 @@ def test_two_line_elements_by_lines_file_or_omm_are_one_start(tmp_path):
     given = truth({"tle": {"lines": LINES}})
     named = truth({"tle": {"file": "pair.tle", "name": "GRACE-FO 1"}}, folder=tmp_path)
     numbered = truth({"tle": {"file": "pair.tle", "name": "43476"}}, folder=tmp_path)
+    plain = truth({"tle": {"file": "pair.tle", "name": 43476}}, folder=tmp_path)
     message = truth({"omm": {"file": "one.omm"}}, folder=tmp_path)
+    assert plain == numbered
     assert given.start_epoch == Epoch.parse("2018-12-31T21:31:17.6664 UTC") == message.start_epoch
     assert given.chief.tle.lines == named.chief.tle.lines == numbered.chief.tle.lines
     np.testing.assert_allclose(message.chief_state, given.chief_state, rtol=1e-9)
@@ -147,6 +149,22 @@ def test_a_warning_where_mean_elements_are_too_coarse():
     assert start_warnings(late) == [
         "The chief's mean elements are 19 days away from the start; SGP4 loses about 1 km a day."
     ]
+
+
+@pytest.mark.parametrize(
+    ("orbit", "sentence"),
+    [
+        ({"altitude_km": 400_000}, "altitude_km of 400000 is kilometres, beyond the geostationary ring; for 400000 m"),
+        ({"altitude_km": 500_000}, "m write 500."),
+        ({"a_km": 700_000}, "The chief's a_km of 700000 is kilometres, beyond the Moon at 384400 km"),
+        ({"altitude_km": 35_786}, None),
+        ({"a_km": 240_000, "e": 0.5}, None),
+    ],
+)
+def test_orbits_beyond_use_are_told(orbit, sentence):
+    told = start_warnings(truth({"orbit": {"i_deg": 10, **orbit}}))
+    assert len(told) == (sentence is not None)
+    assert sentence is None or sentence in told[0]
 
 
 def test_relative_elements_and_orbits_of_their_own_agree():

@@ -104,7 +104,9 @@ def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Pat
             *(f"{one.name} is {verdict(one, runs)}." for one in filters),
             *(f"{name} broke: {why.reason}." for name, why in block.broken.items()),
         ),
-        scored=f"Estimates are scored against {replay.truth}." if replay.truth else UNSCORED,
+        scored=f"Estimates are scored against {replay.truth}."
+        if replay.truth
+        else f"{UNSCORED} {replay.unscored}".strip(),
         warnings=(*replay.notes, *block.warnings),
         tables=tuple(tables),
         sections=tuple(_section(replay, one, place, figure_folder) for place, one in enumerate(filters)),
