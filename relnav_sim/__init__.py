@@ -15,6 +15,8 @@ _HOME = {
     "Campaign": "campaign",
     "CampaignError": "campaign",
     "run_campaign": "runner.run",
+    "error_budget": "budget",
+    "Budget": "budget",
     "simulate": "simulation.chunks",
     "Simulation": "simulation.chunks",
     "open_results": "results",

@@ -19,7 +19,8 @@ class Options(BaseModel):
     former_keys: ClassVar[Mapping[str, str]] = {}
     former_words: ClassVar[Mapping[str, Mapping[str, str]]] = {}
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # A section within another needs no validator of its own, so none is built before one is asked for.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
 
 @dataclass(frozen=True)

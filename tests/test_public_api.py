@@ -20,6 +20,7 @@ SIGNATURES = {
     "eci_from_itrf": ["states", "times_s", "epoch"],
     "itrf_from_eci": ["states", "times_s", "epoch"],
     "simulate": ["campaign", "case", "runs"],
+    "error_budget": ["campaign", "case", "filter"],
     "create_filter": ["name", "dynamics", "measurement"],
     "LinearDynamics": ["transition", "process_noise"],
     "LinearMeasurement": ["matrix", "noise"],

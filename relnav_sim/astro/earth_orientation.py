@@ -45,7 +45,11 @@ class EarthOrientation:
             raise ValueError(f"polar_motion_rad is {self.polar_motion_rad}; it must be x and y in rad, about 1e-6")
 
     def rotation_angle(self, epoch: Epoch) -> float:
-        """Return the Earth's rotation angle at an epoch, rad."""
+        """Return the Earth's rotation angle at an epoch, rad.
+
+        Raises:
+            ValueError: The epoch is before 1972, when UTC did not yet go in whole seconds.
+        """
         import erfa
 
         day, fraction = epoch.tt
@@ -66,6 +70,9 @@ class EarthOrientation:
         Args:
             times_s: SI seconds from the epoch, (T,).
             epoch: When they count from.
+
+        Raises:
+            ValueError: A time is before 1900 or after 2100, or the epoch before 1972.
         """
         days, variable = day_and_variable(times_s)
         known, which = np.unique(days, return_inverse=True)
@@ -104,7 +111,8 @@ def itrf_from_eci(
         polar_motion_rad: x and y of the pole, rad. 1e-6 rad are 6 m.
 
     Raises:
-        ValueError: The shapes do not fit, a time is not finite, the text is no epoch, or orientation is out of range.
+        ValueError: The shapes do not fit, a time is not finite or not within 1900 to 2100, the text is no epoch or one
+            before 1972, or orientation is out of range.
 
     Examples:
         >>> from relnav_sim import itrf_from_eci

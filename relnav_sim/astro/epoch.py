@@ -79,12 +79,18 @@ class Epoch:
         clock = (day * _DAY_S + hour * 3600 + minute * 60 + second) * _PER_SECOND + _picoseconds(found["fraction"])
         return cls(clock + _tai_minus_utc_on(day, text) * _PER_SECOND if scale == "UTC" else clock - _AFTER_TAI[scale])
 
-    def text(self, scale: str = "UTC") -> str:
+    def text(self, scale: str | None = None) -> str:
         """Return it as `parse` reads it, to the picosecond, in a time scale: UTC, TAI, GPS or TT.
 
+        Args:
+            scale: The time scale; default: UTC, or TAI before 1972, when UTC did not yet go in whole seconds.
+
         Raises:
-            ValueError: The time scale is unknown; the instant is before 1972, and the scale UTC.
+            ValueError: The time scale is unknown; the instant is before 1972, and the scale UTC; its year is none from
+                1 to 9999.
         """
+        if scale is None:
+            scale = "UTC" if self.tai_ps >= _leap_seconds()[2][0] else "TAI"
         scale = _known(scale, f"text of {self}")
         # Within a leap second UTC's clock stands at 23:59:59 and counts on.
         leap = scale == "UTC" and self._in_leap_second()
@@ -94,6 +100,8 @@ class Epoch:
         digits = f".{fraction:012d}".rstrip("0").rstrip(".")
         minutes, second = divmod(whole, 60)
         time = f"{minutes // 60:02d}:{minutes % 60:02d}:{second + leap:02d}"
+        if not 1 <= _ZERO + day <= date.max.toordinal():
+            raise ValueError(f"{self} has no year from 1 to 9999")
         return f"{date.fromordinal(_ZERO + day).isoformat()}T{time}{digits} {scale}"
 
     def seconds_since(self, other: Epoch) -> float:
@@ -126,7 +134,9 @@ class Epoch:
         _, offsets, starts = _leap_seconds()
         index = bisect_right(starts, self.tai_ps) - 1
         if index < 0:
-            raise ValueError(f"an epoch before 1972 ({self.text('TAI')}) has no UTC in whole seconds; give it in TAI")
+            raise ValueError(
+                f"an epoch before 1972 ({self.text('TAI')}) has no UTC in whole seconds; take TAI or a later epoch"
+            )
         return offsets[index]
 
     def _clock(self, scale: str) -> int:

@@ -21,9 +21,9 @@ class GravityOptions(Options):
     )
     sha256: str | None = Field(
         default=None,
-        pattern="^[0-9a-f]{64}$",
         validate_default=True,
-        description="Digest of the file, which is refused where it differs; results have it filled in. Default: any",
+        description="SHA-256 of the file, 64 hexadecimal digits; a file of other content is refused. Default: any; "
+        "results have it filled in",
     )
     degree: int = Field(ge=2, description="Largest degree")
     order: int | None = Field(
@@ -73,4 +73,5 @@ class GravityOptions(Options):
 
 @lru_cache(maxsize=8)
 def _field(model: str, digest: str | None, degree: int, order: int | None) -> GravityField:
+    """Return a field; the digest is there to tell a file from what it was before."""
     return GravityField.load(model, degree, order)

@@ -15,7 +15,11 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.astro.epoch import Epoch
 from relnav_sim.astro.sun_moon import moon_position, sun_position
-from relnav_sim.kernels.sky import DAY_S, POWERS
+from relnav_sim.kernels.sky import DAY_S, POWERS, ROWS
+
+_J2000 = Epoch.parse("2000-01-01T12:00:00 TT")
+_KNOWN_DAYS = 100 * 365.25 + 3
+"""How far from J2000 pyerfa's Sun reaches, and the days that tables have beyond what is asked for."""
 
 
 def sky_table(epoch: Epoch, days: Integers) -> Array:
@@ -23,7 +27,18 @@ def sky_table(epoch: Epoch, days: Integers) -> Array:
 
     The rows are those of `kernels.sky`. The variable goes from -1 at the beginning of the day to 1 at its end;
     `day_and_variable` gives both.
+
+    Raises:
+        ValueError: A day is before 1900 or after 2100.
     """
+    if not len(days):
+        return np.empty((0, ROWS, POWERS))
+    for day in (int(days.min()), int(days.max())):
+        if abs(epoch.seconds_since(_J2000) / DAY_S + day) > _KNOWN_DAYS:
+            raise ValueError(
+                f"{DAY_S * day:g} s from {epoch.text()} is not within the years 1900 to 2100, for which Sun, Moon and "
+                "Earth orientation are known"
+            )
     return np.stack([_day(epoch, int(day)) for day in days])
 
 

@@ -65,6 +65,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
+        yield from _check_process_noise(name, entry)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
@@ -215,6 +216,26 @@ def _check_considered(name: str, entry: FilterEntry) -> Iterator[Problem]:
             )
 
 
+def _check_process_noise(name: str, entry: FilterEntry) -> Iterator[Problem]:
+    """Yield a process noise that the dynamics, which are learned with one or take none, or the filter can't have."""
+    form = next((form for form in ("dmc", "adaptive") if getattr(entry.process_noise, form) is not None), None)
+    if form is None:
+        return
+    path: Path = ("filters", name, "process_noise", form)
+    if "training_track" in entry.dynamics.needs or not entry.dynamics.uses_process_noise:
+        yield Problem(
+            path,
+            f"{entry.dynamics.kind} dynamics have learned a process noise of their own; take acceleration_psd_m2_s3 or "
+            "snc_rtn, or dynamics that are not learned",
+        )
+    elif form == "adaptive" and not filter_kinds()[entry.kind].matches_covariance:
+        yield Problem(
+            path,
+            f"the {entry.kind} filter is not a single Gaussian of position and velocity, whose corrections tell the "
+            "process noise; take another form, or a filter such as ekf or ukf",
+        )
+
+
 def _check_manoeuvres(truth: AnyTruth, clock: Clock) -> Iterator[Problem]:
     for name, manoeuvre in truth.manoeuvres.items():
         if manoeuvre.time_s >= clock.duration_s:
@@ -269,11 +290,11 @@ def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Ite
 
 def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
     """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
-    if not entry.augment or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+    if not entry.augmented_states or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # a sensor that is not there is said already
     known = relative_sensors(sensors, entry.sensors)
     try:
-        extra = extension(entry.augment, known, step_s=1.0)
+        extra = extension(entry.augmented_states, known, step_s=1.0)
     except ValueError:
         return  # an error of no sensor here is said already
     for each, options in known.items():

@@ -10,7 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
-from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption
+from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption, AugmentedStateOptions
+from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noise_states
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
@@ -92,6 +93,11 @@ class FilterEntry(Options):
                 f"{twice[0]} stands there twice; a filter carries each kind of augmented state once for each sensor"
             )
         return augment
+
+    @property
+    def augmented_states(self) -> tuple[AugmentedStateOptions, ...]:
+        """All that it carries behind position and velocity: those of `augment`, and those of its process noise."""
+        return (*self.augment, *process_noise_states(self.process_noise))
 
     def __reduce__(self) -> tuple[Callable[[dict[str, Any]], FilterEntry], tuple[dict[str, Any]]]:
         """Pickle as plain data: the models of the kinds are made at run time and have no importable name."""

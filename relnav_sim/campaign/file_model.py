@@ -189,11 +189,12 @@ class PartValidator:
     """Validates the parts of a file one by one, each once: cases share the parts that they do not vary.
 
     Args:
-        folder: Where the file is; the files that it names are looked for from there.
+        folder: Where the file is; the files that it names are looked for from there. None: the data are no file's,
+            but were validated before, with the content of such files filled in.
     """
 
-    def __init__(self, folder: FilePath = FilePath()) -> None:
-        self._context = {"folder": folder}
+    def __init__(self, folder: FilePath | None = FilePath()) -> None:
+        self._context = {} if folder is None else {"folder": folder}
         self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
         self._whole: Shape | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -107,11 +108,24 @@ def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -
 
 def parse_campaign(text: str, overrides: Sequence[str] = (), path: FilePath | None = None) -> Campaign:
     """Return the campaign of a text; see `load_campaign`."""
+    return _parsed(text, overrides, path, PartValidator(FilePath() if path is None else path.parent))
+
+
+def parse_content(content: Mapping[str, Any]) -> Campaign:
+    """Return the campaign of a `Campaign.content`, in which stands what was read from the files that it names.
+
+    Raises:
+        CampaignError: It can't be used; lists every problem.
+    """
+    return _parsed(json.dumps(content), (), None, PartValidator(None))
+
+
+def _parsed(text: str, overrides: Sequence[str], path: FilePath | None, validator: PartValidator) -> Campaign:
     with interpreted():  # models and sensors are tried with a few states
-        return _parsed(text, overrides, path)
+        return _validated(text, overrides, path, validator)
 
 
-def _parsed(text: str, overrides: Sequence[str], path: FilePath | None) -> Campaign:
+def _validated(text: str, overrides: Sequence[str], path: FilePath | None, validator: PartValidator) -> Campaign:
     document = load_document(text)
     source = Source(str(path or "campaign"), document)
     data, problems = apply_overrides(document.data, overrides, source)
@@ -121,7 +135,6 @@ def _parsed(text: str, overrides: Sequence[str], path: FilePath | None) -> Campa
             what = "the file is empty" if data is None else "the file must hold keys such as 'name:' and 'clock:'"
             problems = [Problem((), f"{what}; `relnav new FILE` writes one to start from")]
         raise _error(problems, source)
-    validator = PartValidator(FilePath() if path is None else path.parent)
     problems += [
         Problem((key,), unknown_key(key, data[key], validator.whole, validator.whole))
         for key in itertools.islice((key for key in data if key not in TOP_KEYS), SHOWN + 1)

@@ -147,6 +147,8 @@ def _expected(detail: ErrorDetails, known: Shape | None) -> list[str]:
         if least == most:
             return ["a list" if least is None else f"a list of {least} values"]
         return [f"a list of at least {least} values" if most is None else f"a list of at most {most} values"]
+    if kind == "string_pattern_mismatch":
+        return [f"text of the form {context['pattern']}"]
     message = detail["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     return [message[:1].lower() + message[1:]]
 

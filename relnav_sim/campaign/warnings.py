@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from relnav_sim.arrays import Array
 from relnav_sim.campaign.file_model import sensors_from
+from relnav_sim.campaign.idle_options import idle_options
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.campaign.paths import parse_path, replaced
@@ -32,6 +33,8 @@ from relnav_sim.truth import (
     start_warnings,
     truth_trajectory,
 )
+from relnav_sim.truth.flown_orbits import flown, interpolation_warnings
+from relnav_sim.truth.thrust import CRAFT
 from relnav_sim.truth.trajectory import force_model
 
 MOST_GEOMETRIES = 12
@@ -59,7 +62,7 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
         if key not in found and len(found) < MOST_GEOMETRIES:
             found[key] = _nominal_warnings(config)
         if key in found:
-            said.append((case.label, found[key]))
+            said.append((case.label, [*idle_options(config), *found[key]]))
     unseen = len(campaign.cases) - len(said)
     rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
     return (*together(said), *rest)
@@ -121,8 +124,18 @@ def _nominal_warnings(config: CaseConfig) -> list[str]:
                 f"The {giving[0]} gives no position at 0 s, where start.kind first_fix needs one: every run would "
                 "fail; take start.kind dispersed or given."
             )
-    starts = [] if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    starts = (
+        _orbit_warnings(config) if isinstance(config.truth, EphemerisTruthOptions) else start_warnings(config.truth)
+    )
     return [*starts, *ended, *sentences]
+
+
+def _orbit_warnings(config: CaseConfig) -> list[str]:
+    truth = config.truth
+    assert isinstance(truth, EphemerisTruthOptions)
+    return interpolation_warnings(
+        flown(truth.ephemeris, craft, truth.start_epoch, config.clock.duration_s, truth.orientation) for craft in CRAFT
+    )
 
 
 def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:

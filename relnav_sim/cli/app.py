@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from relnav_sim.cli.budget import budget
 from relnav_sim.cli.compare import compare
 from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import EXIT_CODES, guarded
@@ -42,6 +43,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "report": report,
     "figure": figure,
     "validate": validate,
+    "budget": budget,
     "tune": tune,
     "replay": replay,
     "list": list_names,
@@ -53,7 +55,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "merge": merge,
     "export": export,
 }
-ANSWERS = ("validate", "list", "show", "schema", "inspect", "compare")
+ANSWERS = ("validate", "budget", "list", "show", "schema", "inspect", "compare")
 """Commands that print what they find out; the others write files or have another purpose."""
 
 _EPILOGS = {"run": _CODES_HELP, "new": TEMPLATES_HELP}

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from relnav_sim.cli.exported_runs import writable
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.files import RESULTS, existing, target_file
-from relnav_sim.cli.output import new_file, say
+from relnav_sim.cli.output import say
 from relnav_sim.cli.source import readable
 
 
@@ -74,6 +75,14 @@ def export(
         str | None,
         typer.Option(metavar="FILTER", help="Of estimates: whose.", show_default="the only one"),
     ] = None,
+    sensor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SENSOR",
+            help="Of readings: a sensor, by the name that its columns begin with; may be given several times.",
+            show_default="all",
+        ),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write the numbers of a result to a file that other programs read.
@@ -87,6 +96,8 @@ def export(
     existing(result, RESULTS)
     if filter is not None and part is not Part.ESTIMATES:
         raise UserError("--filter chooses estimates; give --part estimates with it")
+    if sensor and part is not Part.READINGS:
+        raise UserError("--sensor chooses readings; give --part readings with it")
     if part in _ORBITS:
         from relnav_sim.cli.export_orbits import export_orbits
 
@@ -103,7 +114,7 @@ def export(
 
         with readable(result) as file, open_results(file) as results:
             try:
-                export_readings(results, result, case, run or [], to.value, out, overwrite)
+                export_readings(results, result, case, run or [], sensor or [], to.value, out, overwrite)
             except ReadingsError as error:
                 raise UserError(str(error)) from None
         return
@@ -113,9 +124,7 @@ def export(
         raise UserError(f"--to {to.value} is no format of {part.value}; give {_OTHER_PART[to]} with it")
     name = f"{result.stem}_{part.value}.{to.value}"
     path = target_file(out, name) if out is not None else result.with_name(name)
-    if path.exists() and result.exists() and path.samefile(result):
-        raise UserError(f"{path} is the result itself; give another --out")
-    new_file(path, overwrite)
+    writable(path, result, overwrite)
     write = export_series if part is Part.SERIES else export_summary
     with readable(result) as file, open_results(file) as results:
         write(results, path)

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from relnav_sim.cli.export_readings import chosen_runs
+from relnav_sim.cli.exported_runs import chosen_case, chosen_runs, file_of, writable
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import target_file
-from relnav_sim.cli.output import new_file, say
+from relnav_sim.cli.output import say
 
 if TYPE_CHECKING:
     from relnav_sim.arrays import Array, Mask
@@ -50,7 +49,7 @@ def export_orbits(
     from relnav_sim.results.atomic import written_whole
     from relnav_sim.results.stored_campaign import stored_campaign
 
-    index = results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
+    index = chosen_case(results, case)
     chosen = chosen_runs(results, result, runs)
     names = list(results.headers[index].filters)
     if part == "estimates" and filter is None and len(names) > 1:
@@ -66,9 +65,9 @@ def export_orbits(
     stem = f"{result.stem}_{what}" + (f"_case{index}" if len(campaign.cases) > 1 else "")
     crafts = ("chief", "deputy") if part == "truth" else ("deputy",)
     planned = {(run, craft): f"{stem}_run{run}_{craft}.oem" for run in chosen for craft in crafts}
-    paths = {key: _path(result, out, name, len(planned)) for key, name in planned.items()}
+    paths = {key: file_of(result, out, name, len(planned), "orbits") for key, name in planned.items()}
     for path in paths.values():
-        new_file(path, overwrite)
+        writable(path, result, overwrite)
     for run in chosen:
         orbits = (
             _true(campaign, index, run) if part == "truth" else _estimated(campaign, index, filter or names[0], run)
@@ -78,15 +77,6 @@ def export_orbits(
             with written_whole(path) as temporary:
                 write_oem(temporary, orbit, now())
             say(f"wrote {path}")
-
-
-def _path(result: Path, out: str | None, name: str, files: int) -> Path:
-    if out is None:
-        return result.with_name(name)
-    path = target_file(out, name)
-    if files > 1 and path.name != name:
-        raise UserError(f"{files} orbits go to {files} files; give --out a folder, as {out}/")
-    return path
 
 
 def _true(campaign: Campaign, case: int, run: int) -> dict[str, OemOrbit]:

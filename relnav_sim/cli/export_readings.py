@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from relnav_sim.cli.exported_runs import chosen_case, chosen_runs, file_of, writable
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import target_file
-from relnav_sim.cli.output import new_file, say
+from relnav_sim.cli.output import say
 
 if TYPE_CHECKING:
     from relnav_sim.astro.epoch import Epoch
@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 
 
 def export_readings(
-    results: Results, result: Path, case: str | None, runs: Sequence[int], to: str, out: str | None, overwrite: bool
+    results: Results,
+    result: Path,
+    case: str | None,
+    runs: Sequence[int],
+    sensors: Sequence[str],
+    to: str,
+    out: str | None,
+    overwrite: bool,
 ) -> None:
     """Write the readings of some runs, simulated again, each to files of its own.
 
@@ -28,6 +35,7 @@ def export_readings(
         result: Its path as the user gave it.
         case: Number, label or id of the case; None: the first.
         runs: Numbers of the runs; none: the first that the result holds.
+        sensors: Names of the sensors whose readings are written; none: all.
         to: ``csv``, or ``tdm`` with a CSV file beside it for what no TDM can hold.
         out: The file, or a folder; None: beside the result.
         overwrite: Whether files may be replaced.
@@ -35,11 +43,12 @@ def export_readings(
     Raises:
         UserError: The result has no such run, or what is asked for can't be written.
     """
+    from relnav_sim.campaign.problems import no_such
     from relnav_sim.results.stored_campaign import stored_campaign
     from relnav_sim.sensors import readings_layout
     from relnav_sim.simulation.recording import record
 
-    index = results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
+    index = chosen_case(results, case)
     chosen = chosen_runs(results, result, runs)
     campaign = stored_campaign(results)
     config = campaign.cases[index].config
@@ -50,48 +59,27 @@ def export_readings(
             "2010-07-27T00:00:00 UTC, or export --to csv"
         )
     layout = readings_layout(config.sensors)
+    if unknown := [name for name in sensors if name not in layout]:
+        raise UserError(no_such("sensor", unknown[0], list(layout)))
     stem = f"{result.stem}_readings" + (f"_case{index}" if len(campaign.cases) > 1 else "")
-    paths = {run: _path(result, out, f"{stem}_run{run}.{to}", len(chosen)) for run in chosen}
+    paths = {run: file_of(result, out, f"{stem}_run{run}.{to}", len(chosen), "runs") for run in chosen}
     for path in paths.values():
         beside = path.with_suffix(".csv") if to == "tdm" else None
         if path == beside:
             raise UserError(f"{path} is where what no TDM can hold goes; give --out another ending, as .tdm")
         for each in filter(None, (path, beside)):
-            if each.exists() and result.exists() and each.samefile(result):
-                raise UserError(f"{each} is the result itself; give another --out")
-            new_file(each, overwrite)
+            writable(each, result, overwrite)
     comments = {"campaign": campaign.name, "case": campaign.cases[index].label, "seed": str(campaign.seed)}
     comments |= {} if epoch is None else {"epoch": epoch.text()}
     for readings in record(config, campaign.seed, chosen):
         path = paths[readings.run]
+        if sensors:
+            chosen_ones = {name: one for name, one in readings.sensors.items() if name in sensors}
+            readings = replace(readings, sensors=chosen_ones)
         if epoch is not None and to == "tdm":
             readings = _write_tdm(path, readings, layout, config, epoch)
             path = path.with_suffix(".csv")
         _write_csv(path, readings, layout, comments)
-
-
-def chosen_runs(results: Results, result: Path, runs: Sequence[int]) -> list[int]:
-    """Return the numbers of the runs to be written; the first that the result holds where none is asked for.
-
-    Raises:
-        UserError: The result does not hold one of them.
-    """
-    held = results.runs
-    if not held:
-        raise UserError(f"{result} holds no run yet")
-    for run in runs:
-        if run not in held:
-            raise UserError(f"{result} holds no run {run}; its runs go from {held[0]} to {held[-1]}")
-    return sorted(set(runs)) or [held[0]]
-
-
-def _path(result: Path, out: str | None, name: str, files: int) -> Path:
-    if out is None:
-        return result.with_name(name)
-    path = target_file(out, name)
-    if files > 1 and path.name != name:
-        raise UserError(f"{files} runs go to {files} files; give --out a folder, as {out}/")
-    return path
 
 
 def _write_csv(path: Path, readings: Readings, layout: Layout, comments: dict[str, str]) -> None:

@@ -15,6 +15,7 @@ from relnav_sim.cli.output import command, print_table, say
 
 if TYPE_CHECKING:
     from relnav_sim.report.replay import FilterFigures
+    from relnav_sim.simulation.replayed import Replay
 
 _READINGS = ("*.csv", "*.tdm")
 RESULT = "result.h5"
@@ -116,7 +117,7 @@ def replay(
         for name, why in done.block.broken.items():
             say(f"{name} broke: {why.reason}", err=True)
         say("")
-        _print(found, done.truth)
+        _print(found, done)
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
         page = write_replay(done, found, folder)
         say(f"wrote {page}")
@@ -139,16 +140,18 @@ def _sensors(participants: list[str]) -> dict[str, str]:
     return named
 
 
-def _print(found: list[FilterFigures], truth: str) -> None:
+def _print(found: list[FilterFigures], done: Replay) -> None:
     """Print the tables over all filters."""
     from relnav_sim.report.replay.tables import scores_table, sensors_table
 
     tables = [sensors_table(found)]
-    if truth:
-        tables.insert(0, scores_table(found, truth, 0.0))
-        say(f"scored against {truth}")
+    if done.truth:
+        tables.insert(0, scores_table(found, done.truth, done.block.config.statistics.settle_s))
+        say(f"scored against {done.truth}")
     else:
         say("not scored: no truth is known for these readings, so that nothing says how far the estimates are off")
+        if done.unscored:
+            say(done.unscored)
     for table in tables:
         rows = [[row.record or row.label, *(cell.text for cell in row.cells)] for row in table.rows]
         print_table(rows, headings=[table.corner, *(column.label for column in table.columns)])

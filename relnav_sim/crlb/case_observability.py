@@ -128,7 +128,9 @@ def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:
     # Where a channel does not exist, as the azimuth on its axis, nothing is told.
     information = np.where(np.isfinite(information).all(axis=(1, 2), keepdims=True), information, 0.0)
     behind = () if extra is None else extra.names
-    kept = [i for i in range(6 + len(behind)) if extra is None or i - 6 not in extra.considered]
+    # A correlated acceleration is process noise, which is left out here as white noise is.
+    out = () if extra is None else (*extra.considered, *extra.correlated)
+    kept = [i for i in range(6 + len(behind)) if i - 6 not in out]
     rows, columns = np.ix_(kept, kept)
     weakest = observability(transitions[:, rows, columns], information[:, rows, columns], P[rows, columns], leading=6)
     augmented = tuple(behind[i - 6] for i in kept[6:])

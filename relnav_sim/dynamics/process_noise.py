@@ -1,4 +1,4 @@
-"""Process noise: white acceleration, discretised by Van Loan's method, or a matrix as given."""
+"""Process noise: white or correlated acceleration, discretised exactly over a step, or a matrix as given."""
 
 from __future__ import annotations
 
@@ -9,13 +9,79 @@ from pydantic import Field, model_validator
 from scipy.linalg import expm
 
 from relnav_sim.arrays import Array
-from relnav_sim.options import Options, Tunable
+from relnav_sim.options import AddedLater, Options, Tunable
 
 Row = tuple[float, float, float, float, float, float]
+Density = Annotated[float, Tunable(1e-14, 1e-2)]
+
+ACTS_ON_VELOCITY = np.vstack([np.zeros((3, 3)), np.eye(3)])
+"""What an acceleration does to the derivative of position and velocity, (6, 3)."""
+ACTS_ON_VELOCITY.setflags(write=False)
+
+
+class SncRtnOptions(Options):
+    """White acceleration with a power spectral density of its own on each axis of the chief's RTN frame.
+
+    State noise compensation, as Tapley, Schutz and Born, Statistical Orbit Determination, 2004, section 4.9, call it.
+    """
+
+    radial_psd_m2_s3: Density = Field(ge=0, description="Power spectral density along the radius, m^2/s^3")
+    along_track_psd_m2_s3: Density = Field(ge=0, description="Power spectral density along the track, m^2/s^3")
+    normal_psd_m2_s3: Density = Field(ge=0, description="Power spectral density along the orbit normal, m^2/s^3")
+
+    @property
+    def densities(self) -> Array:
+        """Power spectral densities, RTN, (3,), m^2/s^3."""
+        return np.array([self.radial_psd_m2_s3, self.along_track_psd_m2_s3, self.normal_psd_m2_s3])
+
+
+class DmcAxisOptions(Options):
+    """A first-order Gauss-Markov acceleration on one axis."""
+
+    sigma_m_s2: Annotated[float, Tunable(1e-10, 1e-3)] = Field(
+        gt=0, description="Standard deviation of the acceleration, which it has at the start and keeps, m/s^2"
+    )
+    tau_s: Annotated[float, Tunable(1, 1e5)] = Field(gt=0, description="Correlation time, s")
+
+
+class DmcOptions(Options):
+    """Dynamic model compensation: an unmodelled acceleration a' = -a / tau + w that the filter estimates, by RTN axis.
+
+    w is white with power spectral density 2 sigma^2 / tau (Tapley, Schutz and Born, 2004, section 4.9). The filter
+    carries three more states.
+    """
+
+    radial: DmcAxisOptions = Field(description="Along the radius")
+    along_track: DmcAxisOptions = Field(description="Along the track")
+    normal: DmcAxisOptions = Field(description="Along the orbit normal")
+
+    @property
+    def axes(self) -> tuple[DmcAxisOptions, DmcAxisOptions, DmcAxisOptions]:
+        """The three axes, RTN."""
+        return self.radial, self.along_track, self.normal
+
+
+class AdaptiveOptions(Options):
+    """White acceleration whose densities the filter finds by itself, from what its readings correct.
+
+    Covariance matching over a window of readings (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976; Stacey
+    and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). For filters with one Gaussian.
+    """
+
+    start: SncRtnOptions = Field(description="Densities until the window is full")
+    window: Annotated[int, Tunable(10, 300)] = Field(
+        default=50, ge=2, le=10_000, description="Number of readings that the densities come from; default 50"
+    )
+
+    @model_validator(mode="after")
+    def _some_noise(self) -> AdaptiveOptions:
+        if self.start.densities.min() == 0:
+            raise ValueError("start must have a density above 0 on each axis: densities grow by factors, 0 never does")
+        return self
 
 
 class ProcessNoiseOptions(Options):
-    """What the filter adds to its covariance each step: exactly one of the three forms."""
+    """What the filter adds to its covariance each step: exactly one of the forms."""
 
     acceleration_psd_m2_s3: Annotated[float | None, Tunable(1e-14, 1e-2)] = Field(
         default=None,
@@ -30,11 +96,24 @@ class ProcessNoiseOptions(Options):
         default=None, description="Q for one step, 6 x 6, symmetric and positive semidefinite, SI units"
     )
 
+    snc_rtn: Annotated[SncRtnOptions | None, AddedLater()] = Field(
+        default=None, description="White acceleration with one power spectral density for each RTN axis"
+    )
+    dmc: Annotated[DmcOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Time-correlated acceleration on each RTN axis, which the filter estimates as three more states",
+    )
+
+    adaptive: Annotated[AdaptiveOptions | None, AddedLater()] = Field(
+        default=None,
+        description="White acceleration with one power spectral density for each RTN axis, found during each run",
+    )
+
     @model_validator(mode="after")
     def _one_form(self) -> ProcessNoiseOptions:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError("give exactly one of acceleration_psd_m2_s3, diagonal and matrix")
+        forms = list(type(self).model_fields)
+        if sum(getattr(self, name) is not None for name in forms) != 1:
+            raise ValueError(f"give exactly one of {', '.join(forms[:-1])} and {forms[-1]}")
         if self.diagonal is not None and min(self.diagonal) < 0:
             raise ValueError("diagonal must not have negative values")
         if self.matrix is not None:
@@ -44,6 +123,15 @@ class ProcessNoiseOptions(Options):
             if np.linalg.eigvalsh(Q)[0] < -1e-12 * np.trace(Q):
                 raise ValueError("matrix must be positive semidefinite")
         return self
+
+    @property
+    def density(self) -> Array:
+        """Power spectral density of the white acceleration at the start, (3, 3), m^2/s^3; 0 where there is none."""
+        if self.adaptive is not None:
+            return np.diag(self.adaptive.start.densities)
+        if self.snc_rtn is not None:
+            return np.diag(self.snc_rtn.densities)
+        return (self.acceleration_psd_m2_s3 or 0.0) * np.eye(3)
 
 
 def white_acceleration(psd_m2_s3: float) -> ProcessNoiseOptions:
@@ -83,13 +171,15 @@ def van_loan(A: Array, B: Array, density: Array, duration_s: float) -> tuple[Arr
 
 
 def process_noise_matrix(options: ProcessNoiseOptions, A: Array, duration_s: float) -> Array:
-    """Return Q (6, 6) for one step of the linear relative motion dx/dt = A x."""
+    """Return Q (6, 6) for one step of the linear relative motion dx/dt = A x.
+
+    That of a correlated acceleration (`dmc`) is 0 here: it moves with the states that it is.
+    """
     if options.diagonal is not None:
         Q = np.diag(options.diagonal).copy()
     elif options.matrix is not None:
         Q = np.array(options.matrix)
     else:
-        acts_on_velocity = np.vstack([np.zeros((3, 3)), np.eye(3)])
-        Q = van_loan(A, acts_on_velocity, (options.acceleration_psd_m2_s3 or 0.0) * np.eye(3), duration_s)[1]
+        Q = van_loan(A, ACTS_ON_VELOCITY, options.density, duration_s)[1]
     Q.setflags(write=False)  # it serves every step, and a filter that wrote into it would change the next ones
     return Q

@@ -109,13 +109,15 @@ def keep_considered(predicted: Gaussian, corrected: Gaussian, considered: tuple[
 def where_runs(condition: Mask, chosen: B, other: B) -> B:
     """Return a belief that takes the runs where `condition` (runs,) holds from `chosen`, the rest from `other`.
 
-    Fields without a leading axis of runs (random streams, say) come from `chosen`.
+    Fields without a leading axis of runs (random streams, say) come from `chosen`; a belief within is mixed likewise.
     """
     mixed: dict[str, Any] = {}
     for item in fields(chosen):  # type: ignore[arg-type]  # beliefs are dataclasses; Protocols cannot say so
         new, old = getattr(chosen, item.name), getattr(other, item.name)
         if isinstance(new, np.ndarray):
             mixed[item.name] = np.where(condition.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+        elif hasattr(new, "covariance"):
+            mixed[item.name] = where_runs(condition, new, old)
     return replace(chosen, **mixed)  # type: ignore[type-var]  # as above
 
 
@@ -130,6 +132,8 @@ def in_c_order(belief: B) -> B:
         value = getattr(belief, item.name)
         if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
             ordered[item.name] = np.ascontiguousarray(value)
+        elif hasattr(value, "covariance"):
+            ordered[item.name] = in_c_order(value)
     if not ordered:
         return belief
     return replace(belief, **ordered)  # type: ignore[type-var]  # as in `where_runs`

@@ -18,6 +18,8 @@ class ExtendedKalmanFilter(GaussianFilter):
     Trust it when the prior is small against the range; from a poor prior prefer an iterated or sigma-point filter.
     """
 
+    nominal_gain = True
+
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""
         return joseph_update(belief, *linearised(self.measurement, z, belief.mean, step.epoch))

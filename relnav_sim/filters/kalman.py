@@ -40,10 +40,15 @@ class GaussianFilter:
 
     Attributes:
         considers: Whether the filter can account for states without estimating them.
+        matches_covariance: Whether its corrections tell how much process noise there is, see `CovarianceMatching`.
+        nominal_gain: Whether its gain follows from its models along a trajectory, whatever the readings say, so that
+            an error budget can be drawn up for it.
     """
 
     stochastic = False
     considers = True
+    matches_covariance = True
+    nominal_gain = False
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
@@ -195,6 +200,8 @@ class KalmanFilter(GaussianFilter):
     The baseline of every comparison: with linear dynamics and the converted measurement nothing is
     approximated but the noise. Use it when range times angle error is small against the range.
     """
+
+    nominal_gain = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: KalmanOptions) -> None:
         super().__init__(dynamics, measurement, options)

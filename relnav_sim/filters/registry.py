@@ -79,6 +79,11 @@ class FilterKind:
         return bool(getattr(self.factory, "considers", False))
 
     @property
+    def matches_covariance(self) -> bool:
+        """Whether its process noise can be found during a run: `matches_covariance` of its class."""
+        return bool(getattr(self.factory, "matches_covariance", False))
+
+    @property
     def description(self) -> str:
         """What the filter is: the docstring of its class."""
         return inspect.getdoc(self.factory) or ""

@@ -60,6 +60,8 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
     noise is no obstacle.
     """
 
+    nominal_gain = True
+
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: SquareRootUnscentedOptions) -> None:
         super().__init__(dynamics, measurement, options)
         scale = dynamics.dimension + options.kappa

@@ -104,6 +104,7 @@ class TwoStepFilter(GaussianFilter):
     """
 
     considers = False
+    matches_covariance = False  # the correction is that of the first step's states
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: TwoStepOptions) -> None:
         super().__init__(dynamics, measurement, options)

@@ -76,6 +76,8 @@ class UnscentedKalmanFilter(GaussianFilter):
     large negative weight at small alpha never enters, and angles need no circular mean.
     """
 
+    nominal_gain = True
+
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: UnscentedOptions) -> None:
         super().__init__(dynamics, measurement, options)
         n = dynamics.dimension

@@ -153,12 +153,12 @@ def lidar(
     return GrowingRangeNoise(base, 1e-3 * range_sigma_m_per_km / range_sigma_m) if range_sigma_m_per_km else base
 
 
-def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float) -> Ranging:
-    """Return what a filter believes of a radio link between the craft: range (m) and range rate (m/s).
+def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float | None = None) -> Ranging:
+    """Return what a filter believes of a radio link between the craft: range (m), or range and range rate (m/s).
 
     Args:
         range_sigma_m: Range noise, 1 sigma, m.
-        range_rate_sigma_m_s: Range-rate noise, 1 sigma, m/s.
+        range_rate_sigma_m_s: Range-rate noise, 1 sigma, m/s; default: it measures the range alone.
 
     Raises:
         ValueError: A sigma is not positive.
@@ -170,7 +170,10 @@ def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float) -> Ranging:
         >>> link.predict(np.array([[0.0, 300.0, 400.0, 0.0, 0.1, 0.2]]), 0).round(3).tolist()
         [[500.0, 0.22]]
     """
-    _check_positive(range_sigma_m=range_sigma_m, range_rate_sigma_m_s=range_rate_sigma_m_s)
+    _check_positive(range_sigma_m=range_sigma_m)
+    if range_rate_sigma_m_s is None:
+        return Ranging([[range_sigma_m**2]])
+    _check_positive(range_rate_sigma_m_s=range_rate_sigma_m_s)
     return Ranging(np.diag(np.square([range_sigma_m, range_rate_sigma_m_s])))
 
 

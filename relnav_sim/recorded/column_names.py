@@ -73,7 +73,7 @@ def places_of(where: str, names: Sequence[str], layout: Layout) -> dict[int, Pla
             continue
         place = _place(where, name, layout)
         other = taken.setdefault((place.sensor, place.channel), name)
-        if index and (other != name or names.index(name) != index):
+        if other != name or names.index(name) != index:
             raise ReadingsError(
                 f"{where}: the column {quoted(name)} gives what {quoted(other)} gives; leave one of them"
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -284,7 +285,20 @@ class Rows:
             useable=(max(usable[0], first), min(usable[1], last)),
             interpolation=self._interpolation(),
             name=metadata.entries["OBJECT_ID"][0],
+            notes=tuple(self._missing_rows(start.path, begin, end)),
         )
+
+    def _missing_rows(self, path: str, begin: Epoch, end: Epoch) -> Iterator[str]:
+        """Yield where rows end long before the metadata say: such a file may be cut short."""
+        epochs = self._epochs
+        step_s = float(np.median([late.seconds_since(early) for early, late in pairwise(epochs)] or [0.0]))
+        for key, line, short_s in (
+            ("START_TIME", self._lines[0], epochs[0].seconds_since(begin)),
+            ("STOP_TIME", self._lines[-1], end.seconds_since(epochs[-1])),
+        ):
+            if short_s > max(step_s, 1.0):
+                where = "first row stands after" if key == "START_TIME" else "last row stands before"
+                yield f"{path}:{line}: the {where} {key} by {short_s:.6g} s: rows may be missing."
 
     def _interpolation(self) -> Interpolation | None:
         entries = self.metadata.entries

@@ -89,4 +89,6 @@ def _utc(epoch: Epoch) -> str:
 
 def _shifted(value: float, powers: int) -> str:
     """Return a number times a power of ten, exactly."""
+    if value == 0:
+        return f"{value:.16e}"  # a decimal zero would keep an exponent of its own
     return f"{Decimal(repr(value)).scaleb(powers):.16e}"

@@ -14,7 +14,8 @@ from relnav_sim.astro.epoch import Epoch
 from relnav_sim.recorded.ephemeris import Ephemeris, Span
 from relnav_sim.recorded.errors import at_line
 from relnav_sim.recorded.interpolation import Interpolation
-from relnav_sim.recorded.segment import Segment, is_realisation
+from relnav_sim.recorded.pull import misplaced, outlier, unlike_the_earths
+from relnav_sim.recorded.segment import Segment, is_inertial, is_realisation
 from relnav_sim.wording import counted, listed
 
 Needed = tuple[Epoch | None, Epoch | None]
@@ -72,12 +73,14 @@ class OrbitFile:
             _check_rows(segment, kept, at, method, self.path)
             begin = max(segment.useable[0], start or segment.useable[0]).seconds_since(first)
             end = min(segment.useable[1], stop or segment.useable[1]).seconds_since(first)
+            _check_motion(segment, kept, at, self.path)
             spans.append(Span(slice(rows, rows + len(at)), begin, end, method))
             times.append(at)
             states.append(segment.states[kept])
             rows += len(at)
         frame = self.segments[0].frame
         notes = [f"{frame} is taken for the ITRF: its realisations differ by centimetres."] * is_realisation(frame)
+        notes += [note for segment in self.segments for note in segment.notes]
         whole = np.concatenate(times), np.concatenate(states)
         return Ephemeris(self.path, first, *whole, frame, tuple(spans), tuple(notes))
 
@@ -125,11 +128,8 @@ def _check_coverage(segments: Sequence[Segment], needed: Needed, name: str) -> N
         return
     shown = [f"{each.useable[0].text()} to {each.useable[1].text()}" for each in segments[:_SHOWN]]
     more = [f"{len(segments) - _SHOWN} more"] if len(segments) > _SHOWN else []
-    raise at_line(
-        name,
-        segments[0].line,
-        f"the orbit is useable from {listed([*shown, *more])}; it is needed from {first.text()} to {last.text()}",
-    )
+    span = f"at {first.text()}" if first == last else f"from {first.text()} to {last.text()}"
+    raise at_line(name, segments[0].line, f"the orbit is useable from {listed([*shown, *more])}; it is needed {span}")
 
 
 def _kept(segment: Segment, method: Interpolation, needed: Needed) -> slice | None:
@@ -174,6 +174,19 @@ def _check_rows(segment: Segment, kept: slice, times_s: Array, method: Interpola
             f"the velocities are not the change of position with time, from which they differ by {100 * ratio:.3g} % "
             "here and after; check the units and the velocity frame",
         )
+
+
+def _check_motion(segment: Segment, kept: slice, times_s: Array, name: str) -> None:
+    """Refuse rows that are nowhere near the Earth, that do not move as it pulls them, and single rows that are off."""
+    states, turning = segment.states[kept], not is_inertial(segment.frame)
+    whole = np.array([each.seconds_since(segment.epochs[0]) for each in segment.epochs])
+    for fault, lines in (
+        (misplaced(states), segment.lines[kept]),
+        (unlike_the_earths(whole, segment.states, turning), segment.lines),
+        (outlier(times_s, states, turning), segment.lines[kept]),
+    ):
+        if fault is not None:
+            raise at_line(name, lines[fault.row], fault.sentence)
 
 
 def _slope_error(times_s: Array, states: Array) -> float:

@@ -33,6 +33,7 @@ class Segment:
         interpolation: How it is meant to be interpolated; None: the file does not say.
         name: What the file calls the object; empty: nothing.
         inertial_velocity: Whether the velocities are those seen from inertial space, although the frame turns.
+        notes: What a reader of results should know of it.
     """
 
     line: int
@@ -45,6 +46,7 @@ class Segment:
     interpolation: Interpolation | None = None
     name: str = ""
     inertial_velocity: bool = False
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ class Place:
             raise (degree_at or self).error(
                 f"the interpolation degree is {degree!r}; it must be a whole number from 1 to {_MOST_DEGREE}"
             )
+        if kind == "HERMITE" and int(degree) < 2:
+            raise (degree_at or self).error(f"a HERMITE interpolation has at least degree 2, not {degree}")
         return Interpolation(kind, int(degree))
 
 

@@ -37,8 +37,8 @@ def set_in(text: str, wanted: str | None, path: str) -> tuple[str, str]:
         return fitting[0]
     names = [name or both[0][2:7].strip() for name, both in sets]
     if fitting:
-        which = "of this name; give the catalogue number as name" if wanted else f"; give name: {', '.join(names)}"
-        raise ValueError(f"{path} holds {len(fitting)} two-line element sets {which}".replace(" ;", ";"))
+        which = " of this name; give the catalogue number as name" if wanted else f"; give name: {', '.join(names)}"
+        raise ValueError(f"{path} holds {len(fitting)} two-line element sets{which}")
     near = nearest(wanted or "", names)
     raise ValueError(
         f"{path} holds no two-line element set named {wanted!r}"

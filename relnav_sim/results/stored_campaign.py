@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import json
+import re
 
 from relnav_sim.campaign import Campaign
-from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.campaign.load import parse_content
 from relnav_sim.campaign.problems import CampaignError
 from relnav_sim.results.block import RefusedError
 from relnav_sim.results.read import Results
+
+_NAMES_A_FILE = re.compile(r"truth\.(.+\.(file|name)|forces\.gravity\.model|ephemeris\.(chief|deputy))")
 
 
 def stored_campaign(results: Results) -> Campaign:
@@ -18,13 +20,26 @@ def stored_campaign(results: Results) -> Campaign:
         RefusedError: This version of relnav, or a package of the user's that is not here, reads it otherwise.
     """
     try:
-        campaign = parse_campaign(json.dumps(results.campaign_content))
+        campaign = parse_content(results.campaign_content)
     except CampaignError as error:
         problem = error.problems[0].removeprefix("campaign:1: ")
-        raise RefusedError(f"{results.path}: its campaign can't be run again: {problem}") from None
+        said = _varied_file(results) or problem
+        raise RefusedError(f"{results.path}: its campaign can't be run again: {said}") from None
     if [case.id for case in campaign.cases] != [header.id for header in results.headers]:
+        if said := _varied_file(results):
+            raise RefusedError(f"{results.path}: its campaign can't be run again: {said}")
         raise RefusedError(
             f"{results.path}: this relnav reads its campaign otherwise than the one that made it, so that the numbers "
             "would be others; run the campaign again"
         )
     return campaign
+
+
+def _varied_file(results: Results) -> str:
+    """Return why a campaign that varies the name of a file is not whole in its results; empty: it varies none."""
+    content = results.campaign_content
+    for path in (path for section in ("grid", "zip") for path in content.get(section, {})):
+        if _NAMES_A_FILE.fullmatch(path):
+            whole = path.rpartition(".")[0]
+            return f"it varies {path}, and what stood in the files of all cases is not kept; vary {whole} as a whole"
+    return ""

@@ -26,7 +26,7 @@ from relnav_sim.runner.job import result_header
 from relnav_sim.runner.single import case_number
 from relnav_sim.runner.work import with_filters
 from relnav_sim.sensors import readings_layout
-from relnav_sim.simulation.origin import are_of_campaign
+from relnav_sim.simulation.origin import difference_from_campaign
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch
 from relnav_sim.simulation.replay import replay_block
@@ -77,14 +77,15 @@ def replay_campaign(
         if sensor not in layout:
             raise ReplayError(no_such("sensor", sensor, list(layout)))
     recorded = _of_runs(load_readings(files, layout, config.truth.start_epoch, sort, participants), runs)
-    against = _truth(campaign, chosen, recorded, truth)
+    against, unscored = _truth(campaign, chosen, recorded, truth)
     numbers = config.clock.epochs * 3 * 36 * len(config.filters)
     at_once = max(1, _MOST_NUMBERS // numbers)
     epochs = last_epoch(config, recorded) + 1
+    own_errors = bool(against) and _errors_are_of_campaign(campaign, chosen, recorded)
     # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
     with threadpool_limits(1):
         parts = [
-            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs)
+            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs, own_errors)
             for first in range(0, len(recorded), at_once)
         ]
     return Replay(
@@ -94,6 +95,7 @@ def replay_campaign(
         recorded=tuple(recorded),
         block=joined(parts),
         truth=against,
+        unscored=unscored,
         started=started,
         wall_time_s=time.monotonic() - clock,
         notes=tuple(note for one in recorded for note in one.notes),
@@ -148,17 +150,32 @@ def _of_runs(recorded: Sequence[Readings], runs: Sequence[int]) -> list[Readings
     return [known[run] for run in sorted(set(runs) or known)]
 
 
-def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice: TruthChoice) -> str:
-    """Return what estimates are scored against, in words; empty: nothing."""
+def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice: TruthChoice) -> tuple[str, str]:
+    """Return what estimates are scored against, in words, empty: nothing; and why not, in a sentence."""
     if choice == "none":
-        return ""
+        return "", ""
     if isinstance(case.config.truth, EphemerisTruthOptions):
-        return "the orbits of the campaign's truth.ephemeris"
+        return "the orbits of the campaign's truth.ephemeris", ""
     if choice == "campaign":
-        return "the truth that the campaign simulates, taken on trust"
-    if are_of_campaign(case.config, campaign.seed, recorded):
-        return "the truth that the campaign simulates, whose readings these are"
-    return ""
+        return "the truth that the campaign simulates, taken on trust", ""
+    difference = difference_from_campaign(case.config, campaign.seed, recorded)
+    if not difference:
+        return "the truth that the campaign simulates, whose readings these are", ""
+    return "", (
+        f"The readings are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another "
+        "seed, run number, orbit or sensor than theirs does that; --truth campaign scores them all the same."
+    )
+
+
+def _errors_are_of_campaign(campaign: Campaign, case: Case, recorded: Sequence[Readings]) -> bool:
+    """Return whether the readings of a replay with a truth have the errors that the campaign draws.
+
+    Along recorded orbits measured readings are replayed as well as simulated ones; a simulated truth has its own.
+    """
+    config = case.config
+    if not isinstance(config.truth, EphemerisTruthOptions) or not any(e.augment for e in config.filters.values()):
+        return True
+    return not difference_from_campaign(config, campaign.seed, recorded)
 
 
 def _alone(campaign: Campaign, case: Case) -> Campaign:

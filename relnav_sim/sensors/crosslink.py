@@ -1,39 +1,40 @@
-"""Crosslink: range and range rate from a radio link between the craft, with the error of their clocks."""
+"""Crosslink: range, or range and range rate, from a radio link between the craft, with the error of their clocks."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption, ClockOptions, RangeBiasOptions
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
 from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
-from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, noise_parts, probability_below
+from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, noise_parts, probability_below
 from relnav_sim.sensors.registry import register_sensor
 from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.sensors.told_noise import told_noise
 
+_CHANNELS = (Channel("range", "m", "range"), Channel("range_rate", "m/s", "range rate"))
+
 
 @register_sensor("crosslink")
 class CrosslinkOptions(RelativeSensorOptions):
-    """Radio link between the craft that measures range and range rate, from either craft alike.
+    """Radio link between the craft that measures their range, and with `range_rate_sigma_m_s` its rate too.
 
-    A link that compares two free clocks (one-way) is off by their difference: by a bias and a drift that each run draws
-    once. Lever arms of the antennas are left out, and it needs no attitude.
+    From either craft alike. A link that compares two free clocks (one-way) is off by their difference: by a bias and a
+    drift that each run draws once. Lever arms of the antennas are left out, and it needs no attitude.
     """
 
-    channels: ClassVar[tuple[Channel, ...]] = (
-        Channel("range", "m", "range"),
-        Channel("range_rate", "m/s", "range rate"),
+    kind: Literal["crosslink"] = Field(
+        default="crosslink", description="Range, or range and range rate, over a radio link"
     )
-
-    kind: Literal["crosslink"] = Field(default="crosslink", description="Range and range rate over a radio link")
     range_sigma_m: float = Field(gt=0, description="Range noise, 1 sigma, m")
-    range_rate_sigma_m_s: float = Field(gt=0, description="Range-rate noise, 1 sigma, m/s")
+    range_rate_sigma_m_s: float | None = Field(
+        default=None, gt=0, description="Range-rate noise, 1 sigma, m/s; default: it measures the range alone"
+    )
     clock_bias_sigma_m: float = Field(
         default=0.0,
         ge=0,
@@ -48,17 +49,37 @@ class CrosslinkOptions(RelativeSensorOptions):
     )
     noise: NoiseOption = Field(
         default=GaussianNoise(),
-        description="Noise in units of these sigmas, channels range, range rate: one part or a list of parts that add; "
-        "default: white Gaussian",
+        description="Noise in units of these sigmas, channels range, or range, range rate: one part or a list of parts "
+        "that add; default: white Gaussian",
     )
+
+    @field_validator("noise")
+    @classmethod
+    def _fits(cls, noise: NoiseOption) -> NoiseOption:
+        return cls.with_white_part(noise)  # how many channels there are is known when all is read
+
+    @model_validator(mode="after")
+    def _fits_the_channels(self) -> CrosslinkOptions:
+        check_parts(noise_parts(self.noise), len(self.channels))
+        if self.range_rate_sigma_m_s is None and self.clock_drift_sigma_m_s:
+            raise ValueError(
+                "clocks that drift move the range rate, which this link does not read; give range_rate_sigma_m_s, or "
+                "leave clock_drift_sigma_m_s out"
+            )
+        return self
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:  # type: ignore[override]  # they depend on what is read
+        """The range, or range and range rate."""
+        return _CHANNELS[:1] if self.range_rate_sigma_m_s is None else _CHANNELS
 
     @property
     def sigmas(self) -> Array:
-        """Standard deviations (2,) of range (m) and range rate (m/s)."""
-        return np.array([self.range_sigma_m, self.range_rate_sigma_m_s])
+        """Standard deviations (m,) of range (m) and, where it is read, range rate (m/s)."""
+        return np.array([self.range_sigma_m, self.range_rate_sigma_m_s or 0.0])[: len(self.channels)]
 
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
-        """Return range (m) and range rate (m/s), (runs, K, 2); NaN where nothing is read.
+        """Return range (m) and, where it is read, range rate (m/s), (runs, K, m); NaN where nothing is read.
 
         A reading whose range, but for the clocks, would not be positive does not exist: no signal comes before it is
         sent, while a wrong clock can well say so.
@@ -70,7 +91,7 @@ class CrosslinkOptions(RelativeSensorOptions):
         rate = (r * v).sum(axis=-1) / np.where(distance > 0, distance, 1.0)
         z = streams.noise(truth.times_s)
         z *= self.sigmas
-        z += np.stack([distance, rate], axis=-1)
+        z += np.stack([distance, rate], axis=-1)[..., : z.shape[-1]]
         measured = self.in_reach(truth) & (z[..., 0] > 0)
         z += self._clock(truth.times_s, streams)
         if not measured.all():
@@ -78,14 +99,14 @@ class CrosslinkOptions(RelativeSensorOptions):
         return z
 
     def slow_errors(self, truth: Sensed, streams: SensorStreams) -> Array:
-        """Return the error of the clocks and the constant errors, (runs, K, 2); NaN where noise drifts on top."""
+        """Return the error of the clocks and the constant errors, (runs, K, m); NaN where noise drifts on top."""
         return self._clock(truth.times_s, streams) + self.constant_errors()
 
     def _clock(self, times_s: Array, streams: SensorStreams) -> Array:
-        """Return what the clocks add to range (m) and range rate (m/s), (runs, K, 2)."""
+        """Return what the clocks add to range (m) and range rate (m/s), (runs, K, m)."""
         bias, drift = (streams.constant("clock", 2) * [self.clock_bias_sigma_m, self.clock_drift_sigma_m_s]).T
         rate = np.broadcast_to(drift[:, None], (len(drift), len(times_s)))
-        return np.stack([bias[:, None] + rate * times_s, rate], axis=-1)
+        return np.stack([bias[:, None] + rate * times_s, rate], axis=-1)[..., : len(self.channels)]
 
     def drawn_errors(self) -> tuple[AugmentedStateOption, ...]:
         """Return the error of the clocks."""

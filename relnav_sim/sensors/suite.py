@@ -53,6 +53,10 @@ def streams_of(name: str, options: SensorOptions, host: Craft, source: RandomSou
     return SensorStreams(stem, noise_parts(options.noise), len(options.channels), source, step_s)
 
 
+StreamsMaker = Callable[[str, SensorOptions, Craft, RandomSource, float], SensorStreams]
+"""Makes the random numbers of one sensor on one craft, as `streams_of` does."""
+
+
 class SensorSuite:
     """The sensors over one block of runs; they remember where the last chunk of epochs ended.
 
@@ -63,12 +67,15 @@ class SensorSuite:
         sensors: The sensors by name.
         source: Seed and runs of the block.
         step_s: Time between epochs, s.
+        streams: Makes the random numbers of each sensor; default: those of the seed and the runs.
 
     Raises:
         ValueError: A sensor's period is no multiple of the step.
     """
 
-    def __init__(self, sensors: Sensors, source: RandomSource, step_s: float) -> None:
+    def __init__(
+        self, sensors: Sensors, source: RandomSource, step_s: float, streams: StreamsMaker = streams_of
+    ) -> None:
         self._step_s = step_s
         self._runs = len(source.runs)
         self._readers: dict[str, _Reader] = {}
@@ -76,7 +83,7 @@ class SensorSuite:
             due(np.arange(1), options.period_s, options.offset_s, step_s)
         for reading, (name, host) in reading_names(sensors).items():
             options = sensors[name]
-            self._readers[reading] = _Reader(options, host, streams_of(name, options, host, source, step_s))
+            self._readers[reading] = _Reader(options, host, streams(name, options, host, source, step_s))
         self._next_epoch = 0
 
     def measure(

@@ -31,9 +31,9 @@ from relnav_sim.truth.trajectory import force_model
 
 def extension_of(entry: FilterEntry, config: CaseConfig) -> Extension | None:
     """Return the augmented states of a filter, None where it has none."""
-    if not entry.augment:
+    if not entry.augmented_states:
         return None
-    return extension(entry.augment, relative_sensors(config.sensors, entry.sensors), config.clock.step_s)
+    return extension(entry.augmented_states, relative_sensors(config.sensors, entry.sensors), config.clock.step_s)
 
 
 def drawn_extension(config: CaseConfig, names: Sequence[str]) -> Extension | None:
@@ -89,7 +89,10 @@ class AugmentedTrack:
 
     def add(self, chunk: Chunk, history: FilterHistory, failed: Integers) -> None:
         """Count the next chunk; `failed` are the first failed epochs (runs,), -1: none."""
-        truth = true_augmented_states(self._entry, self._config, chunk.truth, self._source)
+        if chunk.errors_are_known:
+            truth = true_augmented_states(self._entry, self._config, chunk.truth, self._source)
+        else:
+            truth = np.full(history.mean[..., 6:].shape, np.nan)
         variance = np.diagonal(history.covariance, axis1=-2, axis2=-1)
         self._accumulator.add(chunk.first_epoch, history.mean[..., 6:], truth, variance[..., 6:], failed)
 
@@ -115,7 +118,7 @@ def true_augmented_states(entry: FilterEntry, config: CaseConfig, truth: Truth, 
     shape = (len(source.runs), len(truth.times_s))
     sensors = relative_sensors(config.sensors, entry.sensors)
     values = []
-    for option in entry.augment:
+    for option in entry.augmented_states:
         name = sensor_of(option, sensors)
         own = np.full((*shape, len(option.names)), np.nan)
         if name is not None and option.channels:

@@ -17,11 +17,15 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
 from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.context import DynamicsContext, FedDynamics
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.dynamics.known_thrust import KnownThrust
+from relnav_sim.dynamics.process_noise import white_acceleration
 from relnav_sim.dynamics.registry import build_dynamics
+from relnav_sim.dynamics.white_noise import WhiteAcceleration
 from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.covariance_matching import CovarianceMatching
 from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
@@ -166,14 +170,28 @@ def create_campaign_filter(
         late: Sensors whose readings come with a latency of their own.
     """
     orbit, step_s = context.orbit, context.step_s
-    coasting: Dynamics = read_only(build_dynamics(entry.dynamics, context), ReadOnlyDynamics)
+    adaptive = entry.process_noise.adaptive
+    coasting: Dynamics = read_only(build_dynamics(entry.dynamics, _told_noise(context)), ReadOnlyDynamics)
+    if adaptive is not None:
+        system = cw_system(orbit.mean_motion_rad_s)
+        coasting = white = WhiteAcceleration(coasting, system, adaptive.start.densities, step_s)
     thrust = None if known_thrust(entry, config) == "none" else KnownThrust(coasting, orbit, step_s)
     motion = coasting if thrust is None else thrust
     factory = filter_kinds()[entry.kind].factory
     extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
     measurement = _measurement(entry, config, orbit, extension, late)
-    return CampaignFilter(factory(dynamics, measurement, entry), coasting, thrust, extension)
+    filter = factory(dynamics, measurement, entry)
+    if adaptive is not None:
+        filter = CovarianceMatching(filter, white, adaptive.window)
+    return CampaignFilter(filter, coasting, thrust, extension)
+
+
+def _told_noise(context: DynamicsContext) -> DynamicsContext:
+    """Return the context without the process noise that the filter finds by itself."""
+    if context.process_noise.adaptive is None:
+        return context
+    return replace(context, process_noise=white_acceleration(0.0))
 
 
 def _measurement(

@@ -17,6 +17,7 @@ from relnav_sim.measurements.delayed import with_latency
 from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
 from relnav_sim.sensors.interface import Craft, Form
+from relnav_sim.sensors.suite import StreamsMaker, streams_of
 from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
 from relnav_sim.simulation.thrust_inputs import ThrustInputs
 from relnav_sim.streams import RandomSource
@@ -37,6 +38,8 @@ class Chunk:
         late: How long before its epoch each reading was taken, on top of the sensor's own latency, (runs, K), s; by
             the relative sensors of which any was. Only recorded readings are.
         truth_is_known: Whether the true states are any. Those of a recorded flight may be NaN throughout.
+        errors_are_known: Whether the errors of the sensors are those that the campaign draws. Those of a recorded
+            flight are not.
     """
 
     first_epoch: int
@@ -47,6 +50,7 @@ class Chunk:
     orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
     late: Mapping[str, Array] = field(default_factory=dict)
     truth_is_known: bool = True
+    errors_are_known: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,16 +75,17 @@ class Simulation:
     inputs: Mapping[str, Array]
 
 
-def chunks(config: CaseConfig, source: RandomSource) -> Iterator[Chunk]:
+def chunks(config: CaseConfig, source: RandomSource, streams: StreamsMaker = streams_of) -> Iterator[Chunk]:
     """Yield the truth and measurements of a block, a chunk of epochs at a time.
 
     Args:
         config: The case.
         source: Seed and numbers of the runs.
+        streams: Makes the random numbers of each sensor; default: those of the seed and the runs.
     """
     clock = config.clock
     trajectory = truth_trajectory(config.truth, clock.duration_s, source)
-    suite = SensorSuite(config.sensors, source, clock.step_s)
+    suite = SensorSuite(config.sensors, source, clock.step_s, streams)
     force = own_sensor(config.sensors, "force")
     front_end = FrontEnd(config, len(source.runs))
     for first in range(0, clock.epochs, CHUNK_EPOCHS):

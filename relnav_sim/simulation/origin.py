@@ -18,8 +18,10 @@ _SAME = 1e-3
 """Sigmas within which two readings are the same: files may have fewer digits, and by chance one in a thousand is."""
 
 
-def are_of_campaign(config: CaseConfig, seed: int, recorded: Sequence[Readings]) -> bool:
-    """Return whether readings are those that a campaign simulates for the same runs.
+def difference_from_campaign(config: CaseConfig, seed: int, recorded: Sequence[Readings]) -> str:
+    """Return in words where readings first differ from those that a campaign simulates for the same runs.
+
+    Empty where they are the campaign's own.
 
     More than half of the readings of every relative sensor must be: some may have been left out, or spoilt on purpose
     to see what a filter makes of them.
@@ -32,16 +34,19 @@ def are_of_campaign(config: CaseConfig, seed: int, recorded: Sequence[Readings])
     sensors = relative_sensors(config.sensors)
     simulated = record(config, seed, [one.run for one in recorded])
     for one, own in zip(recorded, simulated, strict=True):
-        for name, options in sensors.items():
-            if name not in one.sensors:
-                continue
-            if name not in own.sensors:
-                return False
+        found: list[tuple[float, str]] = []
+        for name in (name for name in sensors if name in one.sensors):
+            read, options = one.sensors[name], sensors[name]
             angles = np.array([channel.angle for channel in options.reading])
-            same = _same(one.sensors[name], own.sensors[name], options.sigmas, angles, config.clock.step_s)
+            same = np.zeros(len(read.times_s), dtype=bool)
+            if name in own.sensors:
+                same = _same(read, own.sensors[name], options.sigmas, angles, config.clock.step_s)
             if not np.mean(same) > 0.5:
-                return False
-    return True
+                row = int(np.argmin(same))
+                found.append((float(read.times_s[row]), f"{name} at {read.times_s[row]:g} s ({read.where(row)})"))
+        if found:
+            return f"run {one.run} differs first in {min(found)[1]}"
+    return ""
 
 
 def _same(one: SensorReadings, own: SensorReadings, sigmas: Array, angles: Mask, step_s: float) -> Mask:

@@ -74,7 +74,11 @@ def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> R
 
 
 def recorded_chunks(
-    config: CaseConfig, source: RandomSource, readings: ReadingsOnClock, trajectory: Trajectory | None
+    config: CaseConfig,
+    source: RandomSource,
+    readings: ReadingsOnClock,
+    trajectory: Trajectory | None,
+    errors_are_known: bool = True,
 ) -> Iterator[Chunk]:
     """Yield recorded readings of a block, a chunk of epochs at a time, as `chunks` yields simulated ones.
 
@@ -83,6 +87,7 @@ def recorded_chunks(
         source: Seed and numbers of the runs.
         readings: The readings of these runs.
         trajectory: The truth; None: it is not known, and the true states are NaN.
+        errors_are_known: Whether the sensors' errors are those that the campaign draws.
     """
     clock = config.clock
     front_end = FrontEnd(config, len(source.runs))
@@ -101,6 +106,7 @@ def recorded_chunks(
             {} if trajectory is None else dict(trajectory.failures),
             late={name: late[:, part] for name, late in readings.late.items()},
             truth_is_known=trajectory is not None,
+            errors_are_known=errors_are_known,
         )
         yield front_end.completed(chunk, replace(truth, **{craft: z[name] for craft, name in known.items()}))
 

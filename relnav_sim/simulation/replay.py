@@ -39,7 +39,12 @@ HELD_REFUSED = 1.0
 
 
 def replay_block(
-    case: Case, seed: int, recorded: Sequence[Readings], with_truth: bool, epochs: int | None = None
+    case: Case,
+    seed: int,
+    recorded: Sequence[Readings],
+    with_truth: bool,
+    epochs: int | None = None,
+    errors_are_known: bool = True,
 ) -> ReplayedBlock:
     """Return what the filters of a case make of recorded readings.
 
@@ -53,6 +58,8 @@ def replay_block(
         recorded: The readings, a run each, by ascending number.
         with_truth: Whether the truth of the campaign is that of the readings, so that estimates can be scored.
         epochs: Number of epochs that are replayed; None: as many as the readings ask for, see `last_epoch`.
+        errors_are_known: Whether the sensors' errors are those that the campaign draws, so that augmented states can be
+            scored too.
 
     Raises:
         ReplayError: The readings do not fit the case.
@@ -68,7 +75,7 @@ def replay_block(
     trajectory = truth_trajectory(config.truth, duration_s, source) if with_truth else None
     watch = _Collector(config.clock.step_s, nominal_chief(config.truth).mean_motion_rad_s)
     short = Case(case.id, case.label, case.variables, config)
-    arriving = watch.counting(recorded_chunks(config, source, readings, trajectory))
+    arriving = watch.counting(recorded_chunks(config, source, readings, trajectory, errors_are_known))
     outcome = filter_block(short, source, arriving, prior=prior, watch=watch)
     held = list(_held_velocities(watch.held, config))
     return ReplayedBlock(

@@ -94,6 +94,7 @@ class Replay:
         recorded: What they hold, a run each.
         block: What the filters made of it.
         truth: What the estimates are scored against, in words; empty where nothing is.
+        unscored: Why nothing is known to score them against, a sentence; empty where they are scored, or not to be.
         started: When the replay began.
         wall_time_s: How long it took, s.
         notes: What the user should know: sentences.
@@ -105,6 +106,7 @@ class Replay:
     recorded: tuple[Readings, ...]
     block: ReplayedBlock
     truth: str
+    unscored: str
     started: datetime
     wall_time_s: float
     notes: tuple[str, ...]

@@ -13,6 +13,7 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import trajectory
 from relnav_sim.truth.ephemeris_options import AnyTruth, EphemerisTruthOptions
 from relnav_sim.truth.ephemeris_truth import EphemerisTrajectory, flown_chief
+from relnav_sim.truth.force_options import HIGHEST_ZONAL
 from relnav_sim.truth.propagation import RTOL
 from relnav_sim.truth.states import Truth
 
@@ -68,4 +69,4 @@ def rough_truth(options: AnyTruth) -> AnyTruth:
 
 def highest_zonal(options: AnyTruth) -> int:
     """Return the highest zonal harmonic of the Earth that filters can be told of."""
-    return 4 if isinstance(options, EphemerisTruthOptions) else options.forces.highest_zonal
+    return HIGHEST_ZONAL if isinstance(options, EphemerisTruthOptions) else options.forces.highest_zonal

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Discriminator, Field, Tag, ValidationError, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from relnav_sim.astro.earth_orientation import EarthOrientation
 from relnav_sim.astro.epoch import Epoch
@@ -13,6 +13,7 @@ from relnav_sim.astro.field_extent import FieldExtent
 from relnav_sim.options import Options
 from relnav_sim.truth.craft_options import SpacecraftOptions
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
+from relnav_sim.truth.epoch_text import EpochText
 from relnav_sim.truth.flown_orbits import first_instant
 from relnav_sim.truth.force_options import ConstantsOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions
@@ -24,7 +25,7 @@ class EphemerisTruthOptions(Options):
     """A truth from two ephemerides: both craft fly the orbits of the files, alike in all runs."""
 
     ephemeris: EphemerisOptions = Field(description="The files of both orbits")
-    epoch: str | None = Field(
+    epoch: EpochText | None = Field(
         default=None,
         description="Calendar time of the start, with its time scale, as 2010-07-27T00:00:00 UTC; default: the first "
         "that both files cover",
@@ -51,13 +52,6 @@ class EphemerisTruthOptions(Options):
     manoeuvres: ClassVar[Mapping[str, ManoeuvreOptions]] = {}
     """None is told apart from the orbit that it is part of."""
     execution_errors: ClassVar[ExecutionErrors] = ExecutionErrors()
-
-    @field_validator("epoch", mode="after")
-    @classmethod
-    def _known_instant(cls, epoch: str | None) -> str | None:
-        if epoch is not None:
-            Epoch.parse(epoch)
-        return epoch
 
     @property
     def orientation(self) -> EarthOrientation:

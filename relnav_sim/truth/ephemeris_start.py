@@ -14,6 +14,7 @@ from relnav_sim.astro.epoch import Epoch
 from relnav_sim.named_files import in_campaign
 from relnav_sim.options import Options, Origin
 from relnav_sim.recorded import load_ephemeris
+from relnav_sim.truth.epoch_text import EpochText
 from relnav_sim.truth.orbit_options import OrbitStart, Vector
 from relnav_sim.truth.start_context import StartContext
 
@@ -21,15 +22,9 @@ from relnav_sim.truth.start_context import StartContext
 class RecordedState(Options):
     """A state of a recorded orbit, ECI (EME2000)."""
 
-    epoch: str = Field(description="Its instant, with its time scale")
+    epoch: EpochText = Field(description="Its instant, with its time scale")
     position_m: Vector = Field(description="Position, m")
     velocity_m_s: Vector = Field(description="Velocity, m/s")
-
-    @field_validator("epoch")
-    @classmethod
-    def _known_instant(cls, epoch: str) -> str:
-        Epoch.parse(epoch)
-        return epoch
 
 
 class EphemerisStart(OrbitStart):
@@ -64,7 +59,7 @@ class EphemerisStart(OrbitStart):
             ValueError: The file can't be used or does not cover the epoch; one sentence with ``file:line:``.
         """
         try:
-            orbit = load_ephemeris(path)
+            orbit = load_ephemeris(path, start=epoch, stop=epoch)
         except OSError as error:
             raise ValueError(f"{path}: {error.strerror}") from None
         orbit = orbit.eci(ut1_utc_s=orientation.ut1_utc_s, polar_motion_rad=orientation.polar_motion_rad)

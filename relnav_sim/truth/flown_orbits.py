@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,7 +15,10 @@ from relnav_sim.recorded.orbit_file import OrbitFile
 from relnav_sim.recorded.stated import Stated
 from relnav_sim.truth.ephemeris_files import EphemerisOptions
 from relnav_sim.truth.thrust import CRAFT
+from relnav_sim.wording import significant
 
+LOOSE_M = 1.0
+"""Interpolation error of an orbit from which relative navigation notices it."""
 UNOBSERVED = EarthOrientation()
 """The Earth's rotation as theory alone tells it."""
 
@@ -78,6 +82,17 @@ def _read(name: str, digest: str, stated: Stated) -> OrbitFile:
     if _digest(name) != digest:
         raise EphemerisError(f"{name} has changed since the campaign was read; start again, or bring it back")
     return read_orbit_file(name, stated)
+
+
+def interpolation_warnings(orbits: Iterable[Ephemeris]) -> list[str]:
+    """Return a sentence on each orbit whose rows are too far apart, or too rough, to say where the craft is between."""
+    return [
+        f"Rows of {Path(orbit.path).name} that are withheld are met within {significant(orbit.interpolation_error_m)} m"
+        " only, so that the orbit between its rows is uncertain: give rows nearer to each other, or look for rows that "
+        "are off."
+        for orbit in orbits
+        if orbit.interpolation_error_m > LOOSE_M
+    ]
 
 
 def _digest(name: str) -> str:

@@ -13,6 +13,7 @@ from relnav_sim.astro.gravity_options import GravityOptions
 from relnav_sim.options import AddedLater, Options
 
 HIGHEST_ZONAL = 4
+"""The last zonal harmonic of which constants and filters know."""
 _NEARLY_THE_EARTHS = 0.01
 
 

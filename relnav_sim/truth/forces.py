@@ -158,6 +158,9 @@ class ForceModel:
             ballistic_m2_kg: Cd A / m in m^2/kg; only the atmosphere uses it.
             times_s: Seconds after the epoch, where forces depend on them.
             radiation_m2_kg: Cr A / m in m^2/kg; only radiation uses it.
+
+        Raises:
+            ValueError: Forces depend on times, and one is before 1900 or after 2100.
         """
         given = [np.asarray(each, dtype=float) for each in (ballistic_m2_kg, times_s, radiation_m2_kg)]
         states = np.asarray(states, dtype=float)
@@ -168,7 +171,8 @@ class ForceModel:
             found = kernels.forces.acceleration(self.plain, flat, ballistic)
         else:
             areas = np.stack([ballistic, sunlit], axis=1)
-            forces = self.between(times.min(initial=0.0), times.max(initial=0.0))
+            known = times[np.isfinite(times)]  # at the others the acceleration is NaN
+            forces = self.between(known.min(initial=0.0), known.max(initial=0.0))
             found = kernels.field_forces.acceleration(forces, flat, areas, times)
         return found.reshape(*leading, 3)
 

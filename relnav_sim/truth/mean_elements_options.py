@@ -15,6 +15,7 @@ from relnav_sim.named_files import file_to_read, text_of
 from relnav_sim.options import Options, Origin
 from relnav_sim.recorded.omm_file import elements_in
 from relnav_sim.recorded.two_line_file import set_in
+from relnav_sim.truth.epoch_text import EpochText
 from relnav_sim.truth.orbit_options import OrbitStart
 from relnav_sim.truth.start_context import StartContext
 
@@ -48,7 +49,7 @@ class TleOptions(MeanElementsStart):
     file: Annotated[str | None, Origin("lines")] = Field(
         default=None, description="File of two-line elements, relative to the campaign's; give this or lines"
     )
-    name: Annotated[str | None, Origin("lines")] = Field(
+    name: Annotated[str | int | None, Origin("lines")] = Field(
         default=None, description="Which set of the file: the line above it, or its catalogue number; default: the only"
     )
     lines: tuple[str, str] | None = Field(
@@ -56,6 +57,11 @@ class TleOptions(MeanElementsStart):
         validate_default=True,
         description="Line 1 and line 2, in quotes; give this or file. Results have them filled in from the file",
     )
+
+    @field_validator("name", mode="after")
+    @classmethod
+    def _as_text(cls, name: str | int | None) -> str | None:
+        return None if name is None else str(name)
 
     @field_validator("lines", mode="after")
     @classmethod
@@ -77,7 +83,7 @@ class TleOptions(MeanElementsStart):
 class OmmElementsOptions(Options):
     """Mean elements for SGP4, in the axes TEME."""
 
-    epoch: str = Field(description="Their epoch, with its time scale, as 2026-07-21T07:12:11.644128 UTC")
+    epoch: EpochText = Field(description="Their epoch, with its time scale, as 2026-07-21T07:12:11.644128 UTC")
     mean_motion_rev_day: float = Field(gt=0, lt=18, description="Mean motion, revolutions a day")
     e: float = Field(ge=0, lt=1, description="Mean eccentricity")
     i_deg: float = Field(ge=0, le=180, description="Mean inclination, deg")
@@ -85,12 +91,6 @@ class OmmElementsOptions(Options):
     argp_deg: float = Field(description="Argument of perigee, deg")
     mean_anomaly_deg: float = Field(description="Mean anomaly, deg")
     bstar: float = Field(default=0.0, description="Drag term B*, 1 / Earth radii; default 0")
-
-    @field_validator("epoch")
-    @classmethod
-    def _known_instant(cls, epoch: str) -> str:
-        Epoch.parse(epoch)
-        return epoch
 
     @property
     def mean(self) -> MeanElements:

@@ -20,6 +20,7 @@ from relnav_sim.named_files import located
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.truth.craft_options import RELATIVE_STARTS, ChiefOptions, DeputyOptions
 from relnav_sim.truth.dispersion_options import NEEDED, DispersionsOptions
+from relnav_sim.truth.epoch_text import EpochText
 from relnav_sim.truth.force_options import ConstantsOptions, ForcesOptions
 from relnav_sim.truth.manoeuvres import ExecutionErrors, ManoeuvreOptions, overlaps
 from relnav_sim.truth.start_context import StartContext
@@ -49,10 +50,10 @@ _Craft = TypeVar("_Craft", ChiefOptions, DeputyOptions)
 class TruthOptions(Options):
     """What really happens: the two spacecraft, the forces on them and what varies between runs."""
 
-    epoch: Annotated[str | None, AddedLater()] = Field(
+    epoch: Annotated[EpochText | None, AddedLater()] = Field(
         default=None,
         description="Calendar time of the start, with its time scale (UTC, TAI, GPS or TT), as "
-        "2010-07-27T00:00:00 UTC; default: none, or that of two-line elements",
+        "2010-07-27T00:00:00 UTC; default: none, or that of mean elements or of a recorded state",
     )
     earth_orientation: Annotated[EarthOrientationOptions | None, AddedLater()] = Field(
         default=None,
@@ -76,13 +77,6 @@ class TruthOptions(Options):
         default=ExecutionErrors(),
         description="How badly manoeuvres are carried out, unless one has errors of its own; default: perfectly",
     )
-
-    @field_validator("epoch", mode="after")
-    @classmethod
-    def _known_instant(cls, epoch: str | None) -> str | None:
-        if epoch is not None:
-            Epoch.parse(epoch)
-        return epoch
 
     @field_validator("chief", "deputy", mode="after")
     @classmethod
@@ -125,7 +119,7 @@ class TruthOptions(Options):
 
     @property
     def start_epoch(self) -> Epoch | None:
-        """When the run starts: `epoch`, or that of the chief's or else the deputy's two-line elements."""
+        """When the run starts: `epoch`, or else that of the chief's or the deputy's mean elements or recorded state."""
         if self.epoch is not None:
             return Epoch.parse(self.epoch)
         starts = (self.chief.start, self.deputy.own_start)
@@ -161,7 +155,7 @@ class TruthOptions(Options):
 
     @model_validator(mode="after")
     def _fits_together(self) -> TruthOptions:
-        problems = [*self._starts(), *self._without_epoch(), *self._idle_dispersions(), *self._simultaneous()]
+        problems = [*self._starts(), *self._wrong_epoch(), *self._idle_dispersions(), *self._simultaneous()]
         if problems:
             raise ValidationError.from_exception_data(type(self).__name__, problems)
         return self
@@ -217,16 +211,19 @@ class TruthOptions(Options):
             f"{orbit.a_km:.12g}, or a_km: {orbit.a_km + surface_km:.12g}"
         )
 
-    def _without_epoch(self) -> list[InitErrorDetails]:
-        force = self.forces.needs_epoch
-        if force is None or self.start_epoch is not None:
+    def _wrong_epoch(self) -> list[InitErrorDetails]:
+        """Return that forces have no epoch, or one at which nobody knows how the Earth was turned."""
+        force, epoch = self.forces.needs_epoch, self.start_epoch
+        if force is None:
             return []
-        return [
-            problem(
-                ("forces", force),
-                "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC",
-            )
-        ]
+        if epoch is None:
+            sentence = "depends on the calendar; give the start's as truth.epoch, for example 2010-07-27T00:00:00 UTC"
+            return [problem(("forces", force), sentence)]
+        try:
+            self.orientation.rotation_angle(epoch)
+        except ValueError as error:
+            return [problem(("forces", force), str(error))]
+        return []
 
     def _idle_dispersions(self) -> list[InitErrorDetails]:
         idle = {"drag": self.forces.drag == "none", "radiation_pressure": not self.forces.radiation_pressure}

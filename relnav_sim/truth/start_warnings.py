@@ -10,10 +10,32 @@ from relnav_sim.truth.options import TruthOptions
 OLD_DAYS = 7.0
 """Age of mean elements from which SGP4 has lost kilometres."""
 
+HIGH_KM = 1e5
+"""Altitude that is more probably one of 100 km to 1000 km in metres."""
+MOON_KM = 384_400.0
+
 
 def start_warnings(options: TruthOptions) -> list[str]:
-    """Return sentences on start states that are coarser than what is made of them; none where all is well."""
-    return [*_coarse(options), *_old(options)]
+    """Return sentences on start states that are too coarse for their use, or hardly meant; none where all is well."""
+    return [*_coarse(options), *_old(options), *_far(options)]
+
+
+def _far(options: TruthOptions) -> list[str]:
+    found = []
+    for craft, orbit in (("chief", options.chief.orbit), ("deputy", options.deputy.orbit)):
+        if orbit is None:
+            continue
+        if orbit.altitude_km is not None and orbit.altitude_km > HIGH_KM:
+            found.append(
+                f"The {craft}'s altitude_km of {orbit.altitude_km:.12g} is kilometres, beyond the geostationary "
+                f"ring; for {orbit.altitude_km:.12g} m write {orbit.altitude_km / 1e3:.12g}."
+            )
+        elif orbit.a_km is not None and orbit.a_km > MOON_KM:
+            found.append(
+                f"The {craft}'s a_km of {orbit.a_km:.12g} is kilometres, beyond the Moon at {MOON_KM:g} km; "
+                "check the unit."
+            )
+    return found
 
 
 def _coarse(options: TruthOptions) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import get_args
 
 from pydantic import ValidationError
 
@@ -35,6 +36,7 @@ class Scalar:
         high: Greatest.
         log: Searched on a logarithmic scale.
         scales_noise: Acts as a factor on the measurement noise.
+        whole: It is a whole number.
     """
 
     path: Path
@@ -42,6 +44,7 @@ class Scalar:
     high: float
     log: bool
     scales_noise: bool = False
+    whole: bool = False
 
     @property
     def name(self) -> str:
@@ -57,7 +60,8 @@ class Scalar:
         """Return the value at a place from 0 to 1 of the range, in the digits that a file gets."""
         ratio = self.high / self.low if self.log else 0.0
         value = self.low * ratio**place if self.log else self.low + (self.high - self.low) * place
-        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+        value = min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
+        return round(value) if self.whole else value
 
     def place(self, value: float) -> float:
         """Return where a value stands in the range, from 0 to 1; the nearer end for one outside."""
@@ -81,14 +85,15 @@ def declared(options: Options, path: Path = ()) -> Iterator[Scalar]:
             if not isinstance(mark, Tunable) or not isinstance(value, int | float):
                 continue
             if mark.when is None or getattr(options, mark.when[0]) == mark.when[1]:
-                yield Scalar((*path, key), mark.low, mark.high, mark.log, mark.scales_noise)
+                yield Scalar((*path, key), mark.low, mark.high, mark.log, mark.scales_noise, field.annotation is int)
 
 
 def marked(model: type[Options], path: Path = ()) -> Iterator[tuple[Path, Tunable]]:
     """Yield the marks of an options model and the sections in it, whatever their values."""
     for key, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, Options):
-            yield from marked(field.annotation, (*path, key))
+        for section in (field.annotation, *get_args(field.annotation)):  # an optional one is a union with None
+            if isinstance(section, type) and issubclass(section, Options):
+                yield from marked(section, (*path, key))
         yield from (((*path, key), mark) for mark in field.metadata if isinstance(mark, Tunable))
 
 
@@ -148,7 +153,8 @@ def with_values(entry: FilterEntry, values: Mapping[Path, float]) -> FilterEntry
     """
     data = entry.model_dump(mode="json")
     for path, value in values.items():
-        data = replaced(data, path, value)
+        whole = isinstance(value_at(data, path), int)
+        data = replaced(data, path, round(value) if whole else value)
     return entry_from(data)
 
 

@@ -98,6 +98,10 @@ def test_brahe_agrees():
         assert np.abs(ours[k] - theirs)[3:].max() < 3e-11 * r
 
 
+def test_no_times_no_states():
+    assert itrf_from_eci(np.zeros((3, 0, 6)), [], EPOCH).shape == (3, 0, 6)
+
+
 def test_the_frame_bias():
     given = states(4, (5,))
     np.testing.assert_allclose(gcrf_from_eme2000(eme2000_from_gcrf(given)), given, rtol=1e-14)
@@ -112,6 +116,8 @@ def test_the_frame_bias():
         (lambda: eci_from_itrf(np.zeros(6), 0.0, EPOCH), "the same T"),
         (lambda: eci_from_itrf(np.zeros((1, 6)), [np.nan], EPOCH), "times_s is NaN at epoch 0"),
         (lambda: eci_from_itrf(np.zeros((1, 6)), [0.0], "2010-07-27"), "names no time scale"),
+        (lambda: eci_from_itrf(np.zeros((1, 6)), [3.2e9], EPOCH), "not within the years 1900 to 2100"),
+        (lambda: eci_from_itrf(np.zeros((1, 6)), [0.0], "1971-07-27T00:00:00 TAI"), "before 1972"),
         (lambda: eci_from_itrf(np.zeros((1, 6)), [0.0], EPOCH, ut1_utc_s=-50.0), "UT1 - UTC stays within"),
         (lambda: eci_from_itrf(np.zeros((1, 6)), [0.0], EPOCH, polar_motion_rad=(0.2, 0.3)), "in rad"),
     ],

@@ -119,9 +119,17 @@ def test_what_else_is_refused():
     epoch = Epoch.parse("1971-07-27T00:00:00 TAI")
     with pytest.raises(ValueError, match="before 1972"):
         epoch.text("UTC")
+    with pytest.raises(ValueError, match="no year from 1 to 9999"):
+        epoch.later(-9e10).text("TAI")
     with pytest.raises(ValueError, match="must be a time below"):
         epoch.later(float("nan"))
     with pytest.raises(ValueError, match="must be a time below"):
         epoch.later(1e15)
     with pytest.raises(ValueError, match="elsewhere"):
         Epoch.parse("2010-07-27T00:00:00 UTC", scale="GPS")
+
+
+def test_before_1972_an_instant_is_told_in_tai():
+    first = Epoch.parse("1972-01-01T00:00:00 UTC")
+    assert first.text() == "1972-01-01T00:00:00 UTC"
+    assert first.later(-1e-3).text() == "1972-01-01T00:00:09.999 TAI"

@@ -1,9 +1,12 @@
 """Warnings of whole campaigns: from the nominal trajectory before the run, from the flown truth after it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.campaign.idle_options import idle_options
+from relnav_sim.campaign.load import load_campaign, parse_campaign
 from relnav_sim.campaign.warnings import campaign_warnings, flown_warnings
 
 ELLIPSE = """
@@ -55,3 +58,33 @@ def test_a_start_without_a_reading_and_a_fall_are_said_before_the_run():
     down = "  manoeuvres: {down: {time_s: 60, delta_v_m_s: [0, -200, 0]}}\nsensors:"
     found = campaign_warnings(parse_campaign(ELLIPSE.replace("HOST", "chief").replace("sensors:", down)))
     assert found[0].startswith("In the nominal trajectory the deputy falls to the Earth at ")
+
+
+IDLE = ELLIPSE.replace("HOST", "chief").replace("  forces: {zonals: 0, drag: none}\n", "  forces: {FORCES}\nMORE")
+AIR = "atmosphere: {density_kg_m3: 1.0e-12}"
+TURNED = "  earth_orientation: {ut1_utc_s: -0.1}\n"
+DATE = "  epoch: 2026-01-01T00:00:00 UTC\n"
+
+
+@pytest.mark.parametrize(
+    ("forces", "more", "sentence"),
+    [
+        (f"drag: layers, {AIR}", "", "truth.forces.atmosphere has no effect with drag: layers, as the layers have"),
+        (f"drag: none, {AIR}", "", "truth.forces.atmosphere has no effect with drag: none, as there is no drag"),
+        ("drag: exponential", TURNED, "truth.earth_orientation has no effect, as the campaign has no date"),
+        ("drag: exponential", TURNED + DATE, "truth.earth_orientation has no effect, as nothing depends on how"),
+        (f"drag: exponential, {AIR}", DATE, None),
+        ("gravity: {model: ggm05s, degree: 4}", TURNED + DATE, None),
+    ],
+)
+def test_options_without_effect_are_told(forces, more, sentence):
+    found = campaign_warnings(parse_campaign(IDLE.replace("FORCES", forces).replace("MORE", more)))
+    idle = [each for each in found if "no effect" in each]
+    assert len(idle) == (sentence is not None)
+    assert sentence is None or idle[0].startswith(sentence)
+
+
+def test_no_campaign_that_comes_with_relnav_has_idle_options():
+    for path in sorted((Path(__file__).parents[2] / "campaigns").glob("*.yaml")):
+        campaign = load_campaign(path)
+        assert [idle_options(case.config) for case in campaign.cases] == [[]] * len(campaign.cases), path.name

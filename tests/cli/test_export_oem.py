@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 
 from relnav_sim import load_campaign, load_ephemeris, open_results, rtn_from_eci, run_campaign, simulate
 from relnav_sim.arrays import Array
+from relnav_sim.astro.epoch import Epoch
 from relnav_sim.cli.app import app
+from relnav_sim.recorded.oem_writing import OemOrbit, write_oem
 from relnav_sim.truth import TruthOptions
 from relnav_sim.truth.trajectory import force_model
 
@@ -148,3 +150,28 @@ def test_a_campaign_without_a_calendar_is_refused(tmp_path: Path) -> None:
     assert "an OEM holds calendar dates, and the campaign has none; give it a truth.epoch" in " ".join(
         found.output.split()
     )
+
+
+def test_zeros_are_written_as_zeros(tmp_path: Path) -> None:
+    path = tmp_path / "zero.oem"
+    states = np.array([[7e6, 0.0, -0.0, 0.0, 7500.0, 1e-12]] * 2)
+    epoch = Epoch.parse("2021-07-10T16:00:00 UTC")
+    write_oem(path, OemOrbit("ONE", epoch, np.array([0.0, 1.0]), states, np.zeros((2, 6, 6))), epoch)
+    words = {word for line in path.read_text().splitlines() for word in line.split() if float_like(word) == 0}
+    assert words == {"0.0000000000000000e+00", "-0.0000000000000000e+00"}
+
+
+def float_like(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
+
+
+def test_the_result_itself_is_not_replaced(result: Path) -> None:
+    before = result.read_bytes()
+    words = ["--to", "oem", "--part", "estimates", "--filter", "ekf", "--out", str(result), "--overwrite"]
+    found = CliRunner().invoke(app, ["export", str(result), *words])
+    assert found.exit_code == 2
+    assert "is the result itself; give another --out" in " ".join(found.output.split())
+    assert result.read_bytes() == before

@@ -114,6 +114,18 @@ def test_csv_holds_the_bits_that_were_filtered(here, campaign):
     assert "# epoch: 2016-12-31T23:59:50 UTC" in head
 
 
+def test_some_sensors_alone(here, campaign):
+    """So that measured readings can take the place of one sensor's."""
+    succeeds("export", "small.h5", "--part", "readings", "--sensor", "gnss", "--sensor", "chief_orbit")
+    readings = read(campaign, "small_readings_case0_run0.csv")
+    assert set(readings.sensors) == {"gnss", "chief_orbit"}
+    assert on_grid(readings, "gnss", 6).tobytes() == simulate(campaign, runs=[0]).z["gnss"][0].tobytes()
+    assert readings.start is not None
+    said = fails("export", "small.h5", "--part", "readings", "--sensor", "gns", "--overwrite")
+    assert "no sensor is named 'gns'; did you mean 'gnss'" in said
+    assert "give --part readings" in fails("export", "small.h5", "--sensor", "gnss")
+
+
 def test_tdm_with_a_csv_file_for_the_rest(here, campaign):
     said = succeeds("export", "small.h5", "--part", "readings", "--to", "tdm", "--out", "made/")
     assert said == ("wrote made/small_readings_case0_run0.tdm: radar\nwrote made/small_readings_case0_run0.csv\n")

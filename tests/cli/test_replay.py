@@ -196,3 +196,29 @@ def test_a_result_of_recorded_readings_is_not_merged_with_others(relnav):
     assert relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--filter", "ekf").exit_code == 0
     done = relnav("merge", "all.h5", "results/pass.replay/result.h5")
     assert done.exit_code == 2 and "of recorded readings" in done.output
+
+
+@pytest.mark.parametrize("change", ["seed=5", "truth.chief.orbit.a_km=7500", "sensors.radar.range_sigma_m=2.5"])
+def test_readings_of_another_campaign_are_told_where_they_differ(relnav, tmp_path, change):
+    done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--filter", "ekf", "--set", change)
+    assert done.exit_code == 0, done.output
+    assert re.search(
+        r"The readings are not those that the campaign simulates with seed [45]: run 0 differs first in radar at \d+ s "
+        r"\(run0\.csv:\d+\)\.",
+        done.output,
+    )
+    page = (tmp_path / "results" / "pass.replay" / "index.html").read_text()
+    assert "run 0 differs first in radar" in page
+
+
+def test_readings_in_another_unit_are_no_matter_of_tuning(relnav, tmp_path):
+    lines = [line for line in (tmp_path / "run0.csv").read_text().splitlines() if not line.startswith("#")]
+    place = next(number for number, name in enumerate(lines[0].split(",")) if "range" in name)
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows[1:]:  # the first one starts the filter
+        row[place] = repr(float(row[place]) / 1e3) if row[place] else ""
+    (tmp_path / "km.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows)]))
+    done = relnav("replay", "pass.yaml", "--measurements", "km.csv", "--filter", "ekf")
+    assert "check the units, frame and times of the readings" in done.output
+    own = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite")
+    assert "check the units" not in own.output

@@ -6,7 +6,7 @@ from typing import Any
 import erfa
 import numpy as np
 import pytest
-from orbit_files import EPOCH, RADIUS_M, calendar, circular, oem_text
+from orbit_files import EPOCH, MU_M3_S2, RADIUS_M, calendar, circular, oem_text
 
 from relnav_sim import EphemerisError, itrf_from_eci, load_ephemeris
 from relnav_sim.arrays import Array
@@ -87,6 +87,8 @@ def test_a_stated_interpolation_wins_over_the_files(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.at(30.0), (STATES[0] + STATES[1]) / 2, rtol=1e-15)
     with pytest.raises(EphemerisError, match=r"a\.oem:4: the interpolation 'CUBIC' is not known"):
         load_ephemeris(tmp_path / "a.oem", interpolation="CUBIC")
+    with pytest.raises(EphemerisError, match=r"a\.oem:4: a HERMITE interpolation has at least degree 2, not 1"):
+        load_ephemeris(tmp_path / "a.oem", interpolation="HERMITE", interpolation_degree=1)
 
 
 def test_what_is_stated_against_an_oem_is_refused(tmp_path: Path) -> None:
@@ -127,3 +129,57 @@ def test_the_earths_orientation_may_be_given(tmp_path: Path) -> None:
     # 0.2 s of the Earth's rotation.
     shift = np.linalg.norm(turned - STATES[:, :3], axis=1)
     assert shift.max() == pytest.approx(0.2 * 7.292115e-5 * RADIUS_M, rel=0.01)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+def test_states_in_another_unit_are_refused(tmp_path: Path, factor: float) -> None:
+    with pytest.raises(EphemerisError, match=r"a\.csv:2: the position is 6\.9(e\+06)? km from .*; check the units"):
+        loaded(tmp_path, STATES * factor)
+
+
+@pytest.mark.parametrize(("step_s", "rows"), [(60.0, 30), (5.0, 12), (600.0, 20)])
+def test_rows_in_another_frame_than_stated_are_refused(step_s: float, rows: int, tmp_path: Path) -> None:
+    times = np.arange(rows) * step_s
+    states = circular(times)
+    fixed = itrf_from_eci(states, times, EPOCH)
+    for right, wrong, frame in ((states, fixed, "EME2000"), (fixed, states, "ITRF")):
+        assert loaded(tmp_path, right, times, frame=frame).frame == frame
+        with pytest.raises(
+            EphemerisError, match=r"a\.csv:2: the velocities .* Earth's pull .* 1?\d(\.\d+)? % .*the frame"
+        ):
+            loaded(tmp_path, wrong, times, frame=frame)
+    (tmp_path / "a.oem").write_text(oem_text(times, states, frame="ITRF2014"), encoding="utf-8")
+    with pytest.raises(EphemerisError, match=r"a\.oem:15: the velocities do not change as the Earth's pull makes them"):
+        load_ephemeris(tmp_path / "a.oem")
+
+
+def test_a_wrong_frame_costs_what_coriolis_adds(tmp_path: Path) -> None:
+    # Along the equator 2 w v + w^2 r is missing, of mu / r^2.
+    n, w = np.sqrt(MU_M3_S2 / RADIUS_M**3), 7.292115e-5
+    angle = n * TIMES
+    position = RADIUS_M * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    states = np.concatenate([position, n * np.cross([0, 0, 1], position)], axis=1)
+    share = 100 * (2 * w * n + w**2) / n**2
+    with pytest.raises(EphemerisError) as caught:
+        loaded(tmp_path, states, frame="ITRF")
+    told = float(str(caught.value).partition("differ by ")[2].partition(" %")[0])
+    assert told == pytest.approx(share, rel=0.2**2 / 24 + 0.005)  # over the chord of 0.2 rad; three digits
+
+
+@pytest.mark.parametrize("row", [1, 7, 28])
+@pytest.mark.parametrize(("column", "off"), [(0, 5000.0), (2, -100.0), (4, 20.0)])
+def test_a_single_row_that_is_off_is_refused_with_its_line(row: int, column: int, off: float, tmp_path: Path) -> None:
+    for frame, states in (("EME2000", STATES), ("ITRF", itrf_from_eci(STATES, TIMES, EPOCH))):
+        spoilt = states.copy()
+        spoilt[row, column] += off
+        what = "position" if column < 3 else "velocity"
+        with pytest.raises(EphemerisError, match=rf"a\.csv:{row + 2}: the {what} is .* off .*; leave the row out"):
+            loaded(tmp_path, spoilt, frame=frame)
+
+
+def test_what_flies_on_is_no_row_that_is_off(tmp_path: Path) -> None:
+    burnt = np.concatenate([STATES[:15], circular(TIMES[15:], 2e-6)])  # 14 m ahead
+    burnt[15:, 3:] += 1.0
+    noisy = STATES + np.random.default_rng(1).normal(size=STATES.shape) * np.repeat([3.0, 0.05], 3)
+    for states in (burnt, noisy):
+        assert len(loaded(tmp_path, states).times_s) == len(TIMES)

@@ -239,3 +239,19 @@ def test_bytes_that_are_no_text_are_refused_with_their_line(tmp_path: Path) -> N
     path.write_bytes(GOOD.encode()[:100] + b"\xff\xfe")
     with pytest.raises(EphemerisError, match=r"a\.oem:5: the file is not text"):
         load_ephemeris(path)
+
+
+def test_rows_that_end_long_before_the_metadata_are_told(tmp_path: Path) -> None:
+    stop = oem_text(TIMES, STATES).partition("STOP_TIME = ")[2].partition("\n")[0]
+    told = load_ephemeris(
+        written(tmp_path, GOOD.replace(f"STOP_TIME = {stop}", "STOP_TIME = 2021-07-10T18:00:00"))
+    ).notes
+    assert told == (
+        f"{tmp_path}/a.oem:{len(GOOD.splitlines())}: the last row stands before STOP_TIME by 6000 s: "
+        "rows may be missing.",
+    )
+    (early,) = load_ephemeris(
+        written(tmp_path, GOOD.replace("START_TIME = 2021-07-10T16", "START_TIME = 2021-07-10T15"))
+    ).notes
+    assert "a.oem:15: the first row stands after START_TIME by 3600 s" in early
+    assert load_ephemeris(written(tmp_path, GOOD)).notes == ()

@@ -115,3 +115,26 @@ def test_a_range_that_would_not_be_positive_is_no_reading_whatever_the_clocks(sc
     expected = float(sensors(scene, range_sigma_m=1.0)["link"].no_echo(np.array(1.0)))
     assert abs(np.isnan(z[..., 0]).mean() - expected) < 4 * np.sqrt(expected * (1 - expected) / (runs * 64))
     assert (z[np.isfinite(z)] < 0).any()  # the clocks' error may well put a range below zero
+
+
+def test_without_a_range_rate_sigma_it_reads_the_range_alone(scene, flight):
+    alone = {**EXACT, "range_rate_sigma_m_s": None}
+    z = read(scene, flight, **alone, **{**CLOCK, "clock_drift_sigma_m_s": 0.0})
+    distance = np.linalg.norm(flight.deputy[0, :, :3] - flight.chief[0, :, :3], axis=1)
+    error = z[..., 0] - distance
+    assert z.shape == (2, 64, 1)
+    assert np.allclose(error, error[:, :1], rtol=0, atol=1e-7)
+    assert np.abs(error[:, 0]).min() > 0.1
+    made = sensors(scene, range_rate_sigma_m_s=None, clock_bias_sigma_m=30.0)["link"]
+    assert made.channel_names == ("range",)
+    assert [error.kind for error in made.drawn_errors()] == ["range_bias"]
+    model = sensor_measurement("link", sensors(scene, range_rate_sigma_m_s=None), scene.ORBIT, STEP_S)
+    assert np.array_equal(model.noise(np.zeros((1, 6)), 0), [[0.25]])
+
+
+def test_a_drift_of_clocks_needs_a_range_rate(scene):
+    with pytest.raises(ValueError, match="give range_rate_sigma_m_s"):
+        sensors(scene, range_rate_sigma_m_s=None, **CLOCK)
+    with pytest.raises(ValueError, match="channel"):
+        parts = [{"kind": "gaussian"}, {"kind": "bias", "value": [1.0, 2.0]}]
+        sensors(scene, range_rate_sigma_m_s=None, noise=parts)

@@ -13,7 +13,7 @@ from relnav_sim.recorded.readings_csv import write_csv
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.sensors import readings_layout
 from relnav_sim.simulation.block import simulate_block
-from relnav_sim.simulation.origin import are_of_campaign
+from relnav_sim.simulation.origin import difference_from_campaign
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock
 from relnav_sim.simulation.recording import record
@@ -92,7 +92,7 @@ def test_a_campaign_replayed_gives_its_own_bits(name, tmp_path):
     recorded = through_files(made, tmp_path, runs)
     done, unscored = (replay_block(made.cases[0], made.seed, recorded, with_truth) for with_truth in (True, False))
     assert unscored.results == ()
-    assert not done.broken and are_of_campaign(made.cases[0].config, made.seed, recorded)
+    assert not done.broken and difference_from_campaign(made.cases[0].config, made.seed, recorded) == ""
     for name, own in flown.filters.items():
         stored = done.filters[name].mean[:, :: made.cases[0].config.clock.store_every, :6] - flown.relative
         np.testing.assert_array_equal(stored.astype(own.error.dtype), own.error)
@@ -324,6 +324,6 @@ def test_readings_of_another_flight_are_not_taken_for_the_campaigns():
     spoilt = np.array(one.sensors["radar"].values)
     spoilt[::4] += 50
     few = replace(one, sensors={"radar": replace(one.sensors["radar"], values=spoilt)})
-    assert are_of_campaign(config, made.seed, [few])
-    assert not are_of_campaign(config, made.seed, [replace(one, run=2)])
-    assert not are_of_campaign(config, made.seed + 1, [one])
+    assert difference_from_campaign(config, made.seed, [few]) == ""
+    assert difference_from_campaign(config, made.seed, [replace(one, run=2)]) != ""
+    assert difference_from_campaign(config, made.seed + 1, [one]) != ""

@@ -10,7 +10,7 @@ from orbit_files import EPOCH, MU_M3_S2, RADIUS_M, calendar, circular, oem_text
 from relnav_sim import CampaignError, eci_from_itrf, itrf_from_eci, load_campaign, run_campaign, simulate
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.recorded_orbits import recorded_orbits
-from relnav_sim.campaign.warnings import flown_warnings
+from relnav_sim.campaign.warnings import campaign_warnings, flown_warnings
 from relnav_sim.results.block import RefusedError
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import EphemerisTruthOptions, nominal_chief, truth_trajectory
@@ -237,3 +237,21 @@ def test_masses_may_be_told(folder: Path) -> None:
     found = campaign(folder, "truth.chief={mass_kg: 500, area_m2: 2}", "truth.constants.j2=1.1e-3")
     assert options(found).chief is not None
     assert nominal_chief(options(found)).j2 == 1.1e-3
+
+
+def test_each_craft_must_be_near_the_earth(folder: Path) -> None:
+    far = circular(TIMES, AHEAD_RAD) * 1e3
+    (folder / "b.oem").write_text(oem_text(TIMES, far, more=""), encoding="utf-8")
+    (problem,) = problems(folder)
+    assert "b.oem:13: the position is 6.9e+06 km from the Earth's centre" in problem
+    assert problem.endswith("check the units")
+
+
+def test_rows_that_are_met_badly_are_told_before_a_run(folder: Path) -> None:
+    assert not any("withheld" in sentence for sentence in campaign_warnings(campaign(folder)))
+    rough = circular(TIMES, AHEAD_RAD) + np.random.default_rng(1).normal(size=(len(TIMES), 6)) * 3 * np.repeat(
+        [1, 0], 3
+    )
+    (folder / "b.oem").write_text(oem_text(TIMES, rough, more=""), encoding="utf-8")
+    (told,) = (sentence for sentence in campaign_warnings(campaign(folder)) if "withheld" in sentence)
+    assert told.startswith("Rows of b.oem that are withheld are met within ")

@@ -97,6 +97,9 @@ def test_any_shapes_that_broadcast(states):
     force, times = of_field(third_bodies=("sun",)), np.arange(5) * 1e4
     whole = force.acceleration(states.reshape(8, 5, 6), times_s=times)
     assert np.array_equal(whole[3, 2], force.acceleration(states[17], times_s=times[2]))
+    lost = force.acceleration(states[:2], times_s=[times[2], np.nan])
+    assert np.isfinite(lost[0]).all()
+    assert np.isnan(lost[1]).all()
     assert force.acceleration(np.zeros((0, 6))).shape == (0, 3)
     normal = force.normal_acceleration(states.reshape(8, 5, 6), times_s=times)
     axis = np.cross(states[17, :3], states[17, 3:])

@@ -128,6 +128,11 @@ def test_a_field_of_a_file(tmp_path):
 
 REFUSED = {
     "gravity without epoch": ({"epoch": None, "forces": FIELD}, "forces.gravity", "give the start's as truth.epoch"),
+    "gravity before 1972": (
+        {"epoch": "1971-12-31T00:00:00 TAI", "forces": FIELD},
+        "forces.gravity",
+        "an epoch before 1972",
+    ),
     "third bodies without epoch": (
         {"epoch": None, "forces": {"third_bodies": ["sun"]}},
         "forces.third_bodies",

@@ -115,7 +115,9 @@ def test_two_line_elements_by_lines_file_or_omm_are_one_start(tmp_path):
     given = truth({"tle": {"lines": LINES}})
     named = truth({"tle": {"file": "pair.tle", "name": "GRACE-FO 1"}}, folder=tmp_path)
     numbered = truth({"tle": {"file": "pair.tle", "name": "43476"}}, folder=tmp_path)
+    plain = truth({"tle": {"file": "pair.tle", "name": 43476}}, folder=tmp_path)
     message = truth({"omm": {"file": "one.omm"}}, folder=tmp_path)
+    assert plain == numbered
     assert given.start_epoch == Epoch.parse("2018-12-31T21:31:17.6664 UTC") == message.start_epoch
     assert given.chief.tle.lines == named.chief.tle.lines == numbered.chief.tle.lines
     np.testing.assert_allclose(message.chief_state, given.chief_state, rtol=1e-9)
@@ -147,6 +149,22 @@ def test_a_warning_where_mean_elements_are_too_coarse():
     assert start_warnings(late) == [
         "The chief's mean elements are 19 days away from the start; SGP4 loses about 1 km a day."
     ]
+
+
+@pytest.mark.parametrize(
+    ("orbit", "sentence"),
+    [
+        ({"altitude_km": 400_000}, "altitude_km of 400000 is kilometres, beyond the geostationary ring; for 400000 m"),
+        ({"altitude_km": 500_000}, "m write 500."),
+        ({"a_km": 700_000}, "The chief's a_km of 700000 is kilometres, beyond the Moon at 384400 km"),
+        ({"altitude_km": 35_786}, None),
+        ({"a_km": 240_000, "e": 0.5}, None),
+    ],
+)
+def test_orbits_beyond_use_are_told(orbit, sentence):
+    told = start_warnings(truth({"orbit": {"i_deg": 10, **orbit}}))
+    assert len(told) == (sentence is not None)
+    assert sentence is None or sentence in told[0]
 
 
 def test_relative_elements_and_orbits_of_their_own_agree():
@@ -285,6 +303,12 @@ REFUSED = {
         "chief.omm.elements",
         "word.omm:13: INCLINATION is 'steep'; it must be a number",
     ),
+    "another unit": (
+        {"omm": {"file": "unit.omm"}},
+        BEHIND,
+        "chief.omm.elements",
+        "unit.omm:13: INCLINATION is in 'rad'; it must be in deg",
+    ),
     "a key missing": (
         {"omm": {"file": "short.omm"}},
         BEHIND,
@@ -324,6 +348,7 @@ def folder(tmp_path):
         "half.tle": LINES[0],
         "empty.tle": "",
         "dsst.omm": OMM.replace("= SGP4", "= DSST"),
+        "unit.omm": OMM.replace("88.9970 [deg]", "1.5532 [rad]"),
         "word.omm": OMM.replace("88.9970 [deg]", "steep"),
         "short.omm": OMM.replace("BSTAR = .96631E-5\n", ""),
         "broken.xml": "<ndm><omm>",
@@ -398,13 +423,22 @@ def test_a_start_on_a_recorded_orbit(recorded, epoch, after_s):
     assert TruthOptions.model_validate_json(options.model_dump_json()) == options
 
 
+def test_a_gap_elsewhere_does_not_matter_to_a_start(recorded):
+    whole = truth({"ephemeris": {"file": "chief.oem"}}, folder=recorded, epoch="2026-01-01T00:10:17 UTC")
+    lines = (recorded / "chief.oem").read_text().splitlines(keepends=True)
+    (recorded / "chief.oem").write_text("".join(lines[:-60] + lines[-20:]))
+    torn = truth({"ephemeris": {"file": "chief.oem"}}, folder=recorded, epoch="2026-01-01T00:10:17 UTC")
+    # The gap may change by which polynomial the rows are met best.
+    np.testing.assert_allclose(torn.chief_state, whole.chief_state, rtol=0, atol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("ephemeris", "epoch", "sentence"),
     [
         (
             {"file": "chief.oem"},
             "2026-01-01T02:00:00 UTC",
-            "chief.oem does not cover 2026-01-01T02:00:00 UTC; it covers",
+            r"chief\.oem:5: the orbit is useable from .* to .*; it is needed at 2026-01-01T02:00:00 UTC",
         ),
         ({"file": "none.oem"}, None, "none.oem: No such file or directory"),
     ],

@@ -20,7 +20,7 @@ class AugmentedDynamics:
 
     Alone, an augmented state is a constant (a factor 1 on the diagonal of D, no noise), a random walk (factor 1) or a
     first-order Gauss-Markov process (factor exp(-step / tau), noise sigma^2 (1 - factor^2)); a clock's bias and drift
-    are coupled. u is independent of w.
+    are coupled. u is independent of w, unless `within_step` says what it does to x before the step ends.
 
     Args:
         base: How x moves, n states.
@@ -29,6 +29,7 @@ class AugmentedDynamics:
         inputs: G, (n, e), or a function ``inputs(step)`` that returns it, (n, e) or (runs, n, e); default: the extra
             states do not move x.
         considered: Numbers, from 0, of the augmented states that a filter is to account for without estimating them.
+        within_step: What u adds to the covariance of x, and its covariance with u, (n, n + e); default: nothing.
 
     Attributes:
         considered: Their places in [x; b].
@@ -44,6 +45,7 @@ class AugmentedDynamics:
         noise: ArrayLike,
         inputs: ArrayLike | Callable[[Step], Array] | None = None,
         considered: Sequence[int] = (),
+        within_step: ArrayLike | None = None,
     ) -> None:
         self.base = base
         self.linear = base.linear
@@ -63,6 +65,9 @@ class AugmentedDynamics:
         self.considered = tuple(n + place for place in considered)
         self._known: tuple[Array | None, Array] = None, self._noise
         """The latest constant Q of the base, and what `process_noise` makes of it."""
+        self._within: Array | None = None if within_step is None else np.array(within_step, dtype=float)
+        if self._within is not None:
+            self._check_within(self._within)
         self._inputs: Callable[[Step], Array] | None
         if inputs is None or callable(inputs):
             self._inputs = inputs
@@ -71,6 +76,13 @@ class AugmentedDynamics:
             if G.shape != (n, e):
                 raise ValueError(f"inputs has shape {G.shape}; it must be {(n, e)}")
             self._inputs = lambda step: G
+
+    def _check_within(self, within: Array) -> None:
+        n = self._n
+        if within.shape != (n, self.dimension):
+            raise ValueError(f"within_step has shape {within.shape}; it must be {(n, self.dimension)}")
+        if not _is_covariance(np.block([[within], [within[:, n:].T, self._noise]])):
+            raise ValueError("within_step and noise are no covariance of [x; b]")
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., n + e) after the step."""
@@ -99,7 +111,10 @@ class AugmentedDynamics:
         return whole
 
     def process_noise(self, states: Array, step: Step) -> Array:
-        """Return blockdiag(Q, noise), (n + e, n + e), or (runs, ..., n + e, n + e) where Q depends on the state."""
+        """Return the covariance of [w; u], (n + e, n + e), or (runs, ..., n + e, n + e) where Q depends on the state.
+
+        It is blockdiag(Q, noise) and what u does within the step.
+        """
         n = self._n
         Q = self.base.process_noise(states[..., :n], step)
         if Q is self._known[0]:
@@ -107,6 +122,9 @@ class AugmentedDynamics:
         whole = np.zeros((*Q.shape[:-2], self.dimension, self.dimension))
         whole[..., :n, :n] = Q
         whole[..., n:, n:] = self._noise
+        if self._within is not None:
+            whole[..., :n, :] += self._within
+            whole[..., n:, :n] += self._within[:, n:].T
         if Q.base is None and not Q.flags.writeable:  # a constant, which comes again
             whole.setflags(write=False)
             self._known = Q, whole

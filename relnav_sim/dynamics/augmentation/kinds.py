@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, expm1
 from typing import Annotated, ClassVar, Literal, Protocol
 
@@ -16,9 +16,10 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.line_of_sight import ARCSEC
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
+from relnav_sim.dynamics.correlated_acceleration import CorrelatedAcceleration
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
-from relnav_sim.dynamics.process_noise import van_loan
+from relnav_sim.dynamics.process_noise import ACTS_ON_VELOCITY, van_loan
 from relnav_sim.options import AddedLater, Options
 
 _MODE = (
@@ -67,8 +68,13 @@ class AugmentedStateOptions(Options):
         """Return the turn about the axes of the host's nadir frame that each of the states is, (3, e)."""
         return np.zeros((3, len(self.names)))
 
+    @property
+    def correlated(self) -> tuple[CorrelatedAcceleration, ...]:
+        """The accelerations that the states are, where they and their noise move the craft within a step; or none."""
+        return ()
+
     def acceleration(self) -> Array:
-        """Return the share of the states in the relative acceleration, RTN, (3, e)."""
+        """Return the share of the states in the relative acceleration, held over a step, RTN, (3, e)."""
         return _unit_column(3, self.axis, len(self.names))
 
 
@@ -297,7 +303,8 @@ class Extension:
         considered: Numbers of those that are accounted for but not estimated.
         channels: What they add to the channels of sensors: by sensor and channel, (e,).
         turns: The turn of the host's body that each is, by sensor, about the nadir frame's axes, (3, e), rad.
-        acceleration: Their share in the relative acceleration, RTN, (3, e).
+        acceleration: Their share in the relative acceleration, held over a step, RTN, (3, e).
+        correlated: By their number, those that are accelerations which vary within a step.
     """
 
     names: tuple[str, ...]
@@ -309,6 +316,7 @@ class Extension:
     channels: Mapping[str, Mapping[str, Array]]
     turns: Mapping[str, Array]
     acceleration: Array
+    correlated: Mapping[int, CorrelatedAcceleration] = field(default_factory=dict)
 
     def dynamics(
         self, base: Dynamics, orbit: ChiefOrbit, step_s: float, thrust: KnownThrust | None = None
@@ -322,13 +330,26 @@ class Extension:
             thrust: What is told of forces: an accelerometer's bias acts in steps with a force; None: in all.
         """
         inputs: Array | Callable[[Step], Array] | None = None
-        if self.acceleration.any():
+        within: Array | None = None
+        if self.acceleration.any() or self.correlated:
             G = held_acceleration(orbit.mean_motion_rad_s, step_s) @ self.acceleration
+            if self.correlated:
+                within = self._correlate(G, cw_system(orbit.mean_motion_rad_s), step_s)
             measured = np.array([name.startswith("accelerometer_bias") for name in self.names])
             inputs = G
             if measured.any() and thrust is not None:
                 inputs = _while_pushed(thrust, G, measured)
-        return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered)
+        return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered, within)
+
+    def _correlate(self, G: Array, A: Array, step_s: float) -> Array:
+        """Put the columns of the correlated accelerations into G (6, e); return their noise in a step, (6, 6 + e)."""
+        within = np.zeros((6, 6 + len(self.names)))
+        for place, acceleration in self.correlated.items():
+            end, Q = acceleration.over_step(A, step_s)
+            G[:, place] = end[:6]
+            within[:, :6] += Q[:6, :6]
+            within[:, 6 + place] = Q[:6, 6]
+        return within
 
 
 class SeenBy(Protocol):
@@ -349,7 +370,7 @@ class SeenBy(Protocol):
         ...
 
 
-def extension(options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], step_s: float) -> Extension:
+def extension(options: Sequence[AugmentedStateOptions], sensors: Mapping[str, SeenBy], step_s: float) -> Extension:
     """Return the augmented states of a filter.
 
     Args:
@@ -372,15 +393,26 @@ def extension(options: Sequence[AugmentedStateOption], sensors: Mapping[str, See
         channels=_added(options, sensors, len(modes)),
         turns=_turned(options, sensors, len(modes)),
         acceleration=np.concatenate([option.acceleration() for option in options], axis=1),
+        correlated=_correlated(options),
     )
 
 
-def _named(option: AugmentedStateOption) -> tuple[str, ...]:
+def _correlated(options: Sequence[AugmentedStateOptions]) -> dict[int, CorrelatedAcceleration]:
+    """Return the accelerations that vary within a step, by the number of their state."""
+    found: dict[int, CorrelatedAcceleration] = {}
+    first = 0
+    for option in options:
+        found |= dict(enumerate(option.correlated, start=first))
+        first += len(option.names)
+    return found
+
+
+def _named(option: AugmentedStateOptions) -> tuple[str, ...]:
     """Return the names of the states of one kind, with the sensor's before them where the option names one."""
     return option.names if option.sensor is None else tuple(f"{option.sensor}_{name}" for name in option.names)
 
 
-def sensor_of(option: AugmentedStateOption, sensors: Mapping[str, SeenBy]) -> str | None:
+def sensor_of(option: AugmentedStateOptions, sensors: Mapping[str, SeenBy]) -> str | None:
     """Return the name of the sensor whose error an augmented state is; None where it is no error of a sensor.
 
     Raises:
@@ -407,7 +439,7 @@ def sensor_of(option: AugmentedStateOption, sensors: Mapping[str, SeenBy]) -> st
 
 
 def _added(
-    options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], e: int
+    options: Sequence[AugmentedStateOptions], sensors: Mapping[str, SeenBy], e: int
 ) -> dict[str, dict[str, Array]]:
     """Return what e states add to the channels of sensors."""
     added: dict[str, dict[str, Array]] = {name: {} for name in sensors}
@@ -421,7 +453,7 @@ def _added(
     return added
 
 
-def _turned(options: Sequence[AugmentedStateOption], sensors: Mapping[str, SeenBy], e: int) -> dict[str, Array]:
+def _turned(options: Sequence[AugmentedStateOptions], sensors: Mapping[str, SeenBy], e: int) -> dict[str, Array]:
     """Return the turns of the sensors' hosts; a turn holds for all sensors on the same craft."""
     turns = {name: np.zeros((3, e)) for name in sensors}
     first = 0
@@ -446,9 +478,8 @@ def _while_pushed(thrust: KnownThrust, G: Array, measured: Mask) -> Callable[[St
 
 def held_acceleration(mean_motion_rad_s: float, step_s: float) -> Array:
     """Return what an acceleration held over one step does to the state at its end, RTN, (6, 3)."""
-    acts_on_velocity = np.vstack([np.zeros((3, 3)), np.eye(3)])
     system = np.zeros((9, 9))
     system[:6, :6] = cw_system(mean_motion_rad_s)
-    system[:6, 6:] = acts_on_velocity
+    system[:6, 6:] = ACTS_ON_VELOCITY
     F, _ = van_loan(system, np.zeros((9, 1)), np.zeros((1, 1)), step_s)
     return np.array(F[:6, 6:])

@@ -16,7 +16,6 @@ from relnav_sim.results.merge import run_ranges
 from relnav_sim.simulation.replayed import Replay
 from relnav_sim.wording import counted
 
-_DIGITS_SHOWN = 16
 UNSCORED = (
     "No truth is known for these readings, so nothing here says how far the estimates are from it. The residuals can "
     "show that a filter is wrong; they can't show that it is right: an error that no reading feels leaves no trace in "
@@ -105,7 +104,9 @@ def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Pat
             *(f"{one.name} is {verdict(one, runs)}." for one in filters),
             *(f"{name} broke: {why.reason}." for name, why in block.broken.items()),
         ),
-        scored=f"Estimates are scored against {replay.truth}." if replay.truth else UNSCORED,
+        scored=f"Estimates are scored against {replay.truth}."
+        if replay.truth
+        else f"{UNSCORED} {replay.unscored}".strip(),
         warnings=(*replay.notes, *block.warnings),
         tables=tuple(tables),
         sections=tuple(_section(replay, one, place, figure_folder) for place, one in enumerate(filters)),

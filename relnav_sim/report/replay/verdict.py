@@ -11,6 +11,9 @@ from relnav_sim.statistics.residual_checks import ChannelCheck, NisCheck
 from relnav_sim.statistics.scores import Scores
 from relnav_sim.wording import listed, significant
 
+_OTHER_READINGS = 1e3
+"""NIS over its expectation that is no matter of tuning: errors of 30 sigmas."""
+
 
 def verdict(filter: FilterFigures, runs: int) -> str:
     """Return the verdict on a filter, a word first: ``overconfident: NIS 3.2 times its expectation for radar``.
@@ -37,6 +40,10 @@ def _by_residuals(filter: FilterFigures, runs: int) -> str:
         findings.append(f"residuals not white: {listed([_correlation(one) for one in correlated])}")
     if apart := checks.smoother.disagreeing:
         findings.append(f"filter and smoother disagree in {listed(apart)}")
+    if any(one.ratio > _OTHER_READINGS for one in overconfident):
+        findings.append(
+            "so far off that no noise explains it: check the units, frame and times of the readings, and the dynamics"
+        )
     if failed:
         findings.append(f"{failed} of {runs} runs failed")
     if findings:

@@ -1,11 +1,10 @@
 """How much of the Earth's field a truth needs: orbits started from the flown states of GRACE against the flown ones.
 
-GRACE A and B on 2010-07-27, 227 km apart; the public LEOGPS repository (sammmlow/LEOGPS, folder reference/) has their
-precise orbits (CODE). The folder given holds a file for each as CSV: ISO time in GPS time, position in m and velocity
-in m/s, both Earth-fixed (ITRF), every 10 s, with one line of names. Not a benchmark of speed: the table says how wrong
-relative positions become, RMS over 25 starts, one every 1500 s.
+Takes the files that rewrite.py writes. The first table says how wrong relative positions become, RMS over 25 starts,
+one every 1500 s; its last row how far a field of degree and order 40 takes a craft 10 km ahead of GRACE A from where J2
+to J4 take it. Prints the tables of docs/grace.md:
 
-    python benchmarks/grace.py FOLDER
+    python benchmarks/grace/gravity.py FOLDER
 """
 
 import sys
@@ -13,26 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from relnav_sim import Epoch, ForceModel, GravityField, eci_from_itrf, propagate
+from relnav_sim import ForceModel, GravityField, load_ephemeris, propagate
 
-EPOCH = "2010-07-27T00:00:00 GPS"
 FIELDS = {"J2 to J4": (4, 0), "4 x 4": (4, 4), "10 x 10": (10, 10), "20 x 20": (20, 20), "40 x 40": (40, 40)}
 FIELDS["60 x 60"] = (60, 60)
 STARTS = np.arange(0.0, 36_001.0, 1500.0)
 AFTER = [60.0, 120.0, 600.0, 1400.0, 2800.0, 5650.0]
 
 
-def flown(path):
-    """Return times in s after the epoch and states (T, 6), ECI."""
-    lines = [line.split(",") for line in path.read_text().splitlines()[1:]]
-    epoch = Epoch.parse(EPOCH)
-    times = np.array([Epoch.parse(f"{words[0]} GPS").seconds_since(epoch) for words in lines])
-    return times, eci_from_itrf(np.array([[float(word) for word in words[1:]] for words in lines]), times, EPOCH)
-
-
-def force_from(start_s, degree, order):
+def force_from(epoch, degree, order):
     field = GravityField.load("ggm05s", degree, order)
-    epoch = Epoch.parse(EPOCH).later(start_s)
     return ForceModel(field.mu_m3_s2, field.radius_m, zonals=(), gravity=field, epoch=epoch)
 
 
@@ -50,9 +39,9 @@ def ahead(states, distance_m):
     return np.concatenate([turned(r), turned(v)], axis=1)
 
 
-def difference(pair, degree, order, start_s):
+def difference(pair, degree, order, epoch):
     """Return the difference of positions (T, 3) of two craft, ECI, at the times after a start."""
-    a, b = propagate(pair, AFTER, force_from(start_s, degree, order))[..., :3]
+    a, b = propagate(pair, AFTER, force_from(epoch, degree, order))[..., :3]
     return b - a
 
 
@@ -62,10 +51,10 @@ def rms(errors):
 
 def main():
     folder = Path(sys.argv[1])
-    times, a = flown(next(folder.glob("grace_a*.csv")))
-    _, b = flown(next(folder.glob("grace_b*.csv")))
-    index = {time: k for k, time in enumerate(times.tolist())}
-    at = np.array([[index[start + after] for after in [0.0, *AFTER]] for start in STARTS])
+    orbits = [load_ephemeris(next(folder.glob(f"grace_{craft}*.csv"))) for craft in "ab"]
+    times_s, epochs = orbits[0].times_s, [orbits[0].epoch.later(start) for start in STARTS]
+    a, b = (orbit.eci().states for orbit in orbits)
+    at = np.searchsorted(times_s, STARTS[:, None] + [0.0, *AFTER])
     print("| gravity | " + " | ".join(f"{after:g} s" for after in AFTER) + " |")
     print("|" + "---|" * (1 + len(AFTER)))
 
@@ -73,11 +62,11 @@ def main():
         print(f"| {name} | " + " | ".join(f"{value:.3g}" for value in values) + " |", flush=True)
 
     for name, size in FIELDS.items():
-        found = np.array([difference(np.stack([a[k[0]], b[k[0]]]), *size, t) for k, t in zip(at, STARTS, strict=True)])
+        found = np.array([difference(np.stack([a[k[0]], b[k[0]]]), *size, t) for k, t in zip(at, epochs, strict=True)])
         row(name, rms(found - (b - a)[at[:, 1:], :3]))
     near = np.stack([a[at[:, 0]], ahead(a[at[:, 0]], 10e3)], axis=1)
     fields = [
-        np.array([difference(p, *FIELDS[f], t) for p, t in zip(near, STARTS, strict=True)])
+        np.array([difference(p, *FIELDS[f], t) for p, t in zip(near, epochs, strict=True)])
         for f in ("40 x 40", "J2 to J4")
     ]
     row("10 km ahead: 40 x 40 less J2 to J4", rms(fields[0] - fields[1]))

@@ -1,0 +1,227 @@
+"""A filter and its sensors along the nominal truth, to first order: its own F, H and K, and what errors do to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.budget.injection import SIZE, Injection, injecting
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.models import CaseConfig, DispersedStart
+from relnav_sim.dynamics.context import FedDynamics
+from relnav_sim.dynamics.interface import Step
+from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.kalman import GaussianFilter
+from relnav_sim.filters.readings import Readings
+from relnav_sim.measurements.partial import sensors_of
+from relnav_sim.simulation.augmented_states import extended_prior
+from relnav_sim.simulation.block import CampaignFilter, create_campaign_filter, sensor_forms
+from relnav_sim.simulation.chunks import Chunk, chunks, told
+from relnav_sim.simulation.dynamics_inputs import arrival, dynamics_context
+from relnav_sim.simulation.learned import Learned
+from relnav_sim.simulation.start import starting_belief
+from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.streams import RandomSource
+from relnav_sim.truth import nominal_truth
+
+
+@dataclass(frozen=True)
+class LinearFilter:
+    """The error of a filter's estimate along the nominal truth, to first order.
+
+    With e the estimate less the nominal state, augmented states counted from 0, and unit numbers s that sensors draw,
+    e_k = A_k (F_k e_{k-1} - d_k) + G_k s_k, A the product of the I - K H of the epoch's updates.
+
+    Attributes:
+        times_s: Epochs (T,), s; at the first there is the start alone.
+        transition: A F, (T, n, n); of the first epoch I.
+        kept: A, (T, n, n); of the first epoch I.
+        left_out: d, what the filter's prediction from the true state lacks, (T, n).
+        response: G, (T, n, J), columns as the injections; of the first epoch what the start has of them.
+        offset: What the start's mean has of the truth when nothing errs, (n,); zero where it is drawn about the truth.
+        formal: The filter's own covariance, (T, n, n).
+    """
+
+    times_s: Array
+    transition: Array
+    kept: Array
+    left_out: Array
+    response: Array
+    offset: Array
+    formal: Array
+
+
+def asked_numbers(config: CaseConfig) -> list[Injection]:
+    """Return the numbers that the sensors of a case draw beside the noise of their channels."""
+    asked: list[Injection] = []
+    next(iter(_nominal_chunks(config, [], asked)))
+    return asked
+
+
+def linear_filter(config: CaseConfig, entry: FilterEntry, seed: int, injections: Sequence[Injection]) -> LinearFilter:
+    """Return a filter to first order along the nominal truth of a case.
+
+    Nothing is derived by hand: the sensors read with one error at a time, the front end makes of that what filters
+    take, and the filter's own update says what it does with it.
+
+    Args:
+        config: The case.
+        entry: The filter, one with a nominal gain.
+        seed: The campaign's seed, for dynamics that are learned.
+        injections: The errors.
+    """
+    along: _Along | None = None
+    for chunk in _nominal_chunks(config, injections):
+        along = along or _Along(config, entry, seed, len(injections), chunk)
+        along.add(chunk)
+    assert along is not None  # there is a chunk at least
+    return along.result()
+
+
+def _nominal_chunks(
+    config: CaseConfig, injections: Sequence[Injection], asked: list[Injection] | None = None
+) -> Iterator[Chunk]:
+    nominal = config.model_copy(update={"truth": nominal_truth(config.truth)})
+    return chunks(nominal, RandomSource(0, tuple(range(1 + len(injections)))), injecting(injections, asked))
+
+
+class _Along:
+    """A filter on its way along the nominal truth."""
+
+    def __init__(self, config: CaseConfig, entry: FilterEntry, seed: int, count: int, first: Chunk) -> None:
+        self._config, self._entry, self._count = config, entry, count
+        self._forms = sensor_forms(entry, config)
+        self._step_s = config.clock.step_s
+        self._context = dynamics_context(entry, config, seed, Learned(), 1)
+        self._made: CampaignFilter = create_campaign_filter(entry, config, self._context, first.late)
+        assert isinstance(self._made.filter, GaussianFilter)  # as those with a nominal gain are
+        self._filter: GaussianFilter = self._made.filter
+        self._measurement = self._filter.measurement
+        self._thrust_inputs = ThrustInputs(config)
+        self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
+        n, T = self._filter.dynamics.dimension, config.clock.epochs
+        self._n = n
+        self._times = np.empty(T)
+        self._transition, self._kept, self._formal = (np.empty((T, n, n)) for _ in range(3))
+        self._left_out, self._response = np.zeros((T, n)), np.zeros((T, n, count))
+        self._source = RandomSource(0, (0,))
+        self._start(first)
+
+    def _start(self, first: Chunk) -> None:
+        config, n = self._config, self._n
+        if isinstance(config.start, DispersedStart):  # drawn about the truth, whatever is read
+            sigma = np.array([*config.start.position_sigma_m, *config.start.velocity_sigma_m_s])
+            prior = Gaussian(first.truth.relative[:1, 0], np.diag(sigma**2)[None])
+        else:
+            prior = starting_belief(config, first, RandomSource(0, tuple(range(1 + self._count))))
+            self._response[0, :6] = (prior.mean[1:] - prior.mean[:1]).T / SIZE
+            prior = Gaussian(prior.mean[:1], prior.covariance[:1])
+        if not np.isfinite(prior.mean).all():
+            raise ValueError("no reading at 0 s that gives a position, where the start is the first fix")
+        self._offset = np.zeros(n)
+        self._offset[:6] = prior.mean[0] - first.truth.relative[0, 0]
+        if self._made.extension is not None:
+            prior = extended_prior(prior, self._made.extension, config)
+        self._P = prior.covariance
+        self._before = np.zeros((1, n))
+
+    def add(self, chunk: Chunk) -> None:
+        """Go on through the next chunk of epochs."""
+        alone = _run(chunk, 0)
+        forces = None
+        if self._made.thrust is not None:
+            known = known_thrust(self._entry, self._config)
+            forces, noise = self._thrust_inputs.of(alone, known, self._carries_bias)
+            self._made.thrust.take(forces, chunk.first_epoch, noise)
+        if (arrived := arrival(self._entry, self._context, alone, forces)) is not None:
+            cast(FedDynamics, self._made.dynamics).feed(arrived)
+        truth = np.zeros((len(chunk.truth.times_s), self._n))
+        truth[:, :6] = chunk.truth.relative[0]
+        self._times[chunk.first_epoch :][: len(truth)] = chunk.truth.times_s
+        z = told(chunk, self._forms, self._config)
+        skipped = 1 if chunk.first_epoch == 0 else 0
+        if skipped:
+            self._transition[0] = self._kept[0] = np.eye(self._n)
+            self._formal[0], self._before = self._P[0], truth[:1]
+        # Behind the runs with one error each, a perfect one for each channel, to ask the filter for its gain.
+        m = self._measurement.dimension
+        rows = {name: np.concatenate([one, np.repeat(one[:1], m, axis=0)])[:, skipped:] for name, one in z.items()}
+        first = chunk.first_epoch + skipped
+        readings = Readings(self._measurement, self._as_given(rows), first)
+        with np.errstate(all="ignore"), readings:
+            for k, state in enumerate(truth[skipped:]):
+                self._step(readings, k, Step(first + k, self._step_s), state[None])
+
+    def _as_given(self, z: dict[str, Array]) -> dict[str, Array]:
+        return {sensor.name: z[sensor.name] for sensor in sensors_of(self._measurement)}
+
+    def _step(self, readings: Readings, k: int, step: Step, state: Array) -> None:
+        """Predict from the true state before and update at the true state now."""
+        n, epoch, dynamics = self._n, step.epoch, self._filter.dynamics
+        readings.begin(k)
+        F = np.reshape(dynamics.transition(self._before, step), (n, n))
+        left_out = state[0] - dynamics.propagate(self._before, step)[0]
+        left_out[6:] = 0.0  # augmented states have no truth here: they count from 0
+        prior = self._filter.start(Gaussian(self._before, self._P), self._source)
+        P = self._filter.predict(prior, step).covariance
+        A, G = np.eye(n), np.zeros((n, self._count))
+        for place, one in enumerate(readings.sensors):
+            if one.read[0, k]:
+                gain, H, C, P = self._update(readings.attend(place, k), state, P, step)
+                kept = np.eye(n) - gain @ H
+                A, G = kept @ A, kept @ G + gain @ C
+        self._transition[epoch], self._kept[epoch], self._left_out[epoch] = A @ F, A, left_out
+        self._response[epoch], self._formal[epoch] = G, P[0]
+        self._before, self._P = state, P
+
+    def _update(self, z: Array, state: Array, P: Array, step: Step) -> tuple[Array, Array, Array, Array]:
+        """Return K (n, m), H (m, n), what the injections do to the residual (m, J), and P after the update."""
+        filter, measurement, epoch, n = self._filter, self._measurement, step.epoch, self._n
+        m, errors = measurement.dimension, 1 + self._count
+        mean = np.repeat(state, len(z), axis=0)
+        residual = measurement.residual(z, measurement.predict(mean, epoch))
+        C = (residual[1:errors] - residual[0]).T / SIZE
+        H = np.broadcast_to(measurement.jacobian(mean, epoch), (len(z), m, n))[0]
+        R = measurement.noise(mean, epoch)
+        # The mean is linear in the reading, so any size will do; that of the noise keeps the digits.
+        probe = np.sqrt(np.diagonal(R if R.ndim == 2 else R[0]))
+        probed = z.copy()
+        probed[errors:] += np.diag(probe)
+        prior = filter.start(Gaussian(mean, np.repeat(P, len(z), axis=0)), self._source)
+        # `correct` and not `update`: an innovation gate is left out.
+        posterior, _ = filter.correct(prior, probed, step)
+        posterior = filter.keep_considered(prior, posterior)
+        gain = (posterior.mean[errors:] - posterior.mean[0]).T / probe
+        return gain, H, C, posterior.covariance[:1]
+
+    def result(self) -> LinearFilter:
+        """Return what was found.
+
+        Raises:
+            ValueError: A matrix is not finite.
+        """
+        found = LinearFilter(
+            self._times, self._transition, self._kept, self._left_out, self._response, self._offset, self._formal
+        )
+        wrong = ~np.isfinite(self._transition).all(axis=(1, 2)) | ~np.isfinite(self._response).all(axis=(1, 2))
+        wrong |= ~np.isfinite(self._left_out).all(axis=1) | ~np.isfinite(self._formal).all(axis=(1, 2))
+        if wrong.any():
+            time_s = self._times[np.argmax(wrong)]
+            raise ValueError(f"its gain, its transition or what a sensor's error does is not finite at {time_s:g} s")
+        return found
+
+
+def _run(chunk: Chunk, run: int) -> Chunk:
+    """Return a chunk with one run only."""
+    return replace(
+        chunk,
+        z={name: values[run : run + 1] for name, values in chunk.z.items()},
+        inputs={
+            name: {form: values[run : run + 1] for form, values in forms.items()}
+            for name, forms in chunk.inputs.items()
+        },
+    )

@@ -1,0 +1,37 @@
+"""Options of the truth that change nothing beside the others: what a user gave and may wrongly rely on."""
+
+from __future__ import annotations
+
+from relnav_sim.campaign.models import CaseConfig
+from relnav_sim.truth import TruthOptions
+from relnav_sim.truth.force_options import AtmosphereOptions
+
+
+def idle_options(config: CaseConfig) -> list[str]:
+    """Return a sentence on each part of a case's truth that has no effect; none where all has."""
+    truth = config.truth
+    if not isinstance(truth, TruthOptions):
+        return []
+    found = []
+    drag = truth.forces.drag
+    if drag != "exponential" and truth.forces.atmosphere != AtmosphereOptions():
+        why = "the layers have densities of their own" if drag == "layers" else "there is no drag"
+        found.append(
+            f"truth.forces.atmosphere has no effect with drag: {drag}, as {why}; leave it out, or take exponential."
+        )
+    if truth.earth_orientation is not None and not _turns(config, truth):
+        why = "the campaign has no date" if truth.start_epoch is None else "nothing depends on how the Earth is turned"
+        found.append(f"truth.earth_orientation has no effect, as {why}; leave it out.")
+    return found
+
+
+def _turns(config: CaseConfig, truth: TruthOptions) -> bool:
+    """Return whether something may depend on how the Earth is turned at a date."""
+    if truth.start_epoch is None:
+        return False
+    own = [each for each in (truth.chief, truth.deputy) if each.ephemeris is not None]
+    fixed = [
+        each for each in (truth.chief, truth.deputy) if each.cartesian is not None and each.cartesian.frame == "ITRF"
+    ]
+    believing = [entry for entry in config.filters.values() if "epoch" in entry.dynamics.needs]
+    return bool(truth.forces.gravity is not None or own or fixed or believing)

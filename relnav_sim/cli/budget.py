@@ -1,0 +1,143 @@
+"""`relnav budget`: how much of a filter's error each source is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.files import CAMPAIGNS, RESULTS, existing
+from relnav_sim.cli.output import command, new_file, print_table, say
+
+if TYPE_CHECKING:
+    from relnav_sim.budget import Budget
+    from relnav_sim.campaign import Campaign
+
+
+def budget(
+    file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The campaign, a YAML file.")],
+    case: Annotated[int, typer.Option("--case", metavar="N", min=0, help="The case, counted from 0.")] = 0,
+    filters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--filter",
+            metavar="NAME",
+            help="The filter; repeat for several.",
+            show_default="the first that has a budget",
+        ),
+    ] = None,
+    result: Annotated[
+        Path | None,
+        typer.Option(
+            "--result",
+            metavar="RESULT",
+            help="A Monte Carlo of the campaign to compare with.",
+            show_default="results/NAME.h5, if it is one",
+        ),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Change a value, as clock.step_s=1; may be repeated."),
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", metavar="FILE", help="Also write the variances over time to this file.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --csv.")] = False,
+) -> None:
+    """Show how much of a filter's error each source is, without a Monte Carlo run.
+
+    Linear covariance analysis along the nominal truth: for filters whose gain does not depend on the readings. What of
+    the campaign is not in the budget is named below the table.
+    """
+    from relnav_sim.budget import budgeted_filters, error_budget
+    from relnav_sim.campaign import load_campaign
+
+    target = None if csv is None else new_file(csv, overwrite)
+    campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
+    if case >= len(campaign.cases):
+        raise UserError(f"--case {case}: there is no such case; the campaign has {len(campaign.cases)}, counted from 0")
+    wanted: Sequence[str | None] = filters or [None]
+    try:
+        found = [error_budget(campaign, case, name) for name in wanted]
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    config = campaign.cases[case].config
+    compared = _result(campaign, result)
+    for one in found:
+        _show(one, campaign, case)
+        if compared is not None:
+            _compare(one, campaign, case, compared)
+    if not filters:
+        known = budgeted_filters(config)
+        if others := [name for name in known if name != found[0].filter]:
+            say(f"\nothers: {command('relnav', 'budget', file, *(w for name in others for w in ('--filter', name)))}")
+        if without := [name for name in config.filters if name not in known]:
+            say(f"no budget of {', '.join(without)}: the gain depends on the readings")
+    if target is not None:
+        from relnav_sim.budget.export import export_budgets
+
+        export_budgets(found, config.clock.store_every, target)
+        say(f"\nwrote {target}")
+
+
+def _show(budget: Budget, campaign: Campaign, case: int) -> None:
+    from relnav_sim.budget.table import budget_rows
+
+    of = campaign.cases[case]
+    label = f", case {case}: {of.label}" if len(campaign.cases) > 1 else ""
+    settle_s = of.config.statistics.settle_s
+    say(f"{campaign.name}{label}\nfilter {budget.filter}, sigmas from {settle_s:g} s on (rms) and at the end\n")
+    headings = ("source", "position, m", "at the end", "velocity, m/s", "at the end", "share", "halving it gains")
+    print_table(budget_rows(budget, settle_s), headings)
+    say("\nshare and gain: of the position from then on; formal: what the filter itself states")
+    for sentence in budget.not_covered:
+        say(f"not in this budget: {sentence}")
+
+
+def _result(campaign: Campaign, given: Path | None) -> Path | None:
+    """Return the result to compare with: the one that is given, else the campaign's own where there is one.
+
+    Raises:
+        UserError: The given one is of another campaign.
+    """
+    from relnav_sim.cli.source import readable
+    from relnav_sim.results import open_results
+
+    path = Path("results") / f"{campaign.name}.h5" if given is None else existing(given, RESULTS)
+    if not path.is_file():
+        return None
+    with readable(path) as file, open_results(file) as results:
+        if results.campaign_hash == campaign.hash:
+            return path
+    if given is not None:
+        raise UserError(f"{path} is a result of another campaign, or of another version of {campaign.name}")
+    say(f"{path} is of another version of the campaign: it is not compared\n")
+    return None
+
+
+def _compare(budget: Budget, campaign: Campaign, case: int, path: Path) -> None:
+    from relnav_sim.budget.verdict import squares_of, verdict
+    from relnav_sim.cli.source import readable
+    from relnav_sim.results import open_results
+
+    of = campaign.cases[case]
+    with readable(path) as file, open_results(file) as results:
+        squares = squares_of(results, of.id, budget.filter)
+    found = verdict(budget, squares, of.config.statistics.settle_s)
+    if found is None:
+        say(f"{path}: too few runs of {budget.filter} to compare with")
+        return
+    words = "linear here"
+    if not found.agrees:
+        words = "nonlinear here: trust the Monte Carlo"
+        if budget.not_covered:
+            words = "nonlinear here, or it is what the budget leaves out: trust the Monte Carlo"
+    failed = f"; {found.failed} failed" if found.failed else ""
+    low, high = found.interval
+    say(
+        f"{path}: position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's "
+        f"({low:.3f} to {high:.3f}): {words}"
+    )

@@ -1,0 +1,44 @@
+"""White acceleration whose densities are set from outside, step by step, for each run its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.process_noise import ACTS_ON_VELOCITY, van_loan
+
+
+class WhiteAcceleration:
+    """Dynamics of six states with white acceleration on each RTN axis added to their process noise.
+
+    Args:
+        base: The dynamics, without white acceleration of their own.
+        A: System matrix of the linear relative motion by which the acceleration acts, (6, 6), 1/s.
+        densities: Power spectral densities, (3,), m^2/s^3.
+        step_s: Time between epochs, s.
+
+    Attributes:
+        densities: Those now, (runs, 3), or (1, 3) where all runs have the same.
+        noises: Q over one step of a density 1 on each axis, (3, 6, 6).
+        step_transition: F of the linear relative motion over one step, (6, 6).
+    """
+
+    def __init__(self, base: Dynamics, A: Array, densities: Array, step_s: float) -> None:
+        self._base = base
+        self.densities: Array = densities[None]
+        over_step = [van_loan(A, b[:, None], np.eye(1), step_s) for b in ACTS_ON_VELOCITY.T]
+        self.step_transition = over_step[0][0]
+        self.noises = np.stack([Q for _, Q in over_step])
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q, (6, 6), or (runs, 6, 6) whatever the states where the runs have densities of their own."""
+        white = (self.densities[:, :, None, None] * self.noises).sum(axis=1)
+        return self._base.process_noise(states, step) + (white[0] if len(white) == 1 else white)

@@ -1,0 +1,93 @@
+"""Process noise found during a run, on a linear problem whose noise is known."""
+
+import numpy as np
+import pytest
+
+from relnav_sim import LinearDynamics, LinearMeasurement, run_filter
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
+from relnav_sim.dynamics.interface import Step
+from relnav_sim.dynamics.white_noise import WhiteAcceleration
+from relnav_sim.filters.covariance_matching import CovarianceMatching
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.measurements.partial import PartialMeasurement
+
+MEAN_MOTION, STEP_S, SIGMA_M = 1.1e-3, 10.0, 0.003
+TRUE = np.array([1e-8, 3e-8, 5e-9])
+PRIOR = np.diag([10.0] * 3 + [0.1] * 3) ** 2
+NAMES = ("radial_psd_m2_s3", "along_track_psd_m2_s3", "normal_psd_m2_s3")
+SINGLE = ("kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "mckf", "student_t", "adaptive_alpha_kf")
+
+
+def white(densities):
+    base = LinearDynamics(cw_transition(MEAN_MOTION, STEP_S), np.zeros((6, 6)))
+    return WhiteAcceleration(base, cw_system(MEAN_MOTION), densities, STEP_S)
+
+
+def matching(kind, densities, window):
+    motion, filter = white(densities), filter_kinds()[kind]
+    measurement = PartialMeasurement(LinearMeasurement(np.eye(3, 6), SIGMA_M**2 * np.eye(3)), "")
+    return CovarianceMatching(filter.factory(motion, measurement, filter.options_model()), motion, window)
+
+
+def flight(runs, epochs, every=1):
+    """Return true states (runs, T, 6) with the true process noise, and readings (runs, T, 3) at every so many steps."""
+    rng = np.random.default_rng(8)
+    F, root = (
+        cw_transition(MEAN_MOTION, STEP_S),
+        np.linalg.cholesky(white(TRUE).process_noise(np.zeros((1, 6)), Step(0))),
+    )
+    x, truth = rng.normal(size=(runs, 6)) @ np.sqrt(PRIOR), np.empty((runs, epochs, 6))
+    for k in range(epochs):
+        truth[:, k] = x = x @ F.T + rng.normal(size=(runs, 6)) @ root.T
+    z = truth[..., :3] + SIGMA_M * rng.normal(size=(runs, epochs, 3))
+    z[:, np.arange(epochs) % every > 0] = np.nan
+    return truth, z
+
+
+def densities(history):
+    return np.stack([history.extras[name] for name in NAMES], axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("start", "every"),
+    [(0.1, 1), pytest.param(30.0, 1, marks=pytest.mark.slow), pytest.param(0.1, 3, marks=pytest.mark.slow)],
+)
+def test_a_known_density_is_found(start, every):
+    """Mean of 100 runs over the last half within 10 %, whether readings come at every step or at every third."""
+    epochs = 600 * every
+    truth, z = flight(100, epochs, every)
+    history = run_filter(matching("kf", start * TRUE, 50), z, np.zeros(6), PRIOR, step_s=STEP_S)
+    last = slice(epochs // 2, None)
+    assert np.allclose(np.nanmean(densities(history)[:, last], axis=(0, 1)) / TRUE, 1, atol=0.1)
+    error = (history.mean - truth)[:, last]
+    nees = np.einsum("bti,btij,btj->bt", error, np.linalg.inv(history.covariance[:, last]), error).mean() / 6
+    assert 0.9 < nees < 1.1
+    assert (np.linalg.eigvalsh(history.covariance[:, last]) > 0).all()
+
+
+@pytest.mark.parametrize("kind", SINGLE)
+def test_a_run_has_the_same_bits_in_any_block(kind):
+    _, z = flight(7, 60)
+    z[2, 10:14] = z[5, 30] = np.nan  # some runs are not read at some epochs
+    of = [run_filter(matching(kind, TRUE, 20), part, np.zeros(6), PRIOR, step_s=STEP_S) for part in (z, z[2:3], z[4:])]
+    for alone, runs in ((of[1], slice(2, 3)), (of[2], slice(4, None))):
+        assert np.array_equal(alone.mean, of[0].mean[runs])
+        assert np.array_equal(alone.covariance, of[0].covariance[runs])
+        assert np.array_equal(densities(alone), densities(of[0])[runs], equal_nan=True)
+    assert not np.array_equal(densities(of[0])[:, -1], np.tile(TRUE, (7, 1)))
+
+
+def test_before_the_window_is_full_it_is_the_filter_itself():
+    _, z = flight(3, 30)
+    kf = filter_kinds()["kf"]
+    own = white(TRUE)
+    measurement = PartialMeasurement(LinearMeasurement(np.eye(3, 6), SIGMA_M**2 * np.eye(3)), "")
+    plain = run_filter(kf.factory(own, measurement, kf.options_model()), z, np.zeros(6), PRIOR, step_s=STEP_S)
+    matched = run_filter(matching("kf", TRUE, 40), z, np.zeros(6), PRIOR, step_s=STEP_S)
+    assert np.array_equal(plain.mean, matched.mean) and np.array_equal(plain.covariance, matched.covariance)
+
+
+def test_the_filters_that_can():
+    kinds = filter_kinds()
+    assert all(kinds[name].matches_covariance for name in SINGLE)
+    assert not any(kinds[name].matches_covariance for name in ("two_step", "particle", "imm", "gaussian_sum"))
