@@ -136,7 +136,8 @@ class AlphaKalmanFilter(SamplingFilter):
         posterior = prior.posterior(mean, covariance)
         # Fewer effective samples than moments say nothing of a covariance; NaN fails the comparison too.
         d = mean.shape[1]
-        usable = (ess > d * (d + 3) / 2) & np.isfinite(posterior.covariance.reshape(len(z), -1).sum(axis=1))
+        P = posterior.covariance
+        usable = (ess > d * (d + 3) / 2) & np.isfinite(P.reshape(len(P), P.shape[1] ** 2).sum(axis=1))
         posterior, failed = self.with_fallback(posterior, usable, belief, z, self._total_alpha, step)
         innovation = model.innovation()
         extras = {
