@@ -80,6 +80,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_campaign_runs_them_on_two_workers(installed, tmp_path):
     """The workers are processes of their own, which find them by themselves; there is a bound; they do their job."""
     (tmp_path / "script.py").write_text(SCRIPT)

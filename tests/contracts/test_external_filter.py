@@ -49,6 +49,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_campaign_runs_it_on_two_workers(installed, tmp_path):
     """The workers are processes of their own, which find the filter by themselves; and it does what it is for."""
     (tmp_path / "script.py").write_text(SCRIPT)

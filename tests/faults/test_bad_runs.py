@@ -148,6 +148,7 @@ def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
     assert not list(here.shards.glob("*.busy"))
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_be_cut_is_blamed_the_second_time_only(with_plugin):
     here = with_plugin("killed_once")
     options = ("--workers", "1", "--runs", "1", "--set", "filters={once: {kind: killed_once}}", "--set", "bound=false")
@@ -157,6 +158,7 @@ def test_a_run_that_cannot_be_cut_is_blamed_the_second_time_only(with_plugin):
 
 
 @pytest.mark.parametrize("options", [("--backend", "sequential"), pytest.param((), marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_want_of_memory_is_no_failure_of_the_filter_and_is_tried_again(with_plugin, options):
     here = with_plugin("lacks")
     again, one = ("run", "small.yaml", *options), ("run", "small.yaml", "--only", "0:3", *options)
@@ -186,6 +188,7 @@ ALONE = ("--set", "bound=false", "--set", "block_runs=1", "--runs", "4")
 
 
 @pytest.mark.parametrize("kind", ["hangs", pytest.param("holds", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_run_that_hangs_is_ended_from_outside(with_plugin, kind):
     here = with_plugin(kind)
     code, _, stderr = here.run("run", "small.yaml", "--timeout-s", "4", *ALONE)
@@ -213,6 +216,7 @@ def test_no_time_limit_without_worker_processes(with_plugin):
     assert stderr == "relnav: --timeout-s needs worker processes, which can be ended; leave out --backend sequential\n"
 
 
+@pytest.mark.slow
 def test_workers_die_with_their_parent_whatever_they_are_at(with_plugin):
     here = with_plugin("holds")
     process = here.start("run", "small.yaml", *ALONE)

@@ -29,6 +29,7 @@ LONG = (("runs: 6", "runs: 1"), ("duration_s: 40", "duration_s: 3000"), ("\n  kf
 ONE_CASE = ("[{kind: gaussian}, {kind: mixture, scale: 5, fraction: 0.1}]", "[{kind: gaussian}]")
 
 
+@pytest.mark.slow
 def test_a_bound_that_kills_its_worker_costs_itself_only(relnav, tmp_path):
     environment = installed(tmp_path / "site", "bad_bounds", PLUGIN)
     here = relnav(("{kind: kf}", "{kind: kills_bound}"), ONE_CASE, environment=environment)

@@ -34,6 +34,7 @@ def kept(caches):
 
 
 @pytest.mark.parametrize("options", [(), ("--backend", "sequential")])
+@pytest.mark.slow
 def test_kernels_are_compiled_once_before_the_workers_start(relnav, caches, options):
     here = relnav(environment={"RELNAV_CACHE_DIR": str(caches)})
     code, _, stderr = here.run("run", "small.yaml", *options)
@@ -50,6 +51,7 @@ def test_kernels_are_compiled_once_before_the_workers_start(relnav, caches, opti
     assert_same_bits(here.folder / "first" / "small.h5", here.out)
 
 
+@pytest.mark.slow
 def test_ends_within_two_seconds_while_kernels_are_compiled(relnav, caches):
     here = relnav(environment={"RELNAV_CACHE_DIR": str(caches)})
     (folder,) = caches.glob("kernels/*")
@@ -69,6 +71,7 @@ def test_ends_within_two_seconds_while_kernels_are_compiled(relnav, caches):
     assert not list(folder.glob("rehearsed*"))
 
 
+@pytest.mark.slow
 def test_a_filter_that_kills_its_process_meanwhile_does_no_harm(relnav, caches, tmp_path):
     environment = {**installed(tmp_path / "site", "bad_filters", PLUGIN), "RELNAV_CACHE_DIR": str(caches)}
     here = relnav(("kf: {kind: kf}", "killed: {kind: killed_once}"), environment=environment)

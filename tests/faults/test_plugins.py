@@ -196,6 +196,7 @@ def test_whatever_a_filter_raises_or_returns_is_its_own_failure(with_ways):
     assert code == 0 and all(letter.isprintable() or letter == "\n" for letter in stdout)
 
 
+@pytest.mark.slow
 def test_whatever_a_filter_changes_is_as_before_for_the_others(with_ways):
     plain, here = with_ways(folder="plain"), with_ways(*CHANGED)
     run(plain, 0, *SEQUENTIAL)

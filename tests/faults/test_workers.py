@@ -18,6 +18,7 @@ MODULE = [sys.executable, "-m", "relnav_sim"]
     "command",
     [pytest.param(SCRIPT, id="relnav", marks=pytest.mark.slow), pytest.param(MODULE, id="python -m relnav_sim")],
 )
+@pytest.mark.slow
 def test_modules_of_the_working_folder_are_the_users(relnav, tmp_path, command):
     plain, here = relnav(folder="plain"), relnav()
     run_campaign(load_campaign(plain.folder / "small.yaml", ["runs=2", "bound=false"]), plain.out, backend="sequential")
@@ -43,6 +44,7 @@ LACKS = "sys.modules['scipy'] = None"
     ],
 )
 @pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_workers_that_can_not_start_are_tried_twice(relnav, tmp_path, cause, said, count):
     here = relnav(environment={"PYTHONPATH": str(tmp_path / "site")})
     assert here.run("run", "small.yaml", "--backend", "sequential", "--runs", "1")[0] == 0

@@ -61,6 +61,7 @@ def test_in_full_the_longest_campaigns_come_last():
     assert in_order("usual") == list(PLAN)
 
 
+@pytest.mark.slow
 def test_only_complete_results_of_the_same_campaign_are_taken(tmp_path, monkeypatch):
     short = ("clock.duration_s=10", "statistics.settle_s=5")
     monkeypatch.setattr(plan_module, "PLAN", (Planned("two_step", 1, full_runs=2, always=short),))

@@ -144,6 +144,7 @@ def test_the_markdown_is_safe_and_complete(report: Path) -> None:
     assert all((report.parent / image).is_file() for image in images)
 
 
+@pytest.mark.slow
 def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("relnav_sim.plots.style.pdf", lambda _: b"%PDF")  # which no page holds
     path = make_result(labels=[f"sensors.radar.range_sigma_m={n}" for n in range(25)], filters={"ekf": 1.0}, runs=3)

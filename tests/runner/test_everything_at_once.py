@@ -131,6 +131,7 @@ def test_parts_of_other_blocks_merge_to_the_whole(tmp_path, reference):
     assert_same_file(reference, merge_results(tmp_path / "again.h5", [folder, parts[1]]))
 
 
+@pytest.mark.slow
 def test_a_campaign_that_grew_is_the_whole(tmp_path, reference):
     out = tmp_path / "grown.h5"
     late = {"sensors.radar.latency_s": [0.2]}

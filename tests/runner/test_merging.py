@@ -70,6 +70,7 @@ counter = itertools.count()
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
+@pytest.mark.slow
 def test_any_order_repetition_and_form_gives_the_same_or_names_what_is_missing(parts, tmp_path, data):
     whole, found = parts
     chosen = data.draw(st.lists(st.tuples(st.integers(0, PARTS), st.booleans()), min_size=1, max_size=6))

@@ -14,6 +14,7 @@ from relnav_sim.runner.several import run_campaigns
 from relnav_sim.runner.shard_folder import working_folder
 
 
+@pytest.mark.slow
 def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):
     first, second = campaign("runs=3"), replace(campaign("runs=5", "clock.duration_s=60"), name="longer")
     jobs = [(first, tmp_path / "first.h5"), (second, tmp_path / "second.h5")]

@@ -49,6 +49,7 @@ def test_a_radar_that_sees_nothing_gives_nothing_to_learn_from(campaign):
         track_of(campaign(LEARNED, "sensors.radar.range_limits_m=[0, 10]"))
 
 
+@pytest.mark.slow
 def test_learned_dynamics_give_the_same_bits_in_every_block(campaign, tmp_path):
     one = run_campaign(campaign(LEARNED, "runs=3", "block_runs=3"), tmp_path / "one.h5", backend="sequential")
     many = run_campaign(campaign(LEARNED, "runs=3", "block_runs=1"), tmp_path / "many.h5", workers=2)
