@@ -19,7 +19,7 @@ from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.readings import Readings
 from relnav_sim.measurements.partial import sensors_of
 from relnav_sim.simulation.augmented_states import extended_prior
-from relnav_sim.simulation.block import CampaignFilter, create_campaign_filter, sensor_forms
+from relnav_sim.simulation.campaign_filter import CampaignFilter, create_campaign_filter, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned

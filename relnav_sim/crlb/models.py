@@ -17,7 +17,7 @@ from relnav_sim.dynamics.chief_segments import NominalChief
 from relnav_sim.dynamics.context import ChiefDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.motion import ZonalMotion
-from relnav_sim.simulation.block import create_campaign_filter
+from relnav_sim.simulation.campaign_filter import create_campaign_filter
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.truth import highest_zonal, nominal_chief

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tempfile
 import time
@@ -16,6 +15,7 @@ from typing import Literal
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.identity import campaign_hash
 from relnav_sim.campaign.problems import no_such
+from relnav_sim.named_files import digest_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.results.block import ReplayHeader
@@ -91,7 +91,7 @@ def replay_campaign(
     return Replay(
         campaign=_alone(campaign, chosen),
         case=chosen,
-        files=tuple(RecordedFile(os.fspath(path), _digest(Path(path))) for path in files),
+        files=tuple(RecordedFile(os.fspath(path), digest_of(Path(path))) for path in files),
         recorded=tuple(recorded),
         block=joined(parts),
         truth=against,
@@ -182,7 +182,3 @@ def _alone(campaign: Campaign, case: Case) -> Campaign:
     """Return the campaign with one case."""
     content = {**campaign.content, **case.config.model_dump(mode="json", exclude={"name"}), "grid": {}, "zip": {}}
     return replace(campaign, cases=(case,), content=content, hash=campaign_hash(content))
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -23,7 +23,8 @@ from relnav_sim.results import layout
 from relnav_sim.sensors import readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.augmented_states import extension_of
-from relnav_sim.simulation.block import filter_block, sensor_forms
+from relnav_sim.simulation.block import filter_block
+from relnav_sim.simulation.campaign_filter import sensor_forms
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock, recorded_chunks

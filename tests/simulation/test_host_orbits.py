@@ -10,7 +10,8 @@ from relnav_sim.filters.run import advance
 from relnav_sim.sensors import reading_probability, sensor_measurement
 from relnav_sim.simulation import chunks as chunks_module
 from relnav_sim.simulation import host_orbits
-from relnav_sim.simulation.block import create_campaign_filter, simulate_block
+from relnav_sim.simulation.block import simulate_block
+from relnav_sim.simulation.campaign_filter import create_campaign_filter
 from relnav_sim.simulation.chunks import chunks, told
 from relnav_sim.simulation.dynamics_inputs import dynamics_context
 from relnav_sim.simulation.learned import Learned
