@@ -188,10 +188,11 @@ def _versions() -> dict[str, str]:
 
 
 def _machine() -> dict[str, str]:
-    return {"system": platform.platform(), "processor": _processor(), "cores": str(os.cpu_count() or 0)}
+    return {"system": platform.platform(), "processor": processor(), "cores": str(os.cpu_count() or 0)}
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Return the name of this machine's processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.recorded_orbits import recorded_orbits
-from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.executors.interface import Backend
+from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
 from relnav_sim.runner.shard_folder import move_aside, shard_folder

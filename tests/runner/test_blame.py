@@ -10,8 +10,8 @@ from relnav_sim import open_results
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.runner.blame import TaskQueue
 from relnav_sim.runner.compute import compute
-from relnav_sim.runner.job import result_header
 from relnav_sim.runner.executors.interface import KILLED
+from relnav_sim.runner.job import result_header
 from relnav_sim.runner.pool import Pool, failed_task
 from relnav_sim.runner.sessions import provenance_of
 from relnav_sim.runner.work import blocks_left, with_filters
