@@ -24,7 +24,7 @@ def note_machine(shard: Path, host: str, processor: str) -> None:
 
 
 def machines_of(folder: Path) -> Mapping[str, int]:
-    """Return how many blocks of a folder each machine has computed, by its name and processor, as far as it is known."""
+    """Return how many blocks of a folder each machine has computed, by name and processor, as far as it is known."""
     last: dict[str, str] = {}
     with suppress(OSError):
         for line in (folder / MACHINES).read_text(encoding="utf-8", errors="replace").splitlines():

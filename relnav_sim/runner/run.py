@@ -57,7 +57,8 @@ def run_campaign(
         RefusedError: The results file belongs to another campaign, or to other settings of this one; with ``dask``: the
             package distributed is not installed, or every worker has another relnav.
         ResultsError: What stands there is damaged.
-        WorkersError: No worker process can be started, or the scheduler is gone, an `OSError`; what is finished is kept.
+        WorkersError: No worker process can be started, or the scheduler is gone, an `OSError`; what is finished is
+            kept.
         OSError: The output can't be written.
         ValueError: A time limit with ``sequential``: nothing could end what hangs.
     """

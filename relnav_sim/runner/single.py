@@ -47,7 +47,8 @@ def run_single(
         run: Number of the run.
         out: The file; default ``results/<name>.case_000.run_17.h5``, or beside the campaign's result.
         trace: Store every epoch.
-        backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one; ``dask``: on a worker.
+        backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one;
+            ``dask``: on a worker.
         timeout_s: Most seconds for the run.
         scheduler: With ``dask``, the scheduler's address; None: a worker of this machine.
         say: Told what a user should know, a sentence at a time.

@@ -1,7 +1,7 @@
 """What tasks have in common, sent to each worker once, so that a task itself is a few words of plain data.
 
-A content holds the cases of some tasks, each once with all its filters; its digest names it. An order says which of these
-cases, filters and runs are meant.
+A content holds the cases of some tasks, each once with all its filters; its digest names it. An order says which of
+these cases, filters and runs are meant.
 """
 
 from __future__ import annotations

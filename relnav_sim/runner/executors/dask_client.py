@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import warnings
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 EXTRA = "dask"
 LONGEST_CONNECTION_S = 10.0
 LONGEST_CLOSING_S = 5.0
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://([^\s/:]+|\[[^\s/]+\]):\d{1,5}")
 
 
 def check_installed() -> None:
@@ -47,10 +49,14 @@ class Connection:
     """
 
     def __init__(self, scheduler: str | None, workers: int) -> None:
+        if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+            raise RefusedError(f"a Dask scheduler's address is like tcp://host:8786, not {scheduler!r}")
         self._cluster: Any = None
         self.address = scheduler or "a cluster of this machine"
         # What Dask has to say of workers that come and go, this command says itself.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in ("distributed", *logging.root.manager.loggerDict):
+            if name.startswith("distributed"):
+                logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         if scheduler is None:
             self._cluster = _local_cluster(workers)
         self.client = self._connected(scheduler or self._cluster.scheduler_address)
@@ -66,9 +72,6 @@ class Connection:
             self.close()
             why = f"{type(error).__name__}: {error}".rstrip(": ")
             raise WorkersError(f"no Dask scheduler answers at {address}; is it running there? ({why})") from None
-        except (ValueError, TypeError, ImportError) as error:
-            self.close()
-            raise RefusedError(f"--scheduler takes an address as tcp://host:8786, not {address!r}: {error}") from None
 
     @property
     def is_own(self) -> bool:

@@ -1,8 +1,8 @@
 """Tasks over the workers of a Dask scheduler, which may come late and go at any time.
 
-Every task is given to one thread of one worker, so that a worker that dies says which task it was at, a host can be kept
-free for a suspect, and no worker of another relnav is given any. Nothing here believes another machine's clock, its
-processes or its files.
+Every task is given to one thread of one worker, so that a worker that dies says which task it was at, a host can be
+kept free for a suspect, and no worker of another relnav is given any. Nothing here believes another machine's clock,
+its processes or its files.
 """
 
 from __future__ import annotations
@@ -169,10 +169,13 @@ class DaskCluster:
         try:
             came = future.result(timeout=LONGEST_TRANSFER_S)
         except (KilledWorker, CancelledError, CommClosedError, TimeoutError) as error:
+            member.is_ready = False  # if it is still there, it is asked again
             return Ended(task, None, Fault.LOST, _lost(member, type(error).__name__))
+        except OSError as error:  # a full disk there, say
+            self._put_aside(member, f"{type(error).__name__}: {error}")
+            return Ended(task, None, Fault.SENT_BACK)
         if came.fault is Fault.SENT_BACK:
-            member.is_ready = member.address not in self._members  # it is asked again
-            self._members.pop(member.address, None)
+            member.is_ready = False  # it has begun anew under the same address, or ends
         if came.outcome is None:
             return Ended(task, None, came.fault, came.reason)
         try:
@@ -196,12 +199,14 @@ class DaskCluster:
                 fault = Fault.SENT_BACK if member.is_leaving else Fault.LOST
                 ended.append(Ended(task, None, fault, _lost(member, "it is gone")))
                 future.release()
+            if member.admission is not None:
+                member.admission.release()
         for address, info in there.items():
-            member = self._members.get(address)
-            if member is None and address not in self._refused and info["status"] in ("running", "paused"):
-                self._ask(_Member(address, info["host"], info["nthreads"]))
-            elif member is not None:
-                member.is_leaving = info["status"] not in ("running", "paused")
+            member = self._members.setdefault(address, _Member(address, info["host"], info["nthreads"]))
+            member.is_leaving = info["status"] not in ("running", "paused")
+            unasked = not member.is_ready and member.admission is None and address not in self._refused
+            if unasked and not member.is_leaving:
+                self._ask(member)
         self._see_that_somebody_works(now)
         return ended
 
@@ -231,7 +236,6 @@ class DaskCluster:
 
         assert self._begun is not None
         begun = self._begun
-        self._members[member.address] = member
         member.admission = self._sent(
             member, admit, identity(), begun.digest, begun.packed, begun.tokens, begun.content.files()
         )
@@ -248,11 +252,15 @@ class DaskCluster:
             member.host, member.processor = admitted.host, admitted.processor
         finally:
             future.release()
+        member.is_ready = True
         if refused:
-            del self._members[member.address]
-            self._refused[member.address] = f"{member}: {refused}"
-            self._say(f"warning: {member} is not used: {refused}")
-        member.is_ready = not refused
+            self._put_aside(member, refused)
+
+    def _put_aside(self, member: _Member, why: str) -> None:
+        """Give a worker nothing more; what it is at, it may bring to its end."""
+        member.is_ready = False
+        self._refused[member.address] = f"{member}: {why}"
+        self._say(f"warning: {member} is not used: {why}")
 
     def _is_gone(self, member: _Member) -> bool:
         return member.address not in self._there()
@@ -265,13 +273,14 @@ class DaskCluster:
             WorkersError: Ours do not come up.
         """
         assert self._connection is not None
-        if self._members:
+        refused = [self._refused[address] for address in self._members if address in self._refused]
+        if len(refused) < len(self._members):
             self._lonely_since, self._waits = None, False
             return
-        if self._refused:
+        if refused:
             raise RefusedError(
-                "no Dask worker can compute this campaign; every machine needs the relnav, the Python, the packages and "
-                f"the plug-ins of this one: {'; '.join(self._refused.values())}"
+                "no Dask worker can compute this campaign; every machine needs the relnav, the Python, the packages "
+                f"and the plug-ins of this one. What is finished is kept. {'; '.join(refused)}"
             )
         self._lonely_since = now if self._lonely_since is None else self._lonely_since
         if self._connection.is_own and now - self._lonely_since > LONGEST_WITHOUT_WORKERS_S:
@@ -322,6 +331,6 @@ class _Begun:
 
 def _lost(member: _Member, how: str) -> str:
     return (
-        f"{member} was lost with it ({how}), again and again: killed, most likely for want of memory, or its machine or "
-        "its time came to an end"
+        f"{member} was lost with it ({how}), again and again: killed, most likely for want of memory, or its machine "
+        "or its time came to an end"
     )

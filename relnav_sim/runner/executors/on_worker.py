@@ -1,8 +1,8 @@
 """What a Dask worker does for a campaign: each of its threads has a block computed in a process of its own.
 
-The thread waits, and ends the process where it takes too long, where the campaign's command has gone, or where the worker
-is told to end. So compiled code that hangs holds up nothing, a process that dies takes neither the worker nor other blocks
-with it, and no signal is needed, which only main threads have.
+The thread waits, and ends the process where it takes too long, where the campaign's command has gone, or where the
+worker is told to end. So compiled code that hangs holds up nothing, a process that dies takes neither the worker nor
+other blocks with it, and no signal is needed, which only main threads have.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class _Child:
     """A process, with the contents that it knows and the time since which it has had nothing to do."""
 
     worker: Worker
-    knows: set[str] = field(default_factory=set)
+    knows: list[str] = field(default_factory=list)
     idle_since: float = 0.0
 
 
@@ -134,10 +134,9 @@ def compute_order(order: Order, timeout_s: float | None) -> Came:
         child = _child(order.content)
     except _GivenUpError:
         return Came(fault=Fault.SENT_BACK, reason="the worker is told to end")
-    except Exception as error:
-        return Came(
-            fault=Fault.LOST, reason=f"no process can be started on the worker: {type(error).__name__}: {error}"
-        )
+    except Exception as problem:
+        why = f"no process can be started on the worker: {type(problem).__name__}: {problem}"
+        return Came(fault=Fault.LOST, reason=why)
     with tempfile.TemporaryDirectory(prefix="relnav-", dir=_scratch()) as name:
         folder = Path(name)
         came, error = _waited_for(child, carry_out, (order, folder), timeout_s)
@@ -197,7 +196,7 @@ def _child(digest: str) -> _Child:
         if error is not None:
             child.worker.end()
             raise error
-        child.knows.add(digest)
+        child.knows = [*child.knows, digest][-KEPT:]  # as it does itself
     return child
 
 
@@ -246,9 +245,7 @@ def _waited(child: _Child, future: Future[T], timeout_s: float | None) -> tuple[
 
 
 def _is_given_up() -> bool:
-    """Return whether the scheduler has taken the task back, as when the campaign's command has ended, or its worker
-    is closing.
-    """
+    """Return whether the worker is closing, or the scheduler has taken the task back: the command has ended."""
     from distributed import get_worker
     from distributed.core import Status
     from distributed.worker import thread_state

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import ResultsError
-from relnav_sim.results.bound import read_bound
-from relnav_sim.results.shards import read_shard
+from relnav_sim.results.bound import BoundResult, read_bound
+from relnav_sim.results.shards import ShardInfo, read_shard
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.failure_log import add_to_log
 
@@ -31,11 +31,14 @@ def receive(task: Task, came: Came) -> None:
         add_to_log(task.folder, came.log)
     if came.shard is None:
         _see(task.path)
+    else:
+        with written_whole(task.path) as temporary:
+            temporary.write_bytes(came.shard)
+    try:
         _verify(task.path, task)
-        return
-    with written_whole(task.path) as temporary:
-        temporary.write_bytes(came.shard)
-        _verify(temporary, task)
+    except ResultsError:
+        task.path.unlink(missing_ok=True)
+        raise
 
 
 def _see(path: Path) -> None:
@@ -45,12 +48,12 @@ def _see(path: Path) -> None:
 
 
 def _verify(path: Path, task: Task) -> None:
+    found: BoundResult | ShardInfo
     if isinstance(task, BoundTask):
-        bound = read_bound(path)
-        found = bound.seed, bound.case_id, dict(bound.filter_ids), ()
+        found, runs_agree = read_bound(path), True
     else:
-        info, _ = read_shard(path)
-        found = info.seed, info.case_id, dict(info.filter_ids), info.runs
-    runs = () if isinstance(task, BoundTask) else task.runs
-    if found != (task.seed, task.case.id, task.case.filter_ids, runs):
+        found = info = read_shard(path)[0]
+        runs_agree = info.runs == task.runs
+    same = (found.seed, found.case_id, dict(found.filter_ids)) == (task.seed, task.case.id, task.case.filter_ids)
+    if not (same and runs_agree):
         raise ResultsError(f"{path}: this is the result of another task")
