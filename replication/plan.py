@@ -173,5 +173,5 @@ def run_plan(
     for number, (name, campaign) in enumerate(loaded, start=1):
         cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"
         say(f"campaign {number} of {len(loaded)}: {name}, {cases} of {campaign.runs} runs")
-    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, backend, scheduler, progress, say)
+    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, progress, say, backend, scheduler)
     return paths

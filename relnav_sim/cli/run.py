@@ -99,7 +99,7 @@ def run(
             if only is not None:
                 target = _single_target(campaign, result, case, number)
                 path = run_single(
-                    campaign, case, number, target, trace, place.backend, timeout_s, place.scheduler, to_user
+                    campaign, case, number, target, trace, place.backend, timeout_s, to_user, place.scheduler
                 )
             else:
                 path = run_campaign(

@@ -159,8 +159,8 @@ def tune(
                 tuple(dict.fromkeys(filters or [])),
                 tuple(dict.fromkeys(cases or [])),
                 place.workers,
-                place.backend,
-                place.scheduler,
+                backend=place.backend,
+                scheduler=place.scheduler,
                 progress=True,
                 say=lambda sentence: say(sentence, err=True),
             )

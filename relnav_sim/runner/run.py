@@ -28,9 +28,9 @@ def run_campaign(
     part: tuple[int, int] = (1, 1),
     max_failures: int | None = None,
     timeout_s: float | None = None,
-    scheduler: str | None = None,
     progress: bool = False,
     say: Say = lambda sentence: None,
+    scheduler: str | None = None,
 ) -> Path:
     """Simulate, filter and store a campaign; return the results file.
 
@@ -48,10 +48,10 @@ def run_campaign(
         max_failures: Stop once more runs than this have failed; the results file then holds what is finished.
         timeout_s: Most seconds for a block of runs from when a worker begins it; one that takes longer is ended, and
             cut until the runs and filters that do stand alone, and these count as failed. Not with ``sequential``.
-        scheduler: With ``dask``, the scheduler's address, as ``tcp://host:8786``; None: a cluster of so many workers on
-            this machine, for this campaign alone.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        scheduler: With ``dask``, the scheduler's address, as ``tcp://host:8786``; None: a cluster of so many workers on
+            this machine, for this campaign alone.
 
     Raises:
         RefusedError: The results file belongs to another campaign, or to other settings of this one; with ``dask``: the

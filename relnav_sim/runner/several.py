@@ -42,10 +42,10 @@ class _Share:
 def run_campaigns(
     jobs: Sequence[tuple[Campaign, Path]],
     workers: int = 2,
-    backend: Backend = "loky",
-    scheduler: str | None = None,
     progress: bool = False,
     say: Say = lambda sentence: None,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
 ) -> None:
     """Simulate, filter and store campaigns, in this order; as `run_campaign` does one after the other, but sooner.
 
@@ -55,10 +55,10 @@ def run_campaigns(
     Args:
         jobs: Campaigns with their results files.
         workers: Processes; the results do not depend on it.
-        backend: Where the work is done; the results do not depend on it.
-        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        backend: Where the work is done; the results do not depend on it.
+        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
 
     Raises:
         RefusedError: A results file belongs to another campaign, or to other settings of this one.

@@ -36,8 +36,8 @@ def run_single(
     trace: bool = False,
     backend: Backend = "loky",
     timeout_s: float | None = None,
-    scheduler: str | None = None,
     say: Say = lambda sentence: None,
+    scheduler: str | None = None,
 ) -> Path:
     """Compute one run of one case; return its results file, which holds that case and run only.
 
@@ -50,8 +50,8 @@ def run_single(
         backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one;
             ``dask``: on a worker.
         timeout_s: Most seconds for the run.
-        scheduler: With ``dask``, the scheduler's address; None: a worker of this machine.
         say: Told what a user should know, a sentence at a time.
+        scheduler: With ``dask``, the scheduler's address; None: a worker of this machine.
 
     Raises:
         RefusedError: There is no such case or run.

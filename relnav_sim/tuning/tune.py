@@ -43,10 +43,10 @@ def tune_campaign(
     filters: Sequence[str] = (),
     cases: Sequence[int] = (),
     workers: int = 2,
-    backend: Backend = "loky",
-    scheduler: str | None = None,
     progress: bool = False,
     say: Callable[[str], None] = lambda sentence: None,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
 ) -> Tuning:
     """Return the tuned free numbers of a campaign's filters, with everything that was tried.
 
@@ -56,10 +56,10 @@ def tune_campaign(
         filters: Names of the filters to tune; none given: those of the options, or all that have a free number.
         cases: Numbers of the cases to tune on; none given: all of them.
         workers: Processes; the result does not depend on it.
-        backend: Where the work is done; the result does not depend on it.
-        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        backend: Where the work is done; the result does not depend on it.
+        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
 
     Raises:
         TuningError: The campaign cannot be tuned as asked.

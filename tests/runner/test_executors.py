@@ -45,7 +45,7 @@ def test_an_order_means_its_task_and_is_small(tasks, tmp_path):
     content = Content.of(tasks)
     packed = content.packed()
     there = Content.unpacked(packed)
-    for task in [*tasks, *(piece for task in tasks for piece in task.pieces())]:
+    for task in [*tasks, *(piece for whole in tasks for piece in whole.pieces())]:
         order = content.order(digest_of_content(packed), task)
         meant = there.task(order, tmp_path)
         # The path is a hash of seed, case, filters with their settings, and runs.
@@ -82,7 +82,9 @@ def test_a_campaign_without_files_names_none_and_one_with_a_field_names_it(campa
     )
     (tmp_path / "own.gfc").write_text(coefficients)
     path = str(tmp_path / "own.gfc")
-    made = campaign("truth.epoch=2010-07-27T00:00:00 UTC", f"truth.forces.gravity={{model: {path}, degree: 2, order: 0}}")
+    made = campaign(
+        "truth.epoch=2010-07-27T00:00:00 UTC", f"truth.forces.gravity={{model: {path}, degree: 2, order: 0}}"
+    )
     found = Content.of(list(blocks_left(made, {}, Path()))).files()
     assert list(found) == [path] and len(found[path]) == 64
 
@@ -225,7 +227,7 @@ def test_who_goes_wrong_is_given_up_alone_and_all_others_are_computed(run_on, fa
 
 
 def test_suspects_are_alone_on_their_host_and_the_other_host_works_on(run_on):
-    run, every = run_on
+    run, _ = run_on
     cluster = Cluster({("kf", 3)}, Fault.KILLED)
     run(cluster)
     seen = 0
