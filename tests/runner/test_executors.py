@@ -135,7 +135,10 @@ def test_what_differs_on_another_machine_is_named():
     assert differences({**here, "Python": "3.9"}, here) == f"Python 3.9, not {here['Python']}"
     found = differences({**here, "plug-ins": "mine (mine 1.0)"}, here)
     assert found.startswith("plug-ins mine (mine 1.0), not ")
-    assert "another source of relnav" in differences({**here, "its source": "0"}, here)
+    assert differences({**here, "commit": "1234567"}, here) == ""
+    other = {**here, "commit": "1234567", "source": "0"}
+    assert "of another source (commit 1234567) than the one here (commit " in differences(other, here)
+    assert differences({**other, "relnav": "0.0.1"}, here) == f"relnav 0.0.1, not {here['relnav']}"
     older = {name: value for name, value in here.items() if name != "sgp4"}
     assert differences(older, here) == f"sgp4 none, not {here['sgp4']}"
 

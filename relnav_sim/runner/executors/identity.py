@@ -9,11 +9,12 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 
-from relnav_sim.results.provenance import relnav_in_words
+from relnav_sim import __version__
+from relnav_sim.results.provenance import processor, relnav_in_words
 
 PACKAGES = ("numpy", "scipy", "numba", "scikit-learn", "pyerfa", "sgp4")
 GROUPS = ("relnav.dynamics", "relnav.filters", "relnav.sensors")
-_SOURCE = "its source"
+_SOURCE, _COMMIT = "source", "commit"
 
 
 @cache
@@ -21,7 +22,8 @@ def identity() -> dict[str, str]:
     """Return what this process would compute with, by name: versions, relnav's own source, and plug-ins."""
     return {
         "Python": f"{sys.version_info.major}.{sys.version_info.minor}",
-        "relnav": relnav_in_words(),
+        "relnav": __version__,
+        _COMMIT: relnav_in_words().removeprefix(__version__).strip(),
         _SOURCE: _source(),
         **{name: _version(name) for name in PACKAGES},
         "plug-ins": ", ".join(_plugins()) or "none",
@@ -29,22 +31,25 @@ def identity() -> dict[str, str]:
 
 
 def differences(there: dict[str, str], here: dict[str, str]) -> str:
-    """Return in words what is different on another machine; empty: nothing."""
-    found = [
-        f"{name} {there.get(name, 'none')}, not {here.get(name, 'none')}"
-        for name in {**here, **there}
-        if there.get(name) != here.get(name)
-    ]
-    told = [words for words in found if not words.startswith(_SOURCE)]
-    if len(told) < len(found) and not any(words.startswith("relnav ") for words in told):
-        told.append(f"another source of relnav {there.get('relnav', '')} than the one here")
-    return "; ".join(told)
+    """Return in words what is different on another machine; empty: nothing.
+
+    A commit tells nothing by itself: the same source may be installed or checked out, and a checkout may have changes.
+    """
+    different = [name for name in {**here, **there} if there.get(name) != here.get(name) and name != _COMMIT]
+    if "relnav" in different and _SOURCE in different:
+        different.remove(_SOURCE)
+    return "; ".join(_in_words(name, there, here) for name in different)
+
+
+def _in_words(name: str, there: dict[str, str], here: dict[str, str]) -> str:
+    if name == _SOURCE:
+        ours, theirs = (f"commit {one.get(_COMMIT) or 'not known'}" for one in (here, there))
+        return f"relnav {there.get('relnav', '')} of another source ({theirs}) than the one here ({ours})"
+    return f"{name} {there.get(name, 'none')}, not {here.get(name, 'none')}"
 
 
 def machine() -> tuple[str, str]:
     """Return the name of this machine and of its processor."""
-    from relnav_sim.results.provenance import processor
-
     return platform.node(), processor()
 
 
