@@ -27,6 +27,7 @@ class TaskQueue:
         self._suspects: deque[Task] = deque()
         self._died_before: set[Path] = set()
         self._times_lost: dict[Path, int] = {}
+        self._times_sent_back: dict[Path, int] = {}
 
     def __len__(self) -> int:
         return len(self._waiting) + len(self._suspects)
@@ -44,11 +45,14 @@ class TaskQueue:
         """Return the next task that need not be alone."""
         return self._waiting.popleft()
 
-    def again(self, task: Task) -> None:
-        """A task was sent back; nothing is wrong with it."""
-        (
-            self._suspects if task.path in self._died_before or task.path in self._times_lost else self._waiting
-        ).appendleft(task)
+    def sent_back(self, task: Task) -> bool:
+        """A worker that ended in order has not finished a task; where several have not, the task may be too long."""
+        times = self._times_sent_back[task.path] = self._times_sent_back.get(task.path, 0) + 1
+        if times > TIMES_LOST:
+            return self.lost(task)
+        is_suspect = task.path in self._died_before or task.path in self._times_lost
+        (self._suspects if is_suspect else self._waiting).appendleft(task)
+        return False
 
     def killed(self, task: Task, alone: bool) -> bool:
         """The process of a task died: by its fault, for want of memory that others had, or by somebody's hand.

@@ -145,8 +145,7 @@ def _judged(ended: Ended, alone: bool, queue: TaskQueue) -> Done | None:
         case Fault.NO_MEMORY:
             return failed_task(task, ended.reason, retry=True) if queue.lacked_memory(task, alone) else None
         case Fault.SENT_BACK:
-            queue.again(task)
-            return None
+            return failed_task(task, ended.reason, retry=True) if queue.sent_back(task) else None
     assert ended.outcome is not None
     return Done(task, ended.outcome.failures, ended.outcome.figures)
 

@@ -248,6 +248,13 @@ def test_workers_that_are_lost_from_outside_cost_nobody_a_run(run_on):
         assert done == every and not given_up
 
 
+def test_what_no_worker_finishes_in_its_time_is_cut_and_comes_to_an_end(run_on):
+    run, every = run_on
+    wrong = {("kf", 3)}
+    done, given_up = run(Cluster(wrong, Fault.SENT_BACK))
+    assert done == sorted(set(every) - wrong) and given_up == [(wrong, True)]
+
+
 def test_what_can_not_be_cut_is_given_up_after_as_many_lost_workers_as_told(tasks):
     one = tasks[0].pieces()[0].pieces()[0].pieces()[0]
     assert not one.pieces()

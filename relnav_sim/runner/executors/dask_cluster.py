@@ -173,7 +173,7 @@ class DaskCluster:
             return Ended(task, None, Fault.LOST, _lost(member, type(error).__name__))
         except OSError as error:  # a full disk there, say
             self._put_aside(member, f"{type(error).__name__}: {error}")
-            return Ended(task, None, Fault.SENT_BACK)
+            return Ended(task, None, Fault.SENT_BACK, f"{member} did not compute it: {error}")
         if came.fault is Fault.SENT_BACK:
             member.is_ready = False  # it has begun anew under the same address, or ends
         if came.outcome is None:
@@ -195,8 +195,9 @@ class DaskCluster:
         ended = []
         for address in [address for address in self._members if address not in there]:
             member = self._members.pop(address)
+            in_order = bool(member.tasks) and (member.is_leaving or self._ended_in_order(address))
             for future, task in member.tasks.items():
-                fault = Fault.SENT_BACK if member.is_leaving else Fault.LOST
+                fault = Fault.SENT_BACK if in_order else Fault.LOST
                 ended.append(Ended(task, None, fault, _lost(member, "it is gone")))
                 future.release()
             if member.admission is not None:
@@ -218,6 +219,15 @@ class DaskCluster:
         except (OSError, TimeoutError):
             raise self._scheduler_gone() from None
         return workers
+
+    def _ended_in_order(self, address: str) -> bool:
+        """Return whether a worker that is gone has taken leave: at the end of its time, or told to end."""
+        assert self._connection is not None
+        try:
+            events = self._connection.client.get_events(address)
+        except (OSError, TimeoutError):
+            raise self._scheduler_gone() from None
+        return any(event.get("action") == "remove-worker" and event.get("expected") for _, event in events)
 
     def _check_scheduler(self) -> None:
         assert self._connection is not None
