@@ -100,8 +100,8 @@ class Pool:
         if not tasks:
             return
         queue = TaskQueue(tasks)
-        self._executor.begin(tasks)
         try:
+            self._executor.begin(tasks)
             while queue or self._placed:
                 self._hand_out(queue)
                 for ended in self._executor.as_completed():

@@ -145,8 +145,9 @@ def test_a_run_that_kills_or_hangs_is_isolated(relnav, tmp_path, kind, words):
     entries = f"\n  ekf: {{kind: ekf}}\n  raises: {{kind: raises}}\n  {kind}: {{kind: {kind}}}"
     one_case = ("[{kind: gaussian}, {kind: mixture, scale: 5, fraction: 0.1}]", "[{kind: gaussian}]")
     here = relnav(("\n  ekf: {kind: ekf}", entries), one_case, environment=environment)
-    code, _, stderr = here.run("run", "small.yaml", *LOCAL, "--timeout-s", "5")
-    assert code == 1, stderr
+    process = here.start("run", "small.yaml", *LOCAL, "--timeout-s", "5")
+    _, stderr = process.communicate(timeout=240)
+    assert process.returncode == 1, stderr
     with open_results(here.out) as results:
         assert not results.missing()
         for name in results.filters:
@@ -165,8 +166,9 @@ def test_ctrl_c_leaves_shards_and_no_process(relnav):
     assert wait_until(lambda: len(list(here.shards.glob("*.h5"))) >= 2 or process.poll() is not None)
     os.killpg(process.pid, signal.SIGINT)
     begin = time.monotonic()
-    _, stderr = process.communicate(timeout=20)
+    process.wait(timeout=20)
     assert time.monotonic() - begin < 3
+    _, stderr = process.communicate(timeout=20)  # until its workers have noticed and ended
     assert process.returncode == 130
     assert stderr.splitlines()[-1].startswith("relnav: interrupted; what is finished is kept, and this continues it: ")
     assert "Traceback" not in stderr
@@ -214,13 +216,13 @@ def test_late_workers_a_scheduler_that_dies_and_the_same_command_again(relnav, r
     here = relnav(*LONGER)
     first = scheduler.begin()
     process = here.start("run", "small.yaml", *scheduler.options)
-    time.sleep(4)
+    waits = process.stderr.readline()
+    assert waits == f"waiting for workers of {scheduler.tcp}; there are none yet\n"
     scheduler.worker()
     assert wait_until(lambda: len(list(here.shards.glob("*.h5"))) >= 2 or process.poll() is not None)
     first.kill()
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 3
-    assert f"waiting for workers of {scheduler.tcp}; there are none yet" in stderr
     assert stderr.splitlines()[-1] == (
         f"relnav: the Dask scheduler is gone ({scheduler.tcp}); what is finished is kept, and the same command goes on "
         "once it is there again"
