@@ -11,6 +11,7 @@ import pickle
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -88,12 +89,15 @@ class Content:
             digest: Of the content.
             task: The task.
         """
-        key = task.folder, task.case.id
-        place = next(n for n, block in enumerate(self.blocks) if (block.folder, block.case.id) == key)
+        place = self._places[task.folder, task.case.id]
         names = list(self.blocks[place].case.config.filters)
         filters = compact(names.index(name) for name in task.case.config.filters)
         runs = compact(task.runs) if isinstance(task, Block) else ""
         return Order(digest, place, self.folders.index(task.folder), filters, runs)
+
+    @cached_property
+    def _places(self) -> dict[tuple[Path, str], int]:
+        return {(block.folder, block.case.id): place for place, block in enumerate(self.blocks)}
 
     def task(self, order: Order, folder: Path) -> Task:
         """Return the task that an order means, its file in another folder."""

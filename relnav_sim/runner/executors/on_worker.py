@@ -137,16 +137,17 @@ def compute_order(order: Order, timeout_s: float | None) -> Came:
     except Exception as problem:
         why = f"no process can be started on the worker: {type(problem).__name__}: {problem}"
         return Came(fault=Fault.LOST, reason=why)
-    with tempfile.TemporaryDirectory(prefix="relnav-", dir=_scratch()) as name:
+    with tempfile.TemporaryDirectory(prefix="relnav-", dir=_scratch(), ignore_cleanup_errors=True) as name:
         folder = Path(name)
         came, error = _waited_for(child, carry_out, (order, folder), timeout_s)
+        if error is not None:
+            child.worker.end()  # also after want of memory: who knows what it still holds
         log = _log_in(folder)
         if came is not None:
             _give_back(child)
             outcome, file = came
             left = put(folder / file, tokens[order.folder])
             return Came(outcome, shard=None if left else (folder / file).read_bytes(), log=log)
-    child.worker.end()  # also after want of memory: who knows what it still holds
     if isinstance(error, TimeoutError):
         return Came(fault=Fault.TOO_LONG, reason=f"took longer than {timeout_s:g} s", log=log)
     if isinstance(error, _GivenUpError):
