@@ -75,7 +75,7 @@ def test_a_cluster_gives_the_bits_of_this_process(relnav, tmp_path):
     said = []
     try:
         with LocalCluster(
-            1, threads_per_worker=1, processes=False, protocol="tcp://", dashboard_address=None
+            1, threads_per_worker=1, processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0"
         ) as cluster:
             given = {"backend": "dask", "scheduler": cluster.scheduler_address, "say": said.append}
             run_campaign(one, here.out, **given)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 def dask():
     from distributed import LocalCluster
 
-    with LocalCluster(2, threads_per_worker=1, dashboard_address=None, memory_limit=0) as cluster:
+    with LocalCluster(2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=0) as cluster:
         yield {"backend": "dask", "scheduler": cluster.scheduler_address}
 
 
