@@ -4,6 +4,7 @@ import pickle
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 from hypothesis import given
@@ -17,7 +18,7 @@ from relnav_sim.runner.executors import received
 from relnav_sim.runner.executors.content import Content, compact, digest_of_content, numbers
 from relnav_sim.runner.executors.identity import differences, identity
 from relnav_sim.runner.executors.interface import Ended, Fault
-from relnav_sim.runner.executors.on_worker import Came, compute_order
+from relnav_sim.runner.executors.on_worker import Came, admit, compute_order
 from relnav_sim.runner.executors.shared_folder import leave_token, put
 from relnav_sim.runner.failure_log import NAME as LOG
 from relnav_sim.runner.machines import machines_of, note_machine
@@ -141,6 +142,19 @@ def test_what_differs_on_another_machine_is_named():
     assert differences({**other, "relnav": "0.0.1"}, here) == f"relnav 0.0.1, not {here['relnav']}"
     older = {name: value for name, value in here.items() if name != "sgp4"}
     assert differences(older, here) == f"sgp4 none, not {here['sgp4']}"
+
+
+def test_a_worker_without_the_campaigns_files_or_of_another_relnav_is_refused_before_it_starts_anything(tmp_path):
+    def refused(files=MappingProxyType({}), **other):
+        return admit({**identity(), **other}, "0" * 16, b"", [], files).refused
+
+    file = tmp_path / "orbit.oem"
+    assert refused({str(file): "0" * 64}) == (
+        f"it can't read a file that the campaign names: {file}: No such file or directory"
+    )
+    file.write_text("another orbit")
+    assert "has other content than the one here" in refused({str(file): "0" * 64})
+    assert refused(relnav="9.9") == f"it has relnav {identity()['relnav']}, not 9.9"
 
 
 def test_machines_are_counted_by_the_blocks_that_are_there(tmp_path):
