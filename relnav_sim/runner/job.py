@@ -176,6 +176,8 @@ def result_header(campaign: Campaign) -> ResultHeader:
                 tuple(case.config.filters),
                 case.filter_ids,
                 {name: each.channels for name, each in relative_sensors(case.config.sensors).items()},
+                case.stress,
+                case.nominal,
             )
             for case in campaign.cases
         ),
