@@ -112,7 +112,7 @@ DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": Statisti
 FILTERS = "The filters to compare, by names of your choice"
 GRID = "Paths with lists of values: a case for every combination"
 ZIP = "Paths with equally long lists of values: a case for each position, all lists moving together"
-STRESS = "Truths that no filter is told of, by names of your choice, each as paths with values; flown by `relnav run --stress`"
+STRESS = "Truths that no filter is told of, by names of your choice: paths with values; flown by `relnav run --stress`"
 
 TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip", "stress")
 
