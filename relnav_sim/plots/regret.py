@@ -65,7 +65,7 @@ def drawn_regret(found: Regret, all_filters: Sequence[str]) -> Figure:
     with house_style():
         labels = [shown_name(name) for name in found.filters]
         longest = max(len(shown_name(name, 16)) for name in found.cases)
-        figure = new_figure(2.2 + legend_height(labels) + 0.05 * longest)
+        figure = new_figure(2.0 + legend_height(labels) + 0.03 * longest)
         panel = figure.subplots()
         handles: list[Any] = []
         finite = [part[np.isfinite(part)] for part in (ratio, high)]
@@ -90,7 +90,7 @@ def drawn_regret(found: Regret, all_filters: Sequence[str]) -> Figure:
         panel.set_xlim(-0.6, len(places) - 0.4)
         panel.set_xticks(places, [shown_name(name, 16) for name in found.cases], rotation=30, ha="right")
         panel.grid(visible=False, axis="x")
-        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.3 + 0.05 * longest, hspace=0.1, wspace=0.1)
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.2 + 0.03 * longest, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
 

@@ -173,7 +173,7 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
         caption=f"Position RMS ({when}, mean over the {counted(len(found.runs), 'run')} that all filters have) over "
         "the smallest of any filter in the same case, less 1. Intervals hold together at "
         f"{100 * found.level:.0f} % for all filters and cases of the table: paired over runs, {RESAMPLES} resamples, "
-        "the best filter of a case taken as unknown. Green: the interval has 0, so that the filter may be the best there; "
+        "the best filter of a case taken as unknown. Green: the interval has 0, the filter may be the best there; "
         "in the column of the worst: the minimax filter. A failed run makes a regret infinite; diverged runs count "
         "with their errors.",
         corner="filter",
