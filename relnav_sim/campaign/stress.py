@@ -229,8 +229,7 @@ def _value(override: Override, told: Mapping[str, Any]) -> Any:
     found = value_at(told, present_path(override.path, told, sensor_kinds()))
     scaled = _scaled(found, override.factor)
     if scaled is None:
-        what = "there is nothing" if found is None else f"{quoted(found)} is no number"
-        raise PathError(f"{what} to multiply at {override.text}; give the value itself")
+        raise PathError("there is no number here to multiply, in the file or by default; give the value itself")
     return scaled
 
 
