@@ -104,9 +104,10 @@ def _fill(pairs: _Pairs, half: Array, low: Array, high: Array) -> None:
     """Set the ends of a case: the largest over the other filters, and zero, which a filter has against itself."""
     involved = np.unique(np.concatenate([pairs.first, pairs.second]))
     high[pairs.case, involved] = 0.0
-    for one, sign in ((pairs.first, 1.0), (pairs.second, -1.0)):
-        np.maximum.at(low[pairs.case], one, np.expm1(sign * pairs.log_ratio - half))
-        np.maximum.at(high[pairs.case], one, np.expm1(sign * pairs.log_ratio + half))
+    with np.errstate(over="ignore"):  # a few runs leave the upper end all but open
+        for one, sign in ((pairs.first, 1.0), (pairs.second, -1.0)):
+            np.maximum.at(low[pairs.case], one, np.expm1(sign * pairs.log_ratio - half))
+            np.maximum.at(high[pairs.case], one, np.expm1(sign * pairs.log_ratio + half))
 
 
 def _half_widths(pairs: Sequence[_Pairs], n: int, level: float, seed: int) -> Iterator[Array]:

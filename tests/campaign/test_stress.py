@@ -1,14 +1,20 @@
 """`stress:`: what it adds to a campaign, what it leaves alone, and what it refuses."""
 
-import pytest
+from pathlib import Path
 
-from relnav_sim.campaign.load import parse_campaign, parse_content
+import pytest
+import yaml
+
+from relnav_sim.campaign.load import load_campaign, parse_campaign, parse_content
 from relnav_sim.campaign.problems import CampaignError
 
 FIELD = (
     "{truth.forces.gravity: {model: ggm05s, degree: 3, order: 3}, truth.forces.drag: none,"
     " truth.epoch: 2026-07-13T00:00:00 UTC}"
 )
+
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -133,3 +139,13 @@ def test_refusals_say_where_and_why(base, section):
 def test_a_stress_that_changes_nothing_in_one_case_names_it(demo):
     with pytest.raises(CampaignError, match=r"this is no stress \(in the case sensors.radar.noise.kind=gaussian\)"):
         stressed(demo, same="{sensors.radar.noise: {kind: gaussian}}")
+
+
+def test_the_page_shows_the_shipped_campaign():
+    page = (ROOT / "docs" / "regret.md").read_text(encoding="utf-8")
+    shown = yaml.safe_load(page.split("```yaml\n")[1].partition("```")[0])["stress"]
+    shipped = load_campaign(ROOT / "campaigns" / "stress.yaml")
+    assert list(shown) == list(shipped.content["stress"]) == [case.stress for case in shipped.stressed]
+    assert all(list(shown[name]) == list(values) for name, values in shipped.content["stress"].items())
+    for name in ("ekf_quiet", "ekf_loose", "student_t", "ekf_field"):
+        assert name in shipped.cases[0].config.filters and name in page
