@@ -1,6 +1,7 @@
 """`relnav run --stress`: stressed cases extend a result and leave everything in it as it was."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,17 +9,18 @@ from small_campaign import TEXT, data_of
 from typer.testing import CliRunner
 
 from relnav_sim import open_results, regret, run_campaign
-from relnav_sim.campaign.load import parse_campaign
+from relnav_sim.campaign.load import load_campaign, parse_campaign
 from relnav_sim.cli.app import app
 from relnav_sim.report import write_report
 from relnav_sim.report.campaign_facts import headline_facts
-from relnav_sim.report.regret import regret_section
+from relnav_sim.report.regret import in_sentences, regret_section
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.block import RefusedError
 from relnav_sim.results.stored_campaign import stored_campaign
 from relnav_sim.runner.merging import merge_results
 from relnav_sim.runner.single import run_single
 
+ROOT = Path(__file__).parents[2]
 STRESS = "stress:\n  noisy: {sensors.radar.range_sigma_m: {times: 3}}\n  heavy: {truth.chief.mass_kg: {times: 0.01}}\n"
 
 
@@ -137,3 +139,15 @@ def test_the_command_line(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     with open_results(tmp_path / "results" / "small.h5") as results:
         assert len(results.headers) == 6
+
+
+@pytest.mark.slow
+def test_the_shipped_campaign_shows_a_nominal_winner_that_loses(tmp_path):
+    """Each filter whose model is the truth may be the best there; the nominal winner is not, in the real field."""
+    made = load_campaign(ROOT / "campaigns" / "stress.yaml", ["runs=30"])
+    with open_results(run_campaign(made.with_stress(), tmp_path / "stress.h5", workers=2)) as results:
+        found = regret(results)
+    assert found.nominal_winner == "ekf_quiet"
+    assert found.of("ekf_quiet", "nominal").low == 0 and found.of("ekf_field", "real_field").low == 0
+    assert found.of("ekf_quiet", "real_field").low > 0.2 and found.minimax != "ekf_quiet"
+    assert any("ekf_quiet" in said and "loses under real_field" in said for said in in_sentences(found))
