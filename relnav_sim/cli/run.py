@@ -88,9 +88,7 @@ def run(
 
     @guarded
     def compute() -> None:
-        with ending_promptly(
-            f"interrupted; what is finished is kept, and this continues it: {_this_command()}", notice.send
-        ):
+        with ending_promptly(_going_on(), notice.send):
             _check_options(only, trace, shard, fresh, fail_fast, max_failures, log)
             place = where(backend, workers, scheduler, local_cluster)
             if backend is BackendName.SEQUENTIAL and timeout_s is not None:
@@ -107,9 +105,10 @@ def run(
             if stress:
                 campaign = _with_stress(campaign, file)
 
+            from relnav_sim.runner.run import default_out, run_campaign
             from relnav_sim.runner.single import case_number, run_single, single_out
 
-            usual = Path(f"{campaign.name}.h5")
+            usual = default_out(campaign, part)
             if only is not None:
                 usual = single_out(usual, case_number(campaign, case), number)
             result = None if out is None else target_file(out, usual.name)
@@ -117,7 +116,6 @@ def run(
                 raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
 
             from relnav_sim.results.block import RefusedError
-            from relnav_sim.runner.run import default_out, run_campaign
 
             notice.campaign = campaign.name
             notice.result = os.path.abspath(result or default_out(campaign, part))
@@ -231,5 +229,7 @@ def _single_target(campaign: Campaign, out: Path | None, case: str, run: int) ->
     return out
 
 
-def _this_command() -> str:
-    return shlex.join([Path(sys.argv[0]).name, *(word for word in sys.argv[1:] if word != "--fresh")])
+def _going_on() -> str:
+    """Return how to go on after an interruption."""
+    again = shlex.join([Path(sys.argv[0]).name, *(word for word in sys.argv[1:] if word != "--fresh")])
+    return f"interrupted; what is finished is kept, and this continues it: {again}"
