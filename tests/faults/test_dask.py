@@ -256,7 +256,7 @@ def test_a_worker_with_other_plug_ins_is_refused_by_name_and_another_one_works(r
 def test_workers_whose_time_ends_cost_nobody_a_run(relnav, reference, scheduler):
     here = relnav(*LONGER)
     scheduler.begin()
-    for seconds in (30, 45):
+    for seconds in (60, 80):
         scheduler.worker("--lifetime", f"{seconds}s", "--lifetime-restart")
     code, _, stderr = here.run("run", "small.yaml", *scheduler.options)
     assert code == 0, stderr
