@@ -111,7 +111,7 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
                 continue
             finished.add(path, info.case_id, info.filter_ids, info.runs, headline_figures(block))
     if lacked_memory:
-        say(f"{lacked_memory} of the runs of filters lacked memory the last time; trying them again")
+        say(f"{lacked_memory} of the runs of filters lacked memory or a worker the last time; trying them again")
     return finished
 
 
