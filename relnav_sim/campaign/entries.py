@@ -16,6 +16,7 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import FilterKind, filter_kinds
+from relnav_sim.filters.smoother_options import SmootherOption
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
 from relnav_sim.sensors.registry import sensor_kinds
@@ -75,6 +76,13 @@ class FilterEntry(Options):
         default=(),
         description="Augmented states that the filter carries behind position and velocity: biases of sensors, errors "
         "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
+    )
+
+    smoother: Annotated[SmootherOption | None, AddedLater()] = Field(
+        default=None,
+        description="Improve the filter's estimates afterwards: rts (Rauch, Tung and Striebel: by all later readings) "
+        "or fixed_lag (by those of the next `lag_s`). The row then tells what is known afterwards, not in flight; its "
+        "NIS is that of the filter. Default: none",
     )
 
     @field_validator("sensors")

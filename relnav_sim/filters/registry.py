@@ -84,6 +84,11 @@ class FilterKind:
         return bool(getattr(self.factory, "matches_covariance", False))
 
     @property
+    def smooths(self) -> bool:
+        """Whether a smoother can go back over its estimates: its class says by which linear step it has predicted."""
+        return hasattr(self.factory, "linear_step")
+
+    @property
     def description(self) -> str:
         """What the filter is: the docstring of its class."""
         return inspect.getdoc(self.factory) or ""

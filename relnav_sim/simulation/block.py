@@ -21,6 +21,7 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import relative_sensors
+from relnav_sim.simulation.afterwards import Afterwards, lag_epochs
 from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
@@ -108,6 +109,8 @@ def filter_block(
         stored = _stored(config, chunk)
         times.append(chunk.truth.times_s[stored])
         relative.append(chunk.truth.relative[:, stored])
+    for track in tracks:
+        track.finish()
     ended = dict(chunk.ended)
     if not config.truth.is_dispersed and ended:
         ended = dict.fromkeys(range(len(runs)), ended[0])
@@ -207,12 +210,16 @@ class FilterTrack:
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._augmented: AugmentedTrack | None = None
+        self._afterwards: Afterwards | None = None
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
             self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
             made = create_campaign_filter(entry, config, self._context, late)
             self._filter, self._dynamics = made.filter, made.dynamics
+            if entry.smoother is not None:
+                self._afterwards = Afterwards(self._filter, lag_epochs(entry.smoother, self._step_s))
+                self._filter = self._afterwards.filter
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
@@ -234,10 +241,24 @@ class FilterTrack:
             history = self._advance(chunk)
             self._cpu_s += time.process_time() - self._shared.cpu_s - begin
             self._steps += history.nis.size
-            if chunk.truth_is_known:
+            if self._afterwards is not None:
+                self._afterwards.add(chunk, history)
+            elif chunk.truth_is_known:
                 self._score(chunk, history)
             if self._watch is not None and before is not None:
                 self._watch(self.name, self._filter, chunk, before, history)
+
+    def finish(self) -> None:
+        """Go back over all chunks and count the errors, where that is what the filter's row is of."""
+        if self.broken is not None or self._afterwards is None:
+            return
+        with self._breaking_alone():
+            begin = time.process_time()
+            for chunk, history in self._afterwards.smoothed():
+                self._cpu_s += time.process_time() - begin
+                if chunk.truth_is_known:
+                    self._score(chunk, history)
+                begin = time.process_time()
 
     def _score(self, chunk: Chunk, history: FilterHistory) -> None:
         """Count the errors of a chunk."""

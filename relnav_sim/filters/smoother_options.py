@@ -1,0 +1,24 @@
+"""How a filter's row is smoothed."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from relnav_sim.options import Options
+
+
+class LagOptions(Options):
+    """How late a fixed-lag smoother's estimates are."""
+
+    lag_s: float = Field(gt=0, description="How much later its last reading is, s; a whole number of steps")
+
+
+class FixedLagOptions(Options):
+    """The estimate of each epoch is that of a fixed time later: what a user has who can wait that long."""
+
+    fixed_lag: LagOptions = Field(description="Readings up to a fixed time later")
+
+
+SmootherOption = Literal["rts"] | FixedLagOptions
