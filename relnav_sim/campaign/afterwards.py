@@ -1,45 +1,102 @@
-"""What must fit together where estimates are improved afterwards, or readings come late."""
+"""What must fit together where estimates are improved afterwards, or a start is fitted to the first readings."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import Clock, exact
+from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed
+from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.filters.registry import filter_kinds
 
 
-def check_afterwards(name: str, entry: FilterEntry, clock: Clock | None) -> Iterator[Problem]:
-    """Yield a smoother that the filter can't have."""
-    smoother = entry.smoother
-    if smoother is None:
-        return
-    path: Path = ("filters", name, "smoother")
-    kinds = filter_kinds()
-    if not kinds[entry.kind].smooths:
+def check_afterwards(
+    name: str, entry: FilterEntry, clock: Clock | None, statistics: StatisticsOptions | None
+) -> Iterator[Problem]:
+    """Yield what a filter can't have of a smoother, a fitted start and passes over the whole run."""
+    path: Path = ("filters", name)
+    kind = filter_kinds()[entry.kind]
+    considered = [option.kind for option in entry.augment if option.mode == "consider"]
+    if kind.repeats:
+        yield from _check_repeated(path, entry)
+    if entry.smoother is not None:
+        yield from _check_smoother(path, entry, considered, clock)
+    if entry.batch_start is not None:
+        yield from _check_start(path, entry, considered, clock, statistics)
+
+
+def _check_repeated(path: Path, entry: FilterEntry) -> Iterator[Problem]:
+    """Yield what makes no sense beside a fit of the whole run without process noise."""
+    form = next((form for form in ("dmc", "adaptive") if getattr(entry.process_noise, form) is not None), None)
+    if form is not None:
+        yield Problem(
+            (*path, "process_noise", form),
+            f"{entry.kind} fits one trajectory without process noise; leave it out, or smooth a filter",
+        )
+    if entry.batch_start is not None:
+        yield Problem((*path, "batch_start"), f"{entry.kind} is fitted to all readings itself; leave this key out")
+
+
+def _check_smoother(path: Path, entry: FilterEntry, considered: list[str], clock: Clock | None) -> Iterator[Problem]:
+    kinds, smoother = filter_kinds(), entry.smoother
+    path = (*path, "smoother")
+    if kinds[entry.kind].repeats:
+        yield Problem(path, f"{entry.kind} knows all readings already; leave this key out")
+    elif not kinds[entry.kind].smooths:
         can = listed([kind for kind, each in kinds.items() if each.smooths], "and")
         yield Problem(
-            path, f"the {entry.kind} filter is no single Gaussian that a smoother can go back over; {can} are"
+            path, f"the {entry.kind} filter is no single Gaussian, which a smoother goes back over; {can} are"
         )
-    if any(option.mode == "consider" for option in entry.augment):
+    if considered:
         yield Problem(
             path,
-            "a state that is accounted for without being estimated makes the filter's gain other than the best, which "
-            "a smoother can't go back by; take estimate, or leave this key out",
+            f"{considered[0]} is accounted for without being estimated, so that the filter's gain is not the best one, "
+            "and a smoother would go back by the wrong one; take mode: estimate, or leave this key out",
         )
-    if smoother != "rts" and clock is not None:
-        lag_s = smoother.fixed_lag.lag_s
-        steps = exact(lag_s) / exact(clock.step_s)
-        if steps.denominator != 1:
-            near = [float(exact(clock.step_s) * each) for each in (steps.__floor__(), steps.__ceil__()) if each > 0]
-            yield Problem(
-                (*path, "fixed_lag", "lag_s"),
-                f"{lag_s:g} s is no whole number of steps of {clock.step_s:g} s; "
-                f"take {' or '.join(f'{x:.12g}' for x in near)}",
-            )
-        elif lag_s >= clock.duration_s:
-            yield Problem(
-                (*path, "fixed_lag", "lag_s"),
-                f"{lag_s:g} s is not shorter than the run, {clock.duration_s:g} s; take rts",
-            )
+    if entry.batch_start is not None:
+        yield Problem(path, "a smoother goes back to the campaign's start, not to a fitted one; leave batch_start out")
+    if smoother is None or smoother == "rts" or clock is None:
+        return
+    lag_s, path = smoother.fixed_lag.lag_s, (*path, "fixed_lag", "lag_s")
+    yield from check_whole_steps(lag_s, clock.step_s, path)
+    if lag_s >= clock.duration_s:
+        yield Problem(path, f"{lag_s:g} s is not shorter than the run of {clock.duration_s:g} s; take smoother: rts")
+
+
+def _check_start(
+    path: Path, entry: FilterEntry, considered: list[str], clock: Clock | None, statistics: StatisticsOptions | None
+) -> Iterator[Problem]:
+    path = (*path, "batch_start", "duration_s")
+    if considered:
+        yield Problem(
+            path[:-1],
+            f"a fit would estimate {considered[0]}, which the filter is only to account for; take mode: estimate, or "
+            "leave this key out",
+        )
+    if entry.batch_start is None or clock is None:
+        return
+    duration_s = entry.batch_start.duration_s
+    yield from check_whole_steps(duration_s, clock.step_s, path)
+    if duration_s >= clock.duration_s:
+        yield Problem(path, f"{duration_s:g} s leaves the filter nothing of a run of {clock.duration_s:g} s")
+    elif duration_s > (longest_s := (CHUNK_EPOCHS - 2) * clock.step_s):
+        yield Problem(path, f"a start is fitted to at most {CHUNK_EPOCHS - 2} steps, {longest_s:g} s here")
+    if statistics is not None and duration_s > statistics.settle_s:
+        yield Problem(
+            path,
+            f"what is fitted is known at the earliest after {duration_s:g} s, and statistics.settle_s begins to count "
+            f"at {statistics.settle_s:g} s; take a settle_s that is no shorter",
+        )
+
+
+def check_whole_steps(value: float, step_s: float, path: Path) -> Iterator[Problem]:
+    """Yield a problem where a time is no whole number of steps."""
+    steps = exact(value) / exact(step_s)
+    if steps.denominator == 1:
+        return
+    near = [float(exact(step_s) * count) for count in (steps.__floor__(), steps.__ceil__()) if count > 0]
+    yield Problem(
+        path,
+        f"{value:g} s is no whole number of steps of {step_s:g} s; take {' or '.join(f'{x:.12g}' for x in near)}",
+    )

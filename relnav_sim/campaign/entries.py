@@ -15,8 +15,8 @@ from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noi
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.filters.afterwards_options import BatchStartOptions, SmootherOption
 from relnav_sim.filters.registry import FilterKind, filter_kinds
-from relnav_sim.filters.smoother_options import SmootherOption
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
 from relnav_sim.sensors.registry import sensor_kinds
@@ -78,6 +78,11 @@ class FilterEntry(Options):
         "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
     )
 
+    batch_start: Annotated[BatchStartOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Begin with a batch least squares fit of the first readings, to which the campaign's start is the "
+        "prior; the filter gets the readings after. Default: begin at the campaign's start",
+    )
     smoother: Annotated[SmootherOption | None, AddedLater()] = Field(
         default=None,
         description="Improve the filter's estimates afterwards: rts (Rauch, Tung and Striebel: by all later readings) "

@@ -17,6 +17,7 @@ from relnav_sim.filters.channel_residuals import ResidualRecorder
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
 from relnav_sim.filters.history import FilterHistory as FilterHistory
 from relnav_sim.filters.history import Innovations
+from relnav_sim.filters.passes import last_pass, unfit, with_unfit
 from relnav_sim.filters.readings import Readings
 from relnav_sim.filters.returned import Returned
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
@@ -78,7 +79,12 @@ def run_filter(
         check_models(filter, prior, readings, step_s)
         belief = filter.start(prior, RandomSource(checked_seed(seed), numbered))
     by_sensor = {sensor.name: one for sensor, one in zip(sensors_of(filter.measurement), readings, strict=True)}
-    history = advance(filter, belief, by_sensor, first_epoch=0, step_s=step_s)[1]
+
+    def go(begin: Any) -> tuple[Any, FilterHistory]:
+        return advance(filter, begin, by_sensor, first_epoch=0, step_s=step_s)
+
+    belief = last_pass(filter, belief, lambda begin: go(begin)[0])
+    history = with_unfit(go(belief)[1], unfit(filter, belief), epoch=0)
     failures = tuple(replace(failure, run=numbered[failure.run]) for failure in history.failures)
     if failures:
         warnings.warn(sentence(failures), RuntimeWarning, stacklevel=2)

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.filters.afterwards_options import SmootherOption
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.fixed_interval import fixed_interval
 from relnav_sim.filters.fixed_lag import Change, fixed_lag, to_next_border
 from relnav_sim.filters.history import FilterHistory
 from relnav_sim.filters.segments import Segment
-from relnav_sim.filters.smoother_options import SmootherOption
 from relnav_sim.filters.step_recorder import StepRecorder
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.spill import Reversed, Spill

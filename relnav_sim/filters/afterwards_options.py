@@ -1,4 +1,4 @@
-"""How a filter's row is smoothed."""
+"""What a campaign says of estimates that need later readings: smoothers, and starts fitted to the first readings."""
 
 from __future__ import annotations
 
@@ -22,3 +22,9 @@ class FixedLagOptions(Options):
 
 
 SmootherOption = Literal["rts"] | FixedLagOptions
+
+
+class BatchStartOptions(Options):
+    """A start by batch least squares over the first readings, by the filter's own models without process noise."""
+
+    duration_s: float = Field(gt=0, description="Readings up to this time after the start, s; a whole number of steps")

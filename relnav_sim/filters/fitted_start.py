@@ -1,0 +1,62 @@
+"""A start that is fitted to the first readings, which the filter then does not get."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.filters.batch_least_squares import BatchLeastSquares, BatchOptions
+from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.passes import last_pass
+from relnav_sim.filters.run import FilterHistory, advance
+from relnav_sim.streams import RandomSource
+
+
+@dataclass(frozen=True)
+class FittedStart:
+    """A trajectory fitted to the readings of the first epochs.
+
+    Attributes:
+        mean: At epoch 0 and the K epochs after, (runs, 1 + K, n).
+        covariance: (runs, 1 + K, n, n).
+        unfit: Why runs have no fit, by place; they are NaN.
+    """
+
+    mean: Array
+    covariance: Array
+    unfit: Mapping[int, str]
+
+    @property
+    def end(self) -> Gaussian:
+        """What the filter starts from, at the last of the epochs."""
+        return Gaussian(self.mean[:, -1].copy(), self.covariance[:, -1].copy())
+
+
+def fitted_start(
+    filter: Filter, z: Mapping[str, Array], start: Gaussian, source: RandomSource, step_s: float
+) -> FittedStart:
+    """Return the trajectory that fits the readings z of the epochs from 1 on best, by the filter's own models.
+
+    Args:
+        filter: The filter, which is not used itself.
+        z: Readings of K epochs by sensor, (runs, K, m).
+        start: What is known at epoch 0.
+        source: Seed and runs.
+        step_s: Time between epochs, s.
+    """
+    fit = BatchLeastSquares(filter.dynamics, filter.measurement, BatchOptions())
+
+    def go(begin: Any) -> tuple[Any, FilterHistory]:
+        return advance(fit, begin, z, 1, step_s)
+
+    begin = last_pass(fit, fit.start(start, source), lambda begin: go(begin)[0])
+    history = go(begin)[1]
+    unfit = dict(fit.unfit(begin)) | {one.run: f"{one.reason} at epoch {one.epoch}" for one in history.failures}
+    unfit = {place: f"no start could be fitted: {reason}" for place, reason in unfit.items()}
+    mean = np.concatenate([begin.mean[:, None], history.mean], axis=1)
+    covariance = np.concatenate([begin.covariance[:, None], history.covariance], axis=1)
+    return FittedStart(mean, covariance, unfit)
