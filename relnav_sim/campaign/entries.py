@@ -90,6 +90,13 @@ class FilterEntry(Options):
         "NIS is that of the filter. Default: none",
     )
 
+    out_of_sequence: Annotated[Literal["drop", "buffer"] | None, AddedLater()] = Field(
+        default=None,
+        description="Readings that arrive after their own epoch, where a sensor has a `drawn_latency_s`: drop (without "
+        "them) or buffer (go back to their epoch and over all since again). Default: drop; rows that are known "
+        "afterwards have all readings in order",
+    )
+
     @field_validator("sensors")
     @classmethod
     def _named_once(cls, sensors: tuple[str, ...] | None) -> tuple[str, ...] | None:

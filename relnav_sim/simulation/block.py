@@ -182,7 +182,7 @@ class FilterTrack:
         packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
-        self._prior, self._source = prior, source
+        self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._augmented: AugmentedTrack | None = None
         self._afterwards: Afterwards | None = None
@@ -203,7 +203,7 @@ class FilterTrack:
                 self._augmented = AugmentedTrack(self._fed.extension, entry, config, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
-            self._belief = self._fed.filter.start(own, source)
+            self._belief = self._fed.start(own)
 
     def add(self, chunk: Chunk) -> None:
         """Filter the next chunk of measurements and count its errors, unless the filter is broken.
@@ -249,7 +249,7 @@ class FilterTrack:
         if self._repeated is not None:
             before = self._prior.mean
             watched = self._watch is not None
-            for fed, chunk, history in self._repeated.results(self._prior, self._source, self._reached, watched):
+            for fed, chunk, history in self._repeated.results(self._prior, self._reached, watched):
                 self._steps += history.nis.size
                 if self._watch is not None:
                     self._watch(self.name, fed.filter, chunk, before, history)

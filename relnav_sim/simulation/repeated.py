@@ -11,7 +11,6 @@ from relnav_sim.filters.passes import last_pass, unfit, with_unfit
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.fed_filter import FedFilter
 from relnav_sim.simulation.spill import Spill
-from relnav_sim.streams import RandomSource
 
 
 class Repeated:
@@ -30,13 +29,12 @@ class Repeated:
         self._chunks.append(chunk)
 
     def results(
-        self, prior: Gaussian, source: RandomSource, reached: Callable[[int], None], with_residuals: bool
+        self, prior: Gaussian, reached: Callable[[int], None], with_residuals: bool
     ) -> Iterator[tuple[FedFilter, Chunk, FilterHistory]]:
         """Yield the chunks with the estimates of the last pass, from the first on, and the estimator as it was there.
 
         Args:
             prior: What is known at epoch 0.
-            source: Seed and runs.
             reached: Told of every epoch that begins, in every pass.
             with_residuals: As in `filters.run.advance`.
         """
@@ -48,7 +46,7 @@ class Repeated:
             return belief
 
         fed = self._make()
-        belief = last_pass(fed.filter, fed.filter.start(prior, source), go)
+        belief = last_pass(fed.filter, fed.start(prior), go)
         start, reasons = Gaussian(belief.mean, belief.covariance), unfit(fed.filter, belief)
         for place in range(len(self._chunks)):
             chunk = self._chunks[place]
