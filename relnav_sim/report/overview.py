@@ -99,6 +99,8 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
         return Words("no completed run", math.inf)
     if not standing.facts.observable:
         return Words("not observable", math.inf)
+    if standing in ranking.known_later:
+        return Words(f"known {standing.facts.known_when}", math.inf)
     if len(ranking.ranked) == 1:
         return Words("the only one", 0.0)
     if standing is ranking.best:
