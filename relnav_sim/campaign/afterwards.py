@@ -9,6 +9,8 @@ from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.sensors import Sensors, relative_sensors
+from relnav_sim.sensors.arrivals import most_epochs_late
 
 
 def check_afterwards(
@@ -88,6 +90,57 @@ def _check_start(
             f"what is fitted is known at the earliest after {duration_s:g} s, and statistics.settle_s begins to count "
             f"at {statistics.settle_s:g} s; take a settle_s that is no shorter",
         )
+
+
+def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) -> Iterator[Problem]:
+    """Yield what a filter can't do with readings that arrive late."""
+    if not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # a sensor that is not there is said already
+    drawn = {
+        each: options.drawn_latency_s
+        for each, options in relative_sensors(sensors, entry.sensors).items()
+        if options.drawn_latency_s is not None
+    }
+    path: Path = ("filters", name, "out_of_sequence")
+    afterwards = entry.smoother is not None or filter_kinds()[entry.kind].repeats
+    if afterwards and entry.out_of_sequence is not None:
+        yield Problem(path, "what is known afterwards has had all readings in order; leave this key out")
+    if not drawn:
+        return
+    slowest = max(drawn, key=lambda each: drawn[each][1])
+    longest_s = drawn[slowest][1]
+    if entry.smoother is not None and entry.smoother != "rts" and entry.smoother.fixed_lag.lag_s < longest_s:
+        yield Problem(
+            ("filters", name, "smoother", "fixed_lag", "lag_s"),
+            f"readings of {slowest} may arrive {longest_s:g} s late, after the estimate; take a lag no shorter",
+        )
+    elif entry.out_of_sequence == "buffer":
+        yield from _check_buffer(path, entry, longest_s, slowest, clock)
+    elif not afterwards:
+        for each, (shortest_s, _) in drawn.items():
+            if most_epochs_late((0.0, shortest_s), clock.step_s):
+                yield Problem(
+                    path,
+                    f"every reading of {each} arrives a step or more late ({shortest_s:g} s at least), so that drop, "
+                    "the default, leaves the filter none of them; take buffer",
+                )
+
+
+def _check_buffer(path: Path, entry: FilterEntry, longest_s: float, slowest: str, clock: Clock) -> Iterator[Problem]:
+    if most_epochs_late((0.0, longest_s), clock.step_s) >= CHUNK_EPOCHS:
+        yield Problem(
+            path,
+            f"readings of {slowest} may arrive {longest_s:g} s late, and a filter goes back at most {CHUNK_EPOCHS - 1} "
+            f"steps, {(CHUNK_EPOCHS - 1) * clock.step_s:g} s here; take a larger clock.step_s, or drop",
+        )
+    if entry.process_noise.adaptive is not None:
+        yield Problem(
+            path,
+            "a process noise that is found from the readings is not gone back over; take another form of "
+            "process_noise, or drop",
+        )
+    if entry.batch_start is not None:
+        yield Problem(path, "a start is fitted to readings that are there in time; take drop, or leave out batch_start")
 
 
 def check_whole_steps(value: float, step_s: float, path: Path) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import ceil
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
-from relnav_sim.campaign.afterwards import check_afterwards, check_whole_steps
+from relnav_sim.campaign.afterwards import check_afterwards, check_late, check_whole_steps
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
@@ -68,6 +68,8 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         yield from _check_considered(name, entry)
         yield from _check_process_noise(name, entry)
         yield from check_afterwards(name, entry, parts.clock, parts.statistics)
+        if parts.sensors is not None and parts.clock is not None:
+            yield from check_late(name, entry, parts.sensors, parts.clock)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
@@ -127,6 +129,13 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
                 yield Problem(
                     ("sensors", both[1]), f"{both[0]} tells the {host} the same; a craft goes by one sensor of a kind"
                 )
+    for name, each in relative.items():
+        if each.drawn_latency_s is not None and each.latency_s:
+            yield Problem(
+                ("sensors", name, "drawn_latency_s"),
+                "readings that count at a later epoch (latency_s) and readings that arrive late exclude each other; "
+                "give one of them",
+            )
     if not isinstance(start, FirstFixStart):
         return
     giving = next((name for name, each in relative.items() if each.gives_fix), None)
@@ -143,6 +152,12 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
             ("sensors", giving, key),
             f"the first reading comes {late_s:g} s after the start, so there is no fix to start from; "
             "take start.kind dispersed or given",
+        )
+    elif relative[giving].drawn_latency_s is not None:
+        yield Problem(
+            ("sensors", giving, "drawn_latency_s"),
+            "the first reading may arrive after the start, so there is no fix to start from; take start.kind dispersed "
+            "or given",
         )
 
 

@@ -283,11 +283,11 @@ class CaseFacts:
 
     @property
     def by_accuracy(self) -> tuple[FilterFacts, ...]:
-        """The filters with a completed run, the smallest position RMS first."""
+        """The filters with a completed run, the smallest position RMS first; last those that are known only later."""
         span = self.span
-        held = [(item.mean_rms(span), item) for item in self.filters if item.completed]
+        held = [(bool(item.known_when), item.mean_rms(span), item) for item in self.filters if item.completed]
         # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
-        return tuple(item for size, item in sorted(held, key=lambda pair: (not np.isfinite(pair[0]), pair[0])))
+        return tuple(item for *_, item in sorted(held, key=lambda each: (each[0], not np.isfinite(each[1]), each[1])))
 
     @property
     def when(self) -> str:

@@ -61,6 +61,8 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         if bounded
         else ""
     )
+    if bounded and any(item.known_when for case in cases for item in case.filters):
+        above += " The bound is that of filters in flight; what is known only later may lie below it."
     return Table(
         name="overview",
         title="All cases and filters" if len(cases) > 1 else "All filters",

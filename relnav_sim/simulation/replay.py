@@ -221,6 +221,12 @@ def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s:
 def _check_sensors(config: CaseConfig, recorded: Readings) -> None:
     """Refuse readings of sensors that the campaign does not have, and a lack of those that it needs."""
     sensors = {reading: sensor for reading, (sensor, _) in reading_names(config.sensors).items()}
+    for name, each in relative_sensors(config.sensors).items():
+        if each.drawn_latency_s is not None:
+            raise ReplayError(
+                f"{name} draws a latency for each reading, and files of readings do not say when they arrived; leave "
+                f"it out: --set sensors.{name}.drawn_latency_s=null"
+            )
     names = readings_layout(config.sensors)
     if unknown := [name for name in recorded.sensors if name not in names]:
         known = listed(list(names), "and")
