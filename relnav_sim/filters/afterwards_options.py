@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from relnav_sim.options import Options
 
@@ -21,7 +21,15 @@ class FixedLagOptions(Options):
     fixed_lag: LagOptions = Field(description="Readings up to a fixed time later")
 
 
-SmootherOption = Literal["rts"] | FixedLagOptions
+def _word_or_section(value: object) -> str:
+    return "section" if isinstance(value, dict | FixedLagOptions) else "word"
+
+
+SmootherOption = Annotated[
+    Annotated[Literal["rts"], Tag("word")] | Annotated[FixedLagOptions, Tag("section")],
+    Discriminator(_word_or_section),
+]
+"""A filter's `smoother:`: the word rts, or a section that says the lag."""
 
 
 class BatchStartOptions(Options):

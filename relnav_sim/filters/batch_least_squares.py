@@ -72,9 +72,9 @@ class BatchLeastSquares:
 
     Gauss-Newton passes over the whole run for the state at its start (Tapley, Schutz and Born, Statistical Orbit
     Determination, 2004, section 4.3), with the prior as one more reading. It is what is known afterwards if the
-    dynamics are believed to the letter: the process noise does not count. The reference for filters; no filter in
-    flight can do it. Where the dynamics are wrong by more than the readings average out, its covariance is far too
-    small, and a smoother (`smoother: rts`) is the better reference.
+    dynamics are believed to the letter: the process noise does not count. Take it as the reference for filters, which
+    can't do it in flight. Where the dynamics are wrong by more than the readings average out, its covariance is far
+    too small, and a smoother (`smoother: rts`) is the better reference.
 
     NIS and log-likelihood are those of the readings about the fit that they were part of, each by itself.
     """

@@ -144,6 +144,10 @@ class Watch(Protocol):
         """
         ...
 
+    def afterwards(self, name: str, chunk: Chunk, history: FilterHistory) -> None:
+        """Take a look at what a smoother has made of a chunk, once all of them have been filtered."""
+        ...
+
 
 class FilterTrack:
     """A filter on its way through a block: its belief and its statistics so far.
@@ -245,7 +249,10 @@ class FilterTrack:
     def _known_afterwards(self) -> Iterator[tuple[Chunk, FilterHistory]]:
         """Yield the chunks with estimates that the whole run has told, from the first on."""
         if self._afterwards is not None:
-            yield from self._afterwards.smoothed()
+            for chunk, history in self._afterwards.smoothed():
+                if self._watch is not None:
+                    self._watch.afterwards(self.name, chunk, history)
+                yield chunk, history
         if self._repeated is not None:
             before = self._prior.mean
             watched = self._watch is not None
