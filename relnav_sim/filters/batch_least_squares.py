@@ -108,12 +108,15 @@ class BatchLeastSquares:
         A, r = noise.whiten_rows(H @ belief.Phi), noise.whiten(residual)
         HP = H @ belief.covariance
         told = innovation_of(symmetric(every - HP @ transpose(H)), residual, np.abs(z) + np.abs(z - residual))
-        singular = dict.fromkeys(np.flatnonzero(not_definite(every, len(z))).tolist(), NEEDS_NOISE)
-        return replace(
+        # Of a run without a fit not even the noise is known.
+        singular = not_definite(every, len(z)) & np.isfinite(every).all(axis=(1, 2))
+        failed = dict.fromkeys(np.flatnonzero(singular).tolist(), NEEDS_NOISE)
+        passed = replace(
             belief,
             normal=belief.normal + transpose(A) @ A,
             gradient=belief.gradient + np.einsum("bmi,bm->bi", A, r),
-        ), Innovation(told.nis, told.log_likelihood, failed=singular)
+        )
+        return passed, Innovation(told.nis, told.log_likelihood, failed=failed)
 
     def settled(self, belief: BatchPass) -> bool:
         """Return whether a pass from here goes along the result itself, in all runs."""

@@ -55,7 +55,7 @@ def fitted_start(
 
     begin = last_pass(fit, fit.start(start, source), lambda begin: go(begin)[0])
     history = go(begin)[1]
-    unfit = dict(fit.unfit(begin)) | {one.run: f"{one.reason} at epoch {one.epoch}" for one in history.failures}
+    unfit = {one.run: f"{one.reason} at epoch {one.epoch}" for one in history.failures} | fit.unfit(begin)
     unfit = {place: f"no start could be fitted: {reason}" for place, reason in unfit.items()}
     mean = np.concatenate([begin.mean[:, None], history.mean], axis=1)
     covariance = np.concatenate([begin.covariance[:, None], history.covariance], axis=1)

@@ -245,6 +245,7 @@ class FilterTrack:
                 if chunk.truth_is_known:
                     self._score(chunk, history)
                 begin = time.process_time()
+        self._afterwards = self._repeated = None  # with what they have kept
 
     def _known_afterwards(self) -> Iterator[tuple[Chunk, FilterHistory]]:
         """Yield the chunks with estimates that the whole run has told, from the first on."""
