@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
@@ -40,7 +40,9 @@ def _check_repeated(path: Path, entry: FilterEntry) -> Iterator[Problem]:
         yield Problem((*path, "batch_start"), f"{entry.kind} is fitted to all readings itself; leave this key out")
 
 
-def _check_smoother(path: Path, entry: FilterEntry, considered: list[str], clock: Clock | None) -> Iterator[Problem]:
+def _check_smoother(
+    path: Path, entry: FilterEntry, considered: Sequence[str], clock: Clock | None
+) -> Iterator[Problem]:
     kinds, smoother = filter_kinds(), entry.smoother
     path = (*path, "smoother")
     if kinds[entry.kind].repeats:
@@ -67,7 +69,7 @@ def _check_smoother(path: Path, entry: FilterEntry, considered: list[str], clock
 
 
 def _check_start(
-    path: Path, entry: FilterEntry, considered: list[str], clock: Clock | None, statistics: StatisticsOptions | None
+    path: Path, entry: FilterEntry, considered: Sequence[str], clock: Clock | None, statistics: StatisticsOptions | None
 ) -> Iterator[Problem]:
     path = (*path, "batch_start", "duration_s")
     if considered:
