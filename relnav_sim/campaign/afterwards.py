@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import Clock, StatisticsOptions, exact
+from relnav_sim.campaign.models import Clock, exact
 from relnav_sim.campaign.problems import Path, Problem, listed
 from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.filters.registry import filter_kinds
@@ -13,9 +13,7 @@ from relnav_sim.sensors import Sensors, relative_sensors
 from relnav_sim.sensors.arrivals import most_epochs_late
 
 
-def check_afterwards(
-    name: str, entry: FilterEntry, clock: Clock | None, statistics: StatisticsOptions | None
-) -> Iterator[Problem]:
+def check_afterwards(name: str, entry: FilterEntry, clock: Clock | None) -> Iterator[Problem]:
     """Yield what a filter can't have of a smoother, a fitted start and passes over the whole run."""
     path: Path = ("filters", name)
     kind = filter_kinds()[entry.kind]
@@ -25,7 +23,7 @@ def check_afterwards(
     if entry.smoother is not None:
         yield from _check_smoother(path, entry, considered, clock)
     if entry.batch_start is not None:
-        yield from _check_start(path, entry, considered, clock, statistics)
+        yield from _check_start(path, entry, considered, clock)
 
 
 def _check_repeated(path: Path, entry: FilterEntry) -> Iterator[Problem]:
@@ -68,9 +66,7 @@ def _check_smoother(
         yield Problem(path, f"{lag_s:g} s is not shorter than the run of {clock.duration_s:g} s; take smoother: rts")
 
 
-def _check_start(
-    path: Path, entry: FilterEntry, considered: Sequence[str], clock: Clock | None, statistics: StatisticsOptions | None
-) -> Iterator[Problem]:
+def _check_start(path: Path, entry: FilterEntry, considered: Sequence[str], clock: Clock | None) -> Iterator[Problem]:
     path = (*path, "batch_start", "duration_s")
     if considered:
         yield Problem(
@@ -86,12 +82,6 @@ def _check_start(
         yield Problem(path, f"{duration_s:g} s leaves the filter nothing of a run of {clock.duration_s:g} s")
     elif duration_s > (longest_s := (CHUNK_EPOCHS - 2) * clock.step_s):
         yield Problem(path, f"a start is fitted to at most {CHUNK_EPOCHS - 2} steps, {longest_s:g} s here")
-    if statistics is not None and duration_s > statistics.settle_s:
-        yield Problem(
-            path,
-            f"what is fitted is known at the earliest after {duration_s:g} s, and statistics.settle_s begins to count "
-            f"at {statistics.settle_s:g} s; take a settle_s that is no shorter",
-        )
 
 
 def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) -> Iterator[Problem]:

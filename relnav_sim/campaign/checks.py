@@ -67,7 +67,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
         yield from _check_process_noise(name, entry)
-        yield from check_afterwards(name, entry, parts.clock, parts.statistics)
+        yield from check_afterwards(name, entry, parts.clock)
         if parts.sensors is not None and parts.clock is not None:
             yield from check_late(name, entry, parts.sensors, parts.clock)
         if parts.sensors is not None:

@@ -66,7 +66,7 @@ class BatchPass:
     lost: Mask
 
 
-@register_filter("batch_least_squares", BatchOptions, cost_us=6.0, overhead_us=400.0)
+@register_filter("batch_least_squares", BatchOptions, cost_us=9.0, overhead_us=700.0)
 class BatchLeastSquares:
     """Batch least squares: the one trajectory without process noise that fits all readings of a run best.
 

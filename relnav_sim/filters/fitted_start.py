@@ -11,6 +11,8 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.filters.batch_least_squares import BatchLeastSquares, BatchOptions
 from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.ekf import ExtendedKalmanFilter
+from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.passes import last_pass
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.streams import RandomSource
@@ -18,10 +20,11 @@ from relnav_sim.streams import RandomSource
 
 @dataclass(frozen=True)
 class FittedStart:
-    """A trajectory fitted to the readings of the first epochs.
+    """A start fitted to the readings of the first epochs.
 
     Attributes:
-        mean: At epoch 0 and the K epochs after, (runs, 1 + K, n).
+        mean: At epoch 0 and the K epochs after, (runs, 1 + K, n): without readings until the last of them, where the
+            fit is there.
         covariance: (runs, 1 + K, n, n).
         unfit: Why runs have no fit, by place; they are NaN.
     """
@@ -39,7 +42,7 @@ class FittedStart:
 def fitted_start(
     filter: Filter, z: Mapping[str, Array], start: Gaussian, source: RandomSource, step_s: float
 ) -> FittedStart:
-    """Return the trajectory that fits the readings z of the epochs from 1 on best, by the filter's own models.
+    """Return the fit of the readings z of the epochs from 1 on, by the filter's own models without process noise.
 
     Args:
         filter: The filter, which is not used itself.
@@ -57,6 +60,12 @@ def fitted_start(
     history = go(begin)[1]
     unfit = {one.run: f"{one.reason} at epoch {one.epoch}" for one in history.failures} | fit.unfit(begin)
     unfit = {place: f"no start could be fitted: {reason}" for place, reason in unfit.items()}
-    mean = np.concatenate([begin.mean[:, None], history.mean], axis=1)
-    covariance = np.concatenate([begin.covariance[:, None], history.covariance], axis=1)
+    unread = {name: np.full_like(readings, np.nan) for name, readings in z.items()}
+    unaided = ExtendedKalmanFilter(filter.dynamics, filter.measurement, GaussianFilterOptions())
+    waiting = advance(unaided, start, unread, 1, step_s)[1]
+    waiting = waiting.after(start.mean[:, None], start.covariance[:, None])
+    mean, covariance = waiting.mean.copy(), waiting.covariance.copy()
+    mean[:, -1], covariance[:, -1] = history.mean[:, -1], history.covariance[:, -1]
+    places = list(unfit)
+    mean[places], covariance[places] = np.nan, np.nan
     return FittedStart(mean, covariance, unfit)

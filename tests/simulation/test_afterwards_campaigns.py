@@ -5,6 +5,8 @@ import pytest
 from small_campaign import TEXT
 
 from relnav_sim import CampaignError, load_campaign, smooth
+from relnav_sim.dynamics.interface import Step
+from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.fitted_start import fitted_start
 from relnav_sim.simulation import spill
 from relnav_sim.simulation.block import filter_block, simulate_block
@@ -153,12 +155,17 @@ def test_readings_that_a_start_is_fitted_to_are_not_used_again(tmp_path):
     sigma = np.sqrt(np.einsum("btii->bti", plain.covariance))
     # The same readings in another way: with little process noise it is the filter's own estimate, nearly.
     assert 0 < (np.abs(fitted.mean - plain.mean) / sigma)[:, 8].max() < 0.5
+    # Until it is there nothing is known but the prior.
+    dynamics = watch.filters["start"].dynamics
+    for k in range(1, 8):
+        expected = dynamics.propagate(fitted.mean[:, k - 1], Step(k, 1.0))
+        assert np.allclose(fitted.mean[:, k], expected, rtol=1e-12) and (fitted.mean[:, k] != plain.mean[:, k]).any()
     found = campaign(tmp_path, {"start": "kind: ekf, batch_start: {duration_s: 8}"})
     case, source = found.cases[0], RandomSource(found.seed, (0, 1))
     (chunk,) = chunks(case.config, source)
     z = chunk.inputs["radar"]["spherical"]
     filter = watch.filters["start"]
-    start = type("Start", (), {"mean": plain.mean[:, 0], "covariance": plain.covariance[:, 0]})
+    start = Gaussian(plain.mean[:, 0].copy(), plain.covariance[:, 0].copy())
     fit = fitted_start(filter, {"radar": z[:, 1:9]}, start, source, 1.0)
     assert np.array_equal(fit.mean, fitted.mean[:, :9])
 
@@ -196,7 +203,7 @@ REFUSED = {
     "kind: batch_least_squares, batch_start: {duration_s: 5}": "is fitted to all readings itself",
     f"kind: batch_least_squares, process_noise: {DMC}": "fits one trajectory without process noise",
     "kind: ekf, batch_start: {duration_s: 40}": "leaves the filter nothing of a run of 40 s",
-    "kind: ekf, batch_start: {duration_s: 20}": "take a settle_s that is no shorter",
+    "kind: ekf, batch_start: {duration_s: 0.5}": "0.5 s is no whole number of steps of 1 s; take 1",
     "kind: ekf, out_of_sequence: keep": "must be 'drop' or 'buffer'",
 }
 
