@@ -151,12 +151,14 @@ class OutOfSequence:
         for name, readings in z.items():
             B, _, m = readings.shape
             tail = self._z.get(name, np.full((B, self._depth, m), np.nan))
-            known[name] = np.concatenate([tail, readings], axis=1)
             delay = delays.get(name)
             if delay is not None:
+                # What arrives later than the filter looks back is lost to it.
+                readings = np.where((delay > self._depth)[..., None], np.nan, readings)
                 delay = np.concatenate(
                     [self._delays.get(name, np.zeros((B, self._depth), dtype=np.int64)), delay], axis=1
                 )
+            known[name] = np.concatenate([tail, readings], axis=1)
             late.append(delay)
         return known, late
 
