@@ -73,7 +73,8 @@ def _has_nominal_gain(entry: FilterEntry) -> bool:
     factory: object = filter_kinds()[entry.kind].factory
     nominal = isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
     # Process noise that is found from the readings makes the gain depend on them.
-    return nominal and entry.process_noise.adaptive is None
+    # A smoothed estimate depends on later readings, and a fitted start has no gain at all.
+    return nominal and entry.process_noise.adaptive is None and entry.smoother is None and entry.batch_start is None
 
 
 def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -> Budget:
@@ -147,4 +148,5 @@ def _chosen(config: CaseConfig, name: str | None) -> str:
 
 def _why(names: tuple[str, ...]) -> str:
     whose = "its gain depends" if len(names) == 1 else "their gains depend"
-    return f"{whose} on the readings, so that there is none along the nominal truth; trust the Monte Carlo"
+    told = "on the readings, or on later ones by a smoother or a fitted start"
+    return f"{whose} {told}, so that there is none along the nominal truth; trust the Monte Carlo"

@@ -167,6 +167,8 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
             found.append(f"cycle slips of {name}")
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
             found.append(f"the latency of {name}, of which the filter is not told")
+        if getattr(options, "drawn_latency_s", None) is not None:
+            found.append(f"the drawn latency of {name}: its readings count as there at once")
     if (force := own_sensor(config.sensors, "force")) is not None and known_thrust(entry, config) == "measured":
         found.append(f"errors of {force[0]}")
     for host in sorted({each.host for each in relative_sensors(config.sensors, entry.sensors).values()}):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.channel_residuals import ChannelResiduals
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.readings import Readings, SensorReadings
@@ -64,25 +64,30 @@ class FilterHistory:
     extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     residuals_by: Mapping[str, ChannelResiduals] = field(default_factory=dict)
 
-    def after(self, prior: Gaussian) -> FilterHistory:
-        """Return the history with one more epoch at its start, at which the prior is all there is."""
-        B = len(self.mean)
+    def after(self, mean: Array, covariance: Array) -> FilterHistory:
+        """Return the history with more epochs at its start, at which nothing was read.
+
+        Args:
+            mean: What was known there, (runs, E, n).
+            covariance: Its covariance, (runs, E, n, n).
+        """
+        B, E = mean.shape[:2]
 
         def preceded(before: Array, series: Array) -> Array:
             # Epochs first, as the series lies in memory.
-            return np.concatenate([before[None], series.swapaxes(0, 1)]).swapaxes(0, 1)
+            return np.concatenate([before.swapaxes(0, 1), series.swapaxes(0, 1)]).swapaxes(0, 1)
 
         def unread(series: Array) -> Array:
-            return np.concatenate([np.full((B, 1), np.nan), series], axis=1)
+            return np.concatenate([np.full((B, E), np.nan), series], axis=1)
 
         def uncounted(counts: Integers) -> Integers:
-            return np.concatenate([np.zeros((B, 1), dtype=np.int64), counts], axis=1)
+            return np.concatenate([np.zeros((B, E), dtype=np.int64), counts], axis=1)
 
         return FilterHistory(
-            preceded(prior.mean, self.mean),
-            preceded(prior.covariance, self.covariance),
+            preceded(mean, self.mean),
+            preceded(covariance, self.covariance),
             unread(self.nis),
-            np.concatenate([np.zeros((B, 1)), self.log_likelihood], axis=1),
+            np.concatenate([np.zeros((B, E)), self.log_likelihood], axis=1),
             {name: unread(extra) for name, extra in self.extras.items()},
             self.failures,
             uncounted(self.dof),
@@ -92,7 +97,7 @@ class FilterHistory:
                 sensor: {name: unread(extra) for name, extra in extras.items()}
                 for sensor, extras in self.extras_by.items()
             },
-            {sensor: residuals.after() for sensor, residuals in self.residuals_by.items()},
+            {sensor: residuals.after(E) for sensor, residuals in self.residuals_by.items()},
         )
 
 

@@ -70,6 +70,14 @@ class GaussianFilter:
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
+    def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
+        """Return F and Q, (runs or 1, n, n), of the linear step that `predict` amounts to; a smoother goes back by it.
+
+        The prediction has the covariance F P F^T + Q, and F P is its covariance with the state before.
+        """
+        m = np.ascontiguousarray(belief.mean)
+        return by_run(self.dynamics.transition(m, step)), by_run(self.dynamics.process_noise(m, step))
+
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
         corrected, innovation = self.correct(belief, z, step)

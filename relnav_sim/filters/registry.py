@@ -45,6 +45,7 @@ _BUILT_IN = (
     "student_t",
     "gaussian_sum",
     "imm",
+    "batch_least_squares",
 )
 _KINDS: dict[str, FilterKind] = {}
 
@@ -82,6 +83,16 @@ class FilterKind:
     def matches_covariance(self) -> bool:
         """Whether its process noise can be found during a run: `matches_covariance` of its class."""
         return bool(getattr(self.factory, "matches_covariance", False))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it passes over all readings of a run again and again: its class says how long by `settled`."""
+        return hasattr(self.factory, "settled")
+
+    @property
+    def smooths(self) -> bool:
+        """Whether a smoother can go back over its estimates: its class says by which linear step it has predicted."""
+        return hasattr(self.factory, "linear_step")
 
     @property
     def description(self) -> str:

@@ -17,6 +17,7 @@ from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, rea
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import root_update
+from relnav_sim.filters.statistical_linearisation import statistical_linearisation
 from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
@@ -86,6 +87,17 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
             shift, deviations = self._deviations(images[:, 1:] - images[:, :1])
             mean = images[:, 0] + shift
         return RootGaussian(mean, kernels.roots.triangular(deviations, noise))
+
+    def linear_step(self, belief: Any, step: Step) -> tuple[Array, Array]:
+        """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""
+        if self.dynamics.linear:
+            return super().linear_step(belief, step)
+        points, offsets = self._points(belief)
+        images = self.dynamics.propagate(points, step)
+        images = images[:, 1:] - images[:, :1]
+        # Weights that sum to 1, that of the centre included, leave -1 for the square of the mean's shift.
+        F, Omega = statistical_linearisation(belief.covariance, offsets, images, self._weight, -1.0)
+        return F, Omega + by_run(self.dynamics.process_noise(belief.mean, step))
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the update: the root of [[Y, R^(1/2)], [X, 0]] holds those of S and P and the gain times the first."""

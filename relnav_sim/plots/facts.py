@@ -17,6 +17,7 @@ from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
+from relnav_sim.results.afterwards import known_when
 from relnav_sim.results.block import AugmentedStates, BySensor
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
@@ -75,6 +76,7 @@ class FilterFacts:
             NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
+        known_when: When its estimates are known, in words; empty where that is at their own epoch, as in flight.
     """
 
     name: str
@@ -98,6 +100,7 @@ class FilterFacts:
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
+    known_when: str = ""
 
     @property
     def observable(self) -> bool:
@@ -280,11 +283,11 @@ class CaseFacts:
 
     @property
     def by_accuracy(self) -> tuple[FilterFacts, ...]:
-        """The filters with a completed run, the smallest position RMS first."""
+        """The filters with a completed run, the smallest position RMS first; last those that are known only later."""
         span = self.span
-        held = [(item.mean_rms(span), item) for item in self.filters if item.completed]
+        held = [(bool(item.known_when), item.mean_rms(span), item) for item in self.filters if item.completed]
         # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
-        return tuple(item for size, item in sorted(held, key=lambda pair: (not np.isfinite(pair[0]), pair[0])))
+        return tuple(item for *_, item in sorted(held, key=lambda each: (each[0], not np.isfinite(each[1]), each[1])))
 
     @property
     def when(self) -> str:
@@ -393,6 +396,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
+        known_when=known_when(results, index, name),
     )
 
 

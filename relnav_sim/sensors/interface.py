@@ -226,6 +226,11 @@ class RelativeSensorOptions(SensorOptions):
         description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
         "whether it knows; default 0",
     )
+    drawn_latency_s: Annotated[tuple[float, float] | None, AddedLater()] = Field(
+        default=None,
+        description="Shortest and longest time after which a reading arrives, s, drawn evenly between for each; it is "
+        "late from one step on. A filter's `out_of_sequence` says what becomes of late ones; default: none is late",
+    )
     time_tag_sigma_s: float = Field(
         default=0.0,
         ge=0,
@@ -244,6 +249,13 @@ class RelativeSensorOptions(SensorOptions):
     def _rising(cls, limits: tuple[float, float] | None) -> tuple[float, float] | None:
         if limits is not None and not 0 <= limits[0] < limits[1]:
             raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be two rising values from 0 up")
+        return limits
+
+    @field_validator("drawn_latency_s")
+    @classmethod
+    def _from_shortest(cls, limits: tuple[float, float] | None) -> tuple[float, float] | None:
+        if limits is not None and not (0 <= limits[0] <= limits[1] and limits[1] > 0):
+            raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be the shortest and the longest, from 0 up")
         return limits
 
     def in_reach(self, truth: Sensed) -> Mask:

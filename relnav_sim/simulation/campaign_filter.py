@@ -20,6 +20,7 @@ from relnav_sim.filters.belief import Filter
 from relnav_sim.filters.covariance_matching import CovarianceMatching
 from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.rewinding import RewindableDynamics
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.several import SeveralMeasurements
@@ -38,16 +39,18 @@ class CampaignFilter:
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
         extension: The augmented states; None without any.
+        rewindable: The dynamics of the filter where it is to go back; else None.
     """
 
     filter: Filter
     dynamics: Dynamics
     thrust: KnownThrust | None
     extension: Extension | None
+    rewindable: RewindableDynamics | None = None
 
 
 def create_campaign_filter(
-    entry: FilterEntry, config: CaseConfig, context: DynamicsContext, late: Collection[str] = ()
+    entry: FilterEntry, config: CaseConfig, context: DynamicsContext, late: Collection[str] = (), rewinds: bool = False
 ) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states.
 
@@ -56,6 +59,7 @@ def create_campaign_filter(
         config: The case.
         context: What the dynamics are built from.
         late: Sensors whose readings come with a latency of their own.
+        rewinds: Whether the filter is to go back to epochs of the chunk before.
     """
     orbit, step_s = context.orbit, context.step_s
     adaptive = entry.process_noise.adaptive
@@ -69,10 +73,11 @@ def create_campaign_filter(
     extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
     measurement = _measurement(entry, config, orbit, extension, late)
-    filter = factory(dynamics, measurement, entry)
+    rewindable = RewindableDynamics(dynamics) if rewinds else None
+    filter = factory(rewindable or dynamics, measurement, entry)
     if adaptive is not None:
         filter = CovarianceMatching(filter, white, adaptive.window)
-    return CampaignFilter(filter, coasting, thrust, extension)
+    return CampaignFilter(filter, coasting, thrust, extension, rewindable)
 
 
 def _told_noise(context: DynamicsContext) -> DynamicsContext:
