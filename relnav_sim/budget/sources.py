@@ -176,6 +176,6 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
     chief = own_sensor(config.sensors, "orbit", "chief")
     if chief is not None and "chief_fixes" in entry.dynamics.needs:
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
-    if getattr(entry, "gate_probability", None) is not None:
+    if entry.editing is not None or getattr(entry, "gate_probability", None) is not None:
         found.append("readings that the gate rejects")
     return found

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from math import ceil
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.campaign.editing_checks import check_editing
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
@@ -66,6 +67,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
         yield from _check_process_noise(name, entry)
+        yield from check_editing(name, entry, parts.sensors)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)

@@ -15,6 +15,7 @@ from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noi
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.filters.editing import EditingOptions
 from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
@@ -75,6 +76,12 @@ class FilterEntry(Options):
         default=(),
         description="Augmented states that the filter carries behind position and velocity: biases of sensors, errors "
         "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
+    )
+
+    editing: Annotated[EditingOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Which readings are rejected and how the filter recovers once it has rejected too many; default: "
+        "every reading is taken",
     )
 
     @field_validator("sensors")

@@ -89,6 +89,7 @@ DIMENSIONS = {
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
+        Dimension("edited", "str", "", "sensor whose readings the filter edits, by its name in the campaign"),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
@@ -256,6 +257,58 @@ BY_SENSOR = (
 FORMER_DOF = 3
 """Degrees of freedom of every NIS in files that do not tell them: those of a radar, the only relative sensor then."""
 
+EDITING = (
+    Dataset(
+        "edit_tests", (*_PER_SPAN, "edited"), _I8, "1",
+        "tests of the sensor's readings: one for each reading, or with scope channel one for each channel present",
+        "{span}edit_tests_{sensor}",
+    ),
+    Dataset(
+        "edit_rejected", (*_PER_SPAN, "edited"), _I8, "1", "readings, or channels, of the sensor that were rejected",
+        "{span}edit_rejected_{sensor}",
+    ),
+    Dataset(
+        "edit_lock_outs", ("run", "edited"), _I8, "1",
+        "lock-outs of the sensor, or of its channels: max_rejects rejections in a row", "edit_lock_outs_{sensor}",
+    ),
+    Dataset(
+        "edit_actions", ("run", "edited"), _I8, "1",
+        "readings of the sensor at which the filter's action was taken: accepted, inflated or restarted",
+        "edit_actions_{sensor}",
+    ),
+    Dataset(
+        "edit_recoveries", ("run",), _I8, "1",
+        "times that the filter recovered from lock-outs: NEES inside its 99.9 % quantile and no sensor locked out for "
+        "10 max_rejects epochs in a row", "edit_recoveries",
+    ),
+    Dataset(
+        "edit_recovery", ("run",), _F8, "s",
+        "longest time to recover, from the first of the rejections to the first of those epochs; NaN: no recovery",
+        "edit_recovery_s",
+    ),
+    Dataset(
+        "edit_lost", ("run",), _I8, "1",
+        "times that the filter was lost: NEES above its 99.9 % quantile for 10 max_rejects epochs in a row",
+        "edit_lost",
+    ),
+    Dataset(
+        "edit_open", ("run",), _F8, "s",
+        "time since the first of the rejections, where the run ends before the filter has recovered; NaN: none",
+        "edit_open_s",
+    ),
+    Dataset(
+        "edit_seen", ("run",), _F8, "s",
+        "of that time, what a recovery could have been seen in: less the 10 max_rejects epochs it takes to show; NaN: "
+        "none", "edit_seen_s",
+    ),
+    Dataset(
+        "edit_end", ("run",), _I1, "1",
+        "how the run ends: 0 recovered or never locked out; 1 readings still rejected; 2 readings pass and the estimate "
+        "is off the truth (a fault adopted); 3 inside, for too short to count as recovered; 4 failed", "edit_end",
+    ),
+)  # fmt: skip
+"""Only where the filter's entry has editing."""
+
 TRUTH = Dataset(
     "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
     f"true state of the deputy relative to the chief, RTN {_STATE_NOTE}",
@@ -304,7 +357,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
+OWN = (DIAGNOSTICS, *BY_SENSOR, *EDITING, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 SPAN_PREFIXES = ("", "settled_")
@@ -334,23 +387,30 @@ class Columns:
         augmented: Names of its augmented states.
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
+        edited: Names of the sensors whose readings it edits.
     """
 
     diagnostics: tuple[str, ...] = ()
     augmented: tuple[str, ...] = ()
     augmented_units: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    edited: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        held = (((DIAGNOSTICS,), self.diagnostics), (BY_SENSOR, self.sensors), (AUGMENTED, self.augmented))
+        held = (
+            ((DIAGNOSTICS,), self.diagnostics),
+            (BY_SENSOR, self.sensors),
+            (EDITING, self.edited),
+            (AUGMENTED, self.augmented),
+        )
         return (*FILTER, *(spec for specs, names in held if names for spec in specs))
 
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors}
+        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors, "edited": self.edited}
 
     @property
     def lengths(self) -> dict[str, int]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound, stored_observability
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
@@ -290,6 +290,13 @@ class Results:
         columns = columns_of(self._filter_group(index, filter))
         specs = layout.BY_SENSOR if columns.sensors else ()
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def editing(self, case: int | str, filter: str) -> Editing | None:
+        """Return what came of the editing of a filter's readings; None where there is none."""
+        index = self._check(case, filter)
+        columns = columns_of(self._filter_group(index, filter))
+        specs = layout.EDITING if columns.edited else ()
+        return Editing.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def nis_sum(self, case: int | str, filter: str) -> Array:
         """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""

@@ -21,15 +21,18 @@ from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import relative_sensors
-from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
+from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior, extension_of
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
+from relnav_sim.simulation.restart import FixRestart
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.statistics.consistency import normalised_errors
+from relnav_sim.statistics.editing import EditingAccumulator
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
@@ -207,11 +210,20 @@ class FilterTrack:
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._augmented: AugmentedTrack | None = None
+        self._editing: EditingAccumulator | None = None
+        self._restart: FixRestart | None = None
+        editing = entry.editing
+        if editing is not None:
+            self._editing = EditingAccumulator(
+                len(source.runs), self._errors.rules, tuple(self._forms), editing.max_rejects
+            )
+        if editing is not None and editing.action == "restart":
+            self._restart = FixRestart(entry, config, extension_of(entry, config))
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
             self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
-            made = create_campaign_filter(entry, config, self._context, late)
+            made = create_campaign_filter(entry, config, self._context, late, self._restart)
             self._filter, self._dynamics = made.filter, made.dynamics
             self._thrust = made.thrust
             if made.extension is not None:
@@ -258,6 +270,9 @@ class FilterTrack:
         )
         if self._augmented is not None:
             self._augmented.add(chunk, history, self._errors.failed_epoch)
+        if self._editing is not None:
+            nees, _, _ = normalised_errors(np.ascontiguousarray(error), covariance)
+            self._editing.add(chunk.first_epoch, nees[0], history.edits_by, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -280,6 +295,8 @@ class FilterTrack:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
             cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
+        if self._restart is not None:
+            self._restart.take(chunk)
         z = told(chunk, self._forms, self._config)
         if chunk.first_epoch > 0:
             self._belief, history = self._on(z, chunk.first_epoch)
@@ -293,7 +310,9 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._augmented is None else replace(result, augmented=self._augmented.result())
+        if self._augmented is not None:
+            result = replace(result, augmented=self._augmented.result())
+        return result if self._editing is None else replace(result, editing=self._editing.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

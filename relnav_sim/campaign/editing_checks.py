@@ -1,0 +1,42 @@
+"""What a filter's measurement editing wants of its kind and its sensors, and can't have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from relnav_sim.campaign.entries import FilterEntry
+from relnav_sim.campaign.problems import Problem, listed
+from relnav_sim.campaign.restarts import restart_sensors
+from relnav_sim.filters.registry import filter_kinds, not_edited
+from relnav_sim.sensors import Sensors, form_taken, relative_sensors
+
+
+def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Iterator[Problem]:
+    """Yield what does not fit in a filter's `editing` or its former `gate_probability`."""
+    editing = entry.editing
+    if editing is None:
+        return
+    if not filter_kinds()[entry.kind].edits:
+        yield Problem(("filters", name, "editing"), not_edited(entry.kind))
+        return
+    if getattr(entry, "gate_probability", None) is not None:
+        yield Problem(
+            ("filters", name, "gate_probability"),
+            "is the former name of editing.probability; leave it out, as this filter has editing",
+        )
+    if sensors is None or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
+        return  # a sensor that is not there is said already
+    used = relative_sensors(sensors, entry.sensors)
+    if editing.action == "restart" and used and not restart_sensors(sensors, entry.sensors):
+        yield Problem(
+            ("filters", name, "editing", "action"),
+            f"none of its sensors ({listed(list(used), 'and')}) gives a position at the epoch of its reading, so there "
+            "is no fix to restart from; take accept or inflate",
+        )
+    for each, options in used.items():
+        if editing.scope == "channel" and form_taken(options, entry.measurement) == "cartesian":
+            yield Problem(
+                ("filters", name, "editing", "scope"),
+                f"the filter takes {each} converted to a position, which counts as a whole; take scope: sensor, or "
+                "measurement: spherical",
+            )
