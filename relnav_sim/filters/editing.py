@@ -1,10 +1,10 @@
 """Measurement editing: readings that a filter does not believe are rejected, and a filter that is locked out recovers.
 
 A reading fails where its NIS nu^T S^-1 nu exceeds a chi-square quantile (Bar-Shalom, Li and Kirubarajan, Estimation
-with Applications to Tracking and Navigation, 2001, sec. 5.4); by channel, where nu_i^2 / S_ii does. A filter that has lost
-the truth rejects good readings, and the smaller its covariance the longer: so after N rejections in a row, a lock-out,
-something else happens until a reading passes (Carpenter and D'Souza,
-NASA/TP-2018-219822, 2018, discuss the practice).
+with Applications to Tracking and Navigation, 2001, sec. 5.4); by channel, where nu_i^2 / S_ii does. A filter that has
+lost the truth rejects good readings, and the smaller its covariance the longer: so after N rejections in a row, a
+lock-out, something else happens until a reading passes (Carpenter and D'Souza, NASA/TP-2018-219822, 2018, discuss the
+practice).
 """
 
 from __future__ import annotations

@@ -303,8 +303,9 @@ EDITING = (
     ),
     Dataset(
         "edit_end", ("run",), _I1, "1",
-        "how the run ends: 0 recovered or never locked out; 1 readings still rejected; 2 readings pass and the estimate "
-        "is off the truth (a fault adopted); 3 inside, for too short to count as recovered; 4 failed", "edit_end",
+        "how the run ends: 0 recovered or never locked out; 1 readings still rejected; 2 readings pass and the "
+        "estimate is off the truth (a fault adopted); 3 inside, for too short to count as recovered; 4 failed",
+        "edit_end",
     ),
 )  # fmt: skip
 """Only where the filter's entry has editing."""

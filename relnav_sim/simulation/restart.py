@@ -57,7 +57,7 @@ class FixRestart:
         if self._extension is None:
             return again
         # Runs without a fix are left out by the caller; the equations must not fail for all of them together.
-        known = np.isfinite(position).all(axis=1)
+        known = np.isfinite(position.sum(axis=1))
         sound = replace(again, mean=np.where(known[:, None], again.mean, belief.mean[:, :6]))
         extended = extended_by(sound, self._extension, self._config, sensor, step.epoch)
         return replace(extended, mean=np.where(known[:, None], extended.mean, np.nan))

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from relnav_sim.arrays import Array, Integers
+from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results.block import EDIT_ENDS, Editing
 from relnav_sim.statistics.errors import ScoringRules
 
@@ -79,14 +79,12 @@ class EditingAccumulator:
             )
         self._epoch = first_epoch + K
 
-    def _advance(
-        self, epoch: int, inside: Array, sound: Array, row: Integers, tests: Integers, locked: Integers
-    ) -> None:
+    def _advance(self, epoch: int, inside: Mask, sound: Mask, row: Integers, tests: Integers, locked: Integers) -> None:
         """Go on by one epoch; `row`: length of the row of rejections of a lock-out that begins, -1: none."""
         self._locked = np.where(tests > 0, locked > 0, self._locked)
         begins = row >= 0
         self._since = np.where(begins & (self._since < 0), epoch - row, self._since)
-        well = inside & ~self._locked.any(axis=1)
+        well = inside & ~np.asarray(self._locked.any(axis=1))
         # What was before the last lock-out is no recovery from it.
         self._inside = np.where(well, np.where(begins, 0, self._inside) + 1, 0)
         self._outside = np.where(sound & ~inside, self._outside + 1, 0)
