@@ -20,6 +20,7 @@ from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.sensors.interface import Craft, SensorOptions
 from relnav_sim.sensors.noise import (
     BiasNoise,
+    FaultOptions,
     GaussianNoise,
     GaussMarkovNoise,
     OutageNoise,
@@ -163,6 +164,9 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
     for name, options in sensors.items():
         if any(isinstance(part, OutageNoise) and part.rate_per_hour for part in noise_parts(options.noise)):
             found.append(f"random outages of {name}: its readings count as there")
+        faults = [part.stream for part in noise_parts(options.noise) if isinstance(part, FaultOptions)]
+        if faults:
+            found.append(f"faults of {name}: {', '.join(faults)}")
         if getattr(options, "slip_sigma_m", 0):
             found.append(f"cycle slips of {name}")
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":

@@ -34,7 +34,7 @@ def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Ite
             "is no fix to restart from; take accept or inflate",
         )
     for each, options in used.items():
-        if editing.scope == "channel" and form_taken(options, entry.measurement) == "cartesian":
+        if editing.scope == "channel" and form_taken(options, entry.measurement) != options.forms[0]:
             yield Problem(
                 ("filters", name, "editing", "scope"),
                 f"the filter takes {each} converted to a position, which counts as a whole; take scope: sensor, or "
