@@ -131,9 +131,7 @@ class SensorOptions(Options):
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
         check_parts(noise_parts(noise), len(cls.channels))
         if cls.role != "other" and any(getattr(part, "needs_other", False) for part in noise_parts(noise)):
-            raise ValueError(
-                "wrong_target is for sensors that measure the other craft; take step, ramp or stuck"
-            )
+            raise ValueError("wrong_target is for sensors that measure the other craft; take step, ramp or stuck")
         return cls.with_white_part(noise)
 
     @classmethod
