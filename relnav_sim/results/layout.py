@@ -10,6 +10,10 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from relnav_sim.results.dataset import Dataset as Dataset
+from relnav_sim.results.dataset import Dimension as Dimension
+from relnav_sim.results.editing_layout import EDITING as EDITING
+
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
 BOUND_FORMAT = "relnav bound"
@@ -28,48 +32,6 @@ THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
-
-
-@dataclass(frozen=True)
-class Dimension:
-    """A dimension, stored beside the datasets that use it as a coordinate of the same name.
-
-    Attributes:
-        name: Name of the dimension and of its coordinate dataset.
-        dtype: NumPy type string; ``str`` for text.
-        units: SI unit, ``1`` for numbers without one, empty for text.
-        long_name: What the coordinate is.
-        values: The entries where the layout fixes them, else None: the data decide.
-    """
-
-    name: str
-    dtype: str
-    units: str
-    long_name: str
-    values: tuple[str, ...] | tuple[float, ...] | None = None
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """One dataset of a group.
-
-    Attributes:
-        name: Name in the file and in `FilterResult`.
-        dims: Names of its dimensions in order.
-        dtype: NumPy type string.
-        units: SI unit, or ``1``.
-        long_name: What it is, with its definition.
-        column: Template of its flat column names; empty where it has none.
-        timing: Measured time, thus outside every promise of equal bits.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
-    column: str = ""
-    timing: bool = False
 
 
 DIMENSIONS = {
@@ -256,59 +218,6 @@ BY_SENSOR = (
 """Where the filter's history tells its readings by sensor; not in files of relnav 0.1."""
 FORMER_DOF = 3
 """Degrees of freedom of every NIS in files that do not tell them: those of a radar, the only relative sensor then."""
-
-EDITING = (
-    Dataset(
-        "edit_tests", (*_PER_SPAN, "edited"), _I8, "1",
-        "tests of the sensor's readings: one for each reading, or with scope channel one for each channel present",
-        "{span}edit_tests_{sensor}",
-    ),
-    Dataset(
-        "edit_rejected", (*_PER_SPAN, "edited"), _I8, "1", "readings, or channels, of the sensor that were rejected",
-        "{span}edit_rejected_{sensor}",
-    ),
-    Dataset(
-        "edit_lock_outs", ("run", "edited"), _I8, "1",
-        "lock-outs of the sensor, or of its channels: max_rejects rejections in a row", "edit_lock_outs_{sensor}",
-    ),
-    Dataset(
-        "edit_actions", ("run", "edited"), _I8, "1",
-        "readings of the sensor at which the filter's action was taken: accepted, inflated or restarted",
-        "edit_actions_{sensor}",
-    ),
-    Dataset(
-        "edit_recoveries", ("run",), _I8, "1",
-        "times that the filter recovered from lock-outs: NEES inside its 99.9 % quantile and no sensor locked out for "
-        "10 max_rejects epochs in a row", "edit_recoveries",
-    ),
-    Dataset(
-        "edit_recovery", ("run",), _F8, "s",
-        "longest time to recover, from the first of the rejections to the first of those epochs; NaN: no recovery",
-        "edit_recovery_s",
-    ),
-    Dataset(
-        "edit_lost", ("run",), _I8, "1",
-        "times that the filter was lost: NEES above its 99.9 % quantile for 10 max_rejects epochs in a row",
-        "edit_lost",
-    ),
-    Dataset(
-        "edit_open", ("run",), _F8, "s",
-        "time since the first of the rejections, where the run ends before the filter has recovered; NaN: none",
-        "edit_open_s",
-    ),
-    Dataset(
-        "edit_seen", ("run",), _F8, "s",
-        "of that time, what a recovery could have been seen in: less the 10 max_rejects epochs it takes to show; NaN: "
-        "none", "edit_seen_s",
-    ),
-    Dataset(
-        "edit_end", ("run",), _I1, "1",
-        "how the run ends: 0 recovered or never locked out; 1 readings still rejected; 2 readings pass and the "
-        "estimate is off the truth (a fault adopted); 3 inside, for too short to count as recovered; 4 failed",
-        "edit_end",
-    ),
-)  # fmt: skip
-"""Only where the filter's entry has editing."""
 
 TRUTH = Dataset(
     "truth", ("trajectory", "time", "component"), _F8, STATE_UNITS,
