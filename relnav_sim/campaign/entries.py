@@ -15,7 +15,7 @@ from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noi
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
-from relnav_sim.filters.editing import EditingOptions
+from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions

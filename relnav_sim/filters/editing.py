@@ -11,18 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
 from scipy.special import chdtri
 
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, considered_states, where_runs
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, considered_states, keep_considered, where_runs
 from relnav_sim.filters.channel_quantile import ChannelQuantile
-from relnav_sim.measurements.partial import Sensor, present_channels, sensors_of
-from relnav_sim.options import Options, Tunable
+from relnav_sim.filters.editing_options import EditingOptions
+from relnav_sim.filters.kalman import joseph_update
+from relnav_sim.measurements.interface import linearised
+from relnav_sim.measurements.partial import Sensor, channel_count, present_channels, sensors_of
 from relnav_sim.streams import RandomSource
 
 INFLATION = 10.0
@@ -30,40 +31,6 @@ INFLATION = 10.0
 
 Restart = Callable[[str, Gaussian, Step], Gaussian | None]
 """``restart(sensor, belief, step)`` -> where runs start again from that sensor's reading; NaN in runs that can't."""
-
-
-class EditingOptions(Options):
-    """Measurement editing: which readings are rejected, and what happens once too many are in a row."""
-
-    probability: Annotated[float, Tunable(0.9, 0.99999, log=False)] = Field(
-        gt=0,
-        lt=1,
-        description="Probability that a reading passes where the filter is right: it is rejected where its NIS exceeds "
-        "the chi-square quantile of this probability (0.999, say)",
-    )
-    scope: Literal["sensor", "channel"] = Field(
-        default="sensor",
-        description="What is judged: sensor (a reading as a whole, by its NIS; default) or channel (each number of it, "
-        "by nu_i^2 / S_ii, so that one bad channel does not cost the others)",
-    )
-    max_rejects: Annotated[int, Tunable(2, 50)] = Field(
-        default=10, ge=1, description="Rejections N in a row that are a lock-out, of a sensor or channel; default 10"
-    )
-    action: Literal["accept", "inflate", "restart"] | None = Field(
-        default=None,
-        description="What happens during a lock-out, until a reading passes: accept (readings are taken though they "
-        "fail), inflate (each further rejection multiplies the covariance by `inflation`, the one that locks out "
-        "included) or restart (the next fix that fails starts the run again); default: nothing, a gate alone",
-    )
-    inflation: Annotated[float | None, Tunable(2, 1000)] = Field(
-        default=None, gt=1, description="Factor on the covariance, with action inflate; default 10"
-    )
-
-    @model_validator(mode="after")
-    def _used(self) -> EditingOptions:
-        if self.inflation is not None and self.action != "inflate":
-            raise ValueError("inflation needs action: inflate; leave it out, or say so")
-        return self
 
 
 @dataclass(frozen=True)
@@ -111,8 +78,8 @@ class MeasurementEditing:
     Args:
         filter: The filter.
         options: How its readings are edited.
-        restart: Where runs start again, with action restart; None: where they stand, with the covariance of their start
-            added, and the reading is then taken.
+        restart: Where runs start again, with action restart; None: about their present estimate, as uncertain as they
+            started or more, taking the reading.
 
     Raises:
         ValueError: Channels are to be judged, and the readings count as a whole only.
@@ -128,8 +95,9 @@ class MeasurementEditing:
         self._units = self.measurement.dimension if self._by_channel else len(self._sensors)
         self._quantile = ChannelQuantile(self.measurement, options.probability)
         self._channel_limit = float(chdtri(1, 1 - options.probability))
+        self._considered = considered_states(self.dynamics)
         widths = np.full(self.dynamics.dimension, np.sqrt(options.inflation or INFLATION))
-        widths[list(considered_states(self.dynamics))] = 1.0  # no reading would ever narrow them again
+        widths[list(self._considered)] = 1.0  # no reading would ever narrow them again
         self._widths = widths[:, None] * widths
 
     def start(self, prior: Gaussian, source: RandomSource) -> EditedBelief:
@@ -174,7 +142,7 @@ class MeasurementEditing:
         elif options.action == "restart":
             acted = _any(refused) & locked_anywhere
             if acted.any():
-                inner, acted = self._restarted(inner, acted, z, step, place)
+                inner, acted = self._restarted(belief.inner, inner, acted, z, step, place)
         lock_outs = fails & (rejects == options.max_rejects)
         row = np.where(lock_outs, step.epoch - since, 0).max(axis=1)
         all_rejects, all_since = belief.rejects.copy(), belief.since.copy()
@@ -221,7 +189,7 @@ class MeasurementEditing:
             alone = np.zeros_like(every)
             alone[:, channel] = every[:, channel]
             has: Mask = every[:, channel]
-            if not has.any():
+            if not has.any() and not self.stochastic:
                 continue
             # With one channel present the filter's own NIS is nu_i^2 / S_ii, whatever its S.
             self.measurement.attend(np.where(has[:, None], alone, every))  # type: ignore[attr-defined]  # checked
@@ -234,7 +202,7 @@ class MeasurementEditing:
     ) -> Any:
         """Return the update by what is left of a reading without its refused channels, or without all of it."""
         # Mixed at every update, so that what lies in memory how does not depend on the block.
-        if not self._by_channel or not refused.any():
+        if not self._by_channel or not (refused.any() or self.stochastic):
             return where_runs(~_any(refused), taken, inner)
         own = self._sensors[place].channels
         every = np.ones(z.shape, dtype=bool) if present is None else present
@@ -247,14 +215,19 @@ class MeasurementEditing:
         kept = where_runs(some, partly, inner)
         return where_runs(~_any(refused), taken, kept)
 
-    def _restarted(self, inner: Any, wanted: Mask, z: Array, step: Step, place: int) -> tuple[Any, Mask]:
-        """Return the belief with the runs that could start again, and which did."""
-        now = Gaussian(inner.mean, inner.covariance)
+    def _restarted(
+        self, predicted: Any, inner: Any, wanted: Mask, z: Array, step: Step, place: int
+    ) -> tuple[Any, Mask]:
+        """Return the belief with the runs that could start again, and which did.
+
+        They start from the prediction: what passed of the reading is in the fix too, and must not count twice.
+        """
+        now = Gaussian(predicted.mean, predicted.covariance)
+        given: Gaussian | None
         if self._restart is None:
-            again = self._begun(Gaussian(now.mean, now.covariance + self._wide))
-            begun, _ = self._filter.update(again, z, step)
-            return where_runs(wanted, begun, inner), wanted
-        given = self._restart(self._sensors[place].name, now, step)
+            given = self._about(now, z, step.epoch)
+        else:
+            given = self._restart(self._sensors[place].name, now, step)
         if given is None:
             return inner, np.zeros_like(wanted)
         usable = np.isfinite(given.mean.sum(axis=1) + given.covariance.sum(axis=(1, 2)))
@@ -262,6 +235,24 @@ class MeasurementEditing:
         # A filter may factor what it is given, all runs together.
         sound = where_runs(rows, given, now)
         return where_runs(rows, self._begun(sound), inner), rows
+
+    def _about(self, belief: Gaussian, z: Array, epoch: int) -> Gaussian:
+        """Return a belief about the present one that takes the reading, as uncertain before it as a run's start.
+
+        Present variances are added to the start's covariance, and both are widened until the reading is no surprise:
+        to a NIS of one for each channel. By the linearised update, which draws no random numbers.
+        """
+        residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
+        variances = np.diagonal(belief.covariance, axis1=1, axis2=2).copy()
+        variances[:, list(self._considered)] = 0.0  # the start's covariance holds theirs, which no reading narrows
+        wide = self._wide + variances[:, :, None] * np.eye(variances.shape[1])
+        _, innovation = joseph_update(Gaussian(belief.mean, wide), residual, H, R)
+        excess = np.sqrt(np.maximum(innovation.nis / np.maximum(channel_count(self.measurement), 1), 1.0))
+        factors = np.repeat(excess[:, None], variances.shape[1], axis=1)
+        factors[:, list(self._considered)] = 1.0
+        prior = Gaussian(belief.mean, wide * factors[:, :, None] * factors[:, None, :])
+        posterior, _ = joseph_update(prior, residual, H, R)
+        return keep_considered(prior, posterior, self._considered)
 
     def _begun(self, gaussian: Gaussian) -> Any:
         """Return the filter's belief of a Gaussian, without starting its random numbers again."""

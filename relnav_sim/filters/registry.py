@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
-from relnav_sim.filters.editing import EditingOptions, edited
+from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
@@ -159,8 +159,8 @@ def create_filter(
         measurement: What is measured: one measurement, or several sensors by name. The readings of an epoch are then
             processed one after the other in this order, which for linear measurements is the same as all at once.
         editing: Which readings are rejected and how the filter recovers, as in a campaign: ``probability``, ``scope``,
-            ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, with the covariance
-            of the start added. None: every reading is taken.
+            ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, as uncertain as at
+            the start or more. None: every reading is taken.
         **options: The filter's options, as in a campaign.
 
     Raises:
@@ -178,6 +178,8 @@ def create_filter(
         >>> filter.measurement.dimension
         2
     """
+    from relnav_sim.filters.editing import edited  # here because it builds on a filter, which is registered above
+
     kinds = filter_kinds()
     if name not in kinds:
         raise ValueError(no_such_plugin("filter", name, kinds))
