@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.problems import Problem, listed
@@ -40,3 +40,21 @@ def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Ite
                 f"the filter takes {each} converted to a position, which counts as a whole; take scope: sensor, or "
                 "measurement: spherical",
             )
+
+
+def editing_warnings(filters: Mapping[str, FilterEntry]) -> list[str]:
+    """Return a sentence on each filter that says its editing in the former way, or has no way back from a lock-out."""
+    found = []
+    for name, entry in filters.items():
+        probability = getattr(entry, "gate_probability", None)
+        if probability is not None:
+            found.append(
+                f"filters.{name}.gate_probability is the former name of a gate alone; write editing: {{probability: "
+                f"{probability:g}}}, whose lock-outs and recoveries results count, and give it an action."
+            )
+        elif entry.editing is not None and entry.editing.action is None:
+            found.append(
+                f"filters.{name} rejects readings and has no way back once it has lost the truth; editing.action "
+                "(accept, inflate or restart) gives one."
+            )
+    return found
