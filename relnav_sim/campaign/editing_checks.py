@@ -24,6 +24,15 @@ def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Ite
             ("filters", name, "gate_probability"),
             "is the former name of editing.probability; leave it out, as this filter has editing",
         )
+    own_belief = entry.process_noise.adaptive is not None and getattr(
+        filter_kinds()[entry.kind].factory, "stochastic", False
+    )
+    if own_belief and editing.action in ("inflate", "restart"):
+        yield Problem(
+            ("filters", name, "editing", "action"),
+            f"adaptive process noise and the random numbers of {entry.kind} can't be started anew; take accept, or "
+            "another form of process noise",
+        )
     if sensors is None or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # a sensor that is not there is said already
     used = relative_sensors(sensors, entry.sensors)

@@ -139,7 +139,7 @@ class Editing:
         recovery: Longest time to recover, (runs,), s; NaN: none.
         lost: Times that it was lost, (runs,).
         open: How long the run ends unrecovered, (runs,), s; NaN: it does not.
-        seen: What of that a recovery could have been seen in, (runs,), s; NaN likewise.
+        earliest: Shortest time to recover that such a run leaves possible, (runs,), s; NaN likewise.
         end: How the run ends, (runs,): place in `EDIT_ENDS`.
     """
 
@@ -152,7 +152,7 @@ class Editing:
     recovery: AnyArray
     lost: AnyArray
     open: AnyArray
-    seen: AnyArray
+    earliest: AnyArray
     end: AnyArray
 
     @staticmethod

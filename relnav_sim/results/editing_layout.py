@@ -44,9 +44,9 @@ EDITING = (
         "edit_open_s",
     ),
     Dataset(
-        "edit_seen", ("run",), "<f8", "s",
-        "of that time, what a recovery could have been seen in: less the 10 max_rejects epochs it takes to show; NaN: "
-        "none", "edit_seen_s",
+        "edit_earliest", ("run",), "<f8", "s",
+        "shortest time to recover that a run leaves possible which ends before the filter has recovered; NaN: it does "
+        "not", "edit_earliest_s",
     ),
     Dataset(
         "edit_end", ("run",), "|i1", "1",

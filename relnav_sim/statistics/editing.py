@@ -113,6 +113,6 @@ class EditingAccumulator:
             recovery=np.where(self._recoveries > 0, self._longest * step_s, np.nan),
             lost=self._lost,
             open=np.where(is_open, (self._epoch - 1 - self._since) * step_s, np.nan),
-            seen=np.where(is_open, (self._epoch - self._hold - self._since) * step_s, np.nan),
+            earliest=np.where(is_open, (self._epoch - self._inside - self._since) * step_s, np.nan),
             end=end.astype(np.int8),
         )

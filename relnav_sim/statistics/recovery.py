@@ -37,7 +37,7 @@ def recovered_in_time(editing: Editing, failed: Mask, within_s: float) -> Recove
     is_open = editing.end != EDIT_ENDS.index("none")
     with np.errstate(invalid="ignore"):
         slow = editing.recovery > within_s
-        unseen = is_open & (editing.seen <= within_s)
+        unseen = is_open & (editing.earliest <= within_s)
     unnoticed = lost & ~locked
     concerned = locked | lost | failed
     missed = failed | slow | unnoticed

@@ -83,7 +83,12 @@ def transcribed(nees, edits, failed):
             since = None
     out = "".join("o" if k < end and not inside[k] else "." for k in range(1, EPOCHS))
     lost = sum(len(part) >= HOLD for part in out.split("."))
-    return took, since, lost
+    return took, since, lost, (inside, locked, last)
+
+
+def inside_now(row, inside, locked, last):
+    k = EPOCHS - 1 - row
+    return k >= last and inside[k] and not locked[k]
 
 
 def test_the_statistics_are_those_of_the_definitions():
@@ -92,13 +97,17 @@ def test_the_statistics_are_those_of_the_definitions():
     recoveries = 0
     for run in range(len(nees)):
         own = {name: {what: x[run] for what, x in counts.items()} for name, counts in edits.items()}
-        took, since, lost = transcribed(nees[run], own, failed[run])
+        took, since, lost, state = transcribed(nees[run], own, failed[run])
         assert found.recoveries[run] == len(took)
         assert np.array_equal(found.recovery[run], max(took, default=np.nan), equal_nan=True)
         assert found.lost[run] == lost
         assert (found.end[run] == EDIT_ENDS.index("none")) == (since is None)
         if since is not None:
             assert found.open[run] == (EPOCHS - 1 - since) * STEP_S
+            row = 0  # epochs inside and not locked out up to the end, none of them before the last lock-out
+            while inside_now(row, *state):
+                row += 1
+            assert found.earliest[run] == (EPOCHS - row - since) * STEP_S
         recoveries += len(took)
     assert recoveries > 5 and set(found.end.tolist()) == set(range(5)) and found.lost.sum() > 5
     sound = (failed[:, None] < 0) | (np.arange(EPOCHS) < failed[:, None])
@@ -115,7 +124,7 @@ def test_they_do_not_depend_on_chunks():
 
 
 @pytest.mark.parametrize(
-    ("lock_outs", "lost", "recovery", "end", "seen", "failed", "concerned", "met", "possible"),
+    ("lock_outs", "lost", "recovery", "end", "earliest", "failed", "concerned", "met", "possible"),
     [
         (0, 0, np.nan, "none", np.nan, False, False, False, False),
         (1, 0, 40.0, "none", np.nan, False, True, True, True),
@@ -128,11 +137,12 @@ def test_they_do_not_depend_on_chunks():
         (0, 0, np.nan, "none", np.nan, True, True, False, False),
     ],
 )
-def test_recovered_in_time(lock_outs, lost, recovery, end, seen, failed, concerned, met, possible):
+def test_recovered_in_time(lock_outs, lost, recovery, end, earliest, failed, concerned, met, possible):
     zero = np.zeros((1, 2, 1), dtype=int)
     held = Editing(
         ("a",), zero, zero, np.array([[lock_outs]]), zero[:, 0], np.array([int(recovery == recovery)]),
-        np.array([recovery]), np.array([lost]), np.array([seen]), np.array([seen]), np.array([EDIT_ENDS.index(end)]),
+        np.array([recovery]), np.array([lost]), np.array([earliest]), np.array([earliest]),
+        np.array([EDIT_ENDS.index(end)]),
     )  # fmt: skip
     found = recovered_in_time(held, np.array([failed]), 60.0)
     assert (found.concerned[0], found.met[0], found.possible[0]) == (concerned, met, possible)
