@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from every_filter import KINDS, small_options
@@ -227,3 +230,10 @@ def test_channels_of_a_converted_position_are_not_judged_one_by_one():
             ConvertedRadar(np.eye(3), noise),
             editing={"probability": 0.99, "scope": "channel"},
         )
+
+
+def test_the_example_of_the_page_says_what_it_prints(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "editing.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(code, {})
+    assert capsys.readouterr().out.strip() == code.rstrip().rpartition("# ")[2]
