@@ -98,8 +98,8 @@ class _Along:
         self._step_s = config.clock.step_s
         self._context = dynamics_context(entry, config, seed, Learned(), 1)
         self._made: CampaignFilter = create_campaign_filter(entry, config, self._context, first.late)
-        assert isinstance(self._made.filter, GaussianFilter)  # as those with a nominal gain are
-        self._filter: GaussianFilter = self._made.filter
+        assert isinstance(self._made.algorithm, GaussianFilter)  # as those with a nominal gain are
+        self._filter: GaussianFilter = self._made.algorithm
         self._measurement = self._filter.measurement
         self._thrust_inputs = ThrustInputs(config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
@@ -192,7 +192,6 @@ class _Along:
         probed = z.copy()
         probed[errors:] += np.diag(probe)
         prior = filter.start(Gaussian(mean, np.repeat(P, len(z), axis=0)), self._source)
-        # `correct` and not `update`: an innovation gate is left out.
         posterior, _ = filter.correct(prior, probed, step)
         posterior = filter.keep_considered(prior, posterior)
         gain = (posterior.mean[errors:] - posterior.mean[0]).T / probe

@@ -20,6 +20,7 @@ from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.sensors.interface import Craft, SensorOptions
 from relnav_sim.sensors.noise import (
     BiasNoise,
+    FaultOptions,
     GaussianNoise,
     GaussMarkovNoise,
     OutageNoise,
@@ -163,6 +164,9 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
     for name, options in sensors.items():
         if any(isinstance(part, OutageNoise) and part.rate_per_hour for part in noise_parts(options.noise)):
             found.append(f"random outages of {name}: its readings count as there")
+        faults = [part.stream for part in noise_parts(options.noise) if isinstance(part, FaultOptions)]
+        if faults:
+            found.append(f"faults of {name}: {', '.join(faults)}")
         if getattr(options, "slip_sigma_m", 0):
             found.append(f"cycle slips of {name}")
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
@@ -178,6 +182,6 @@ def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
     chief = own_sensor(config.sensors, "orbit", "chief")
     if chief is not None and "chief_fixes" in entry.dynamics.needs:
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
-    if getattr(entry, "gate_probability", None) is not None:
+    if entry.editing is not None or getattr(entry, "gate_probability", None) is not None:
         found.append("readings that the gate rejects")
     return found

@@ -8,6 +8,7 @@ from math import ceil
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.afterwards import check_afterwards, check_late, check_whole_steps
+from relnav_sim.campaign.editing_checks import check_editing
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
@@ -70,6 +71,7 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         yield from check_afterwards(name, entry, parts.clock)
         if parts.sensors is not None and parts.clock is not None:
             yield from check_late(name, entry, parts.sensors, parts.clock)
+        yield from check_editing(name, entry, parts.sensors)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)

@@ -16,6 +16,7 @@ from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.afterwards_options import BatchStartOptions, SmootherOption
+from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
@@ -95,6 +96,11 @@ class FilterEntry(Options):
         description="Readings that arrive after their own epoch, where a sensor has a `drawn_latency_s`: drop (without "
         "them) or buffer (go back to their epoch and over all since again). Default: drop; rows that are known "
         "afterwards have all readings in order",
+    )
+    editing: Annotated[EditingOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Which readings are rejected and how the filter recovers once it has rejected too many; default: "
+        "every reading is taken",
     )
 
     @field_validator("sensors")

@@ -86,9 +86,20 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
-def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind."""
-    first = former_spelling(model, entry)
+def former_filter(
+    model: type[Options], dynamics: Models, entry: Mapping[str, Any], kinds: Models | None = None
+) -> dict[str, Any]:
+    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind.
+
+    Args:
+        model: The model of what all filters say.
+        dynamics: The options model of every kind of dynamics.
+        entry: The filter.
+        kinds: The options model of every kind of filter, for what was added to its own options later.
+    """
+    own = (kinds or {}).get(str(entry.get("kind")), Options).model_fields
+    later = [key for key, value in entry.items() if key in own and _outside_hashes(own[key], value, entry)]
+    first = former_spelling(model, {key: value for key, value in entry.items() if key not in later})
     motion = first.get("dynamics")
     if isinstance(motion, Mapping) and motion.get("kind") in dynamics:
         first["dynamics"] = former_spelling(dynamics[motion["kind"]], motion)
@@ -96,7 +107,12 @@ def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, An
 
 
 def former_content(
-    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options], dynamics: Models
+    content: Mapping[str, Any],
+    truth: type[Options],
+    sensors: Models,
+    filters: type[Options],
+    dynamics: Models,
+    kinds: Models | None = None,
 ) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
@@ -106,6 +122,7 @@ def former_content(
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
         dynamics: The options model of every kind of dynamics.
+        kinds: The options model of every kind of filter.
     """
     first = dict(content)
     if "truth" in first:
@@ -113,7 +130,9 @@ def former_content(
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
-        first["filters"] = {name: former_filter(filters, dynamics, entry) for name, entry in first["filters"].items()}
+        first["filters"] = {
+            name: former_filter(filters, dynamics, entry, kinds) for name, entry in first["filters"].items()
+        }
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(

@@ -139,12 +139,26 @@ class DivergedRequirement(Requirement):
     at_most: float = Field(gt=0, lt=1, description="Share of the runs, as 0.01")
 
 
+class RecoveryRequirement(Requirement):
+    """Filters that reject readings recover in time: a share of the runs that were locked out, or lost, is back.
+
+    A run that fails, or is lost without a lock-out, is not; nor is one that follows a sensor's fault.
+    """
+
+    kind: Literal["recovery"] = Field(description="recovery: recovery from lock-outs in time")
+    within_s: float = Field(
+        gt=0, description="Longest time from the first of a lock-out's rejections to the recovery, s; docs/editing.md"
+    )
+    share: float = Field(gt=0, lt=1, description="Share of the runs that were locked out or lost, as 0.99")
+
+
 AnyRequirement = Annotated[
     ErrorsRequirement
     | RmsRequirement
     | NeesRequirement
     | NisRequirement
     | ConvergedRequirement
+    | RecoveryRequirement
     | FailedRequirement
     | DivergedRequirement,
     Field(discriminator="kind"),

@@ -12,9 +12,9 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.channel_quantile import ChannelQuantile
 from relnav_sim.filters.components import noise_components, normalised
 from relnav_sim.filters.kalman import (
-    ChannelQuantile,
     GaussianFilter,
     GaussianFilterOptions,
     innovation_of,

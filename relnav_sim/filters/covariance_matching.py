@@ -129,7 +129,8 @@ class CovarianceMatching:
         """Return the belief after the readings of an epoch have been counted as one."""
         velocity, covariance = _of_velocity(belief.inner)
         moved, gained = velocity - belief.predicted_velocity, belief.predicted_covariance - covariance
-        read = (gained != 0).any(axis=(1, 2))
+        # A belief that began within the epoch (a restart, between two sensors) has no process noise behind it.
+        read = (gained != 0).any(axis=(1, 2)) & belief.made.any(axis=(1, 2, 3))
         if not read.any():
             return belief
         made = belief.made[:, :, VELOCITY, VELOCITY]

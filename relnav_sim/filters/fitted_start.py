@@ -11,8 +11,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.filters.batch_least_squares import BatchLeastSquares, BatchOptions
 from relnav_sim.filters.belief import Filter, Gaussian
-from relnav_sim.filters.ekf import ExtendedKalmanFilter
-from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
 from relnav_sim.filters.passes import last_pass
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.streams import RandomSource
@@ -61,7 +60,7 @@ def fitted_start(
     unfit = {one.run: f"{one.reason} at epoch {one.epoch}" for one in history.failures} | fit.unfit(begin)
     unfit = {place: f"no start could be fitted: {reason}" for place, reason in unfit.items()}
     unread = {name: np.full_like(readings, np.nan) for name, readings in z.items()}
-    unaided = ExtendedKalmanFilter(filter.dynamics, filter.measurement, GaussianFilterOptions())
+    unaided = ExtendedKalmanFilter(filter.dynamics, filter.measurement, ExtendedOptions())
     waiting = advance(unaided, start, unread, 1, step_s)[1]
     waiting = waiting.after(start.mean[:, None], start.covariance[:, None])
     mean, covariance = waiting.mean.copy(), waiting.covariance.copy()

@@ -7,18 +7,17 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
-from scipy.special import chdtri
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import by_run
 from relnav_sim.measurements.interface import Measurement, linearised
-from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
+from relnav_sim.measurements.partial import present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
@@ -30,33 +29,33 @@ class GaussianFilterOptions(Options):
         default=None,
         gt=0,
         lt=1,
-        description="Innovation gate: reject a measurement whose NIS exceeds the chi-square quantile of this "
-        "probability (0.999, say); default: none, because a gate that is too tight locks a filter out",
+        description="Former name of `editing: {probability}`, which also says what happens when too many readings are "
+        "rejected; use that. Default: none",
     )
 
 
 class GaussianFilter:
-    """Prediction, gating and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
+    """Prediction and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
 
     Attributes:
         considers: Whether the filter can account for states without estimating them.
         matches_covariance: Whether its corrections tell how much process noise there is, see `CovarianceMatching`.
         nominal_gain: Whether its gain follows from its models along a trajectory, whatever the readings say, so that
             an error budget can be drawn up for it.
+        edits: Whether its NIS is chi-square where its models are right, so that readings can be edited by it.
     """
 
     stochastic = False
     considers = True
     matches_covariance = True
     nominal_gain = False
+    edits = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
         self.measurement = measurement
-        probability = options.gate_probability
         self._considered = considered_states(dynamics)
         self._by_transition = getattr(dynamics, "moves_by_transition", False)
-        self._gate = None if probability is None else ChannelQuantile(measurement, probability)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
         """Return the prior."""
@@ -79,16 +78,9 @@ class GaussianFilter:
         return by_run(self.dynamics.transition(m, step)), by_run(self.dynamics.process_noise(m, step))
 
     def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
-        """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
+        """Return the corrected belief, its considered states as they were."""
         corrected, innovation = self.correct(belief, z, step)
-        corrected = self.keep_considered(belief, corrected)
-        if self._gate is None:
-            return corrected, innovation
-        rejected = innovation.nis > self._gate.of_present()
-        extras = {**innovation.extras, "rejected": rejected.astype(float)}
-        # What a reading would have done to a run does not count where it is not taken.
-        failed = {place: why for place, why in innovation.failed.items() if not rejected[place]}
-        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras, failed=failed)
+        return self.keep_considered(belief, corrected), innovation
 
     def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
         """Return the corrected belief with the considered states as predicted."""
@@ -97,25 +89,6 @@ class GaussianFilter:
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the belief after the measurement, and its innovation."""
         raise TypeError(f"{type(self).__name__} has no correct(belief, z, step)")
-
-
-class ChannelQuantile:
-    """The chi-square quantile of a normalised innovation, by the number of channels present.
-
-    Args:
-        measurement: The filter's.
-        probability: Of a normalised innovation that is not larger.
-    """
-
-    def __init__(self, measurement: Measurement, probability: float) -> None:
-        self._measurement = measurement
-        degrees = np.arange(1, measurement.dimension + 1)
-        # Without a channel there is nothing to exceed.
-        self._by_count = np.concatenate([[np.inf], chdtri(degrees, 1 - probability)])
-
-    def of_present(self) -> Array:
-        """Return the quantile for the channels that are present now, () or (runs,)."""
-        return np.asarray(self._by_count[channel_count(self._measurement)])
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:

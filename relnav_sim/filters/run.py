@@ -197,6 +197,7 @@ def update_read(
         np.where(read, innovation.log_likelihood, 0.0),
         {name: np.where(read, value, np.nan) for name, value in innovation.extras.items()},
         innovation.failed,
+        {name: np.where(read, count, 0) for name, count in innovation.edits.items()},
     )
 
 

@@ -18,7 +18,7 @@ from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.results import layout
 from relnav_sim.results.afterwards import known_when
-from relnav_sim.results.block import AugmentedStates, BySensor
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
@@ -77,6 +77,9 @@ class FilterFacts:
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
         known_when: When its estimates are known, in words; empty where that is at their own epoch, as in flight.
+        editing: What came of the editing of its readings; None where there is none.
+        false_rejections: Share of the tests of its editing that fail where the filter is right; NaN where it is not
+            known.
     """
 
     name: str
@@ -101,6 +104,8 @@ class FilterFacts:
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
     known_when: str = ""
+    editing: Editing | None = None
+    false_rejections: float = np.nan
 
     @property
     def observable(self) -> bool:
@@ -397,7 +402,19 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
         known_when=known_when(results, index, name),
+        editing=results.editing(index, name),
+        false_rejections=_false_rejections(results, index, name),
     )
+
+
+def _false_rejections(results: Results, index: int, name: str) -> float:
+    """Return the share of tests that fail where a filter is right: 1 less the probability of its editing."""
+    path = f"filters.{name}.editing"
+    varied = results.headers[index].variables
+    editing = varied.get(path) or filter_settings(results, index, name).get("editing")
+    probability = editing.get("probability") if isinstance(editing, Mapping) else None
+    probability = varied.get(f"{path}.probability", probability)
+    return 1 - probability if isinstance(probability, float) else np.nan
 
 
 def _mixture_sensors(results: Results, index: int, name: str, used: Sequence[str] | None) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from relnav_sim.report import layouts
 from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
+from relnav_sim.report.editing_table import editing_notes
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
@@ -66,6 +67,7 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
     notes = [verdict(ranking)] if ranking.standings and cases > 1 else []
     if case.waiting:
         notes.append(f"No run yet of {', '.join(case.waiting)}.")
+    notes.extend(editing_notes(case))
     if not case.filters:
         return CaseSection(case.number, case.label, tuple(notes), None, (), ())
     missing: list[str] = []

@@ -12,6 +12,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.augmented_table import augmented_table
+from relnav_sim.report.editing_table import editing_table
 from relnav_sim.report.layouts import INTERVALS, worst_runs_table
 from relnav_sim.report.metrics import (
     NIS_PER_DOF,
@@ -46,7 +47,8 @@ from relnav_sim.wording import MISSING, counted, listed, significant
 _MANY_RUNS = 100_000
 _AVAILABILITY_NOTE = " Epochs with a reading: share of the epochs of the headline span."
 _KNOWN = {
-    "rejected": "measurements that the gate refused (share)",
+    "rejected": "readings that were rejected (share)",
+    "underweighted": "updates that were underweighted (share)",
     "ess": "effective sample size",
     "resampled": "updates that resampled (share)",
     "alpha": "alpha in use",
@@ -445,5 +447,6 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),
         "augmented states": partial(augmented_table, case),
+        "measurement editing": partial(editing_table, case),
         "reliability": partial(reliability_table, case),
     }

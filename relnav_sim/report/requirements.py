@@ -15,6 +15,7 @@ from relnav_sim.campaign.requirements import (
     FailedRequirement,
     NeesRequirement,
     NisRequirement,
+    RecoveryRequirement,
     RmsRequirement,
     stored_requirements,
 )
@@ -73,6 +74,9 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
+        case RecoveryRequirement():
+            share = _percent(requirement.share)
+            return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or lost"
         case FailedRequirement() | DivergedRequirement():
             return f"at most {_percent(requirement.at_most)} of the runs {requirement.kind}"
 

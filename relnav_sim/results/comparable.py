@@ -76,6 +76,9 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
     by_sensor = results.by_sensor(case, filter)
     for spec in layout.BY_SENSOR if by_sensor is not None else ():
         yield spec.name, getattr(by_sensor, spec.name.removeprefix("sensor_"))
+    editing = results.editing(case, filter)
+    for spec in layout.EDITING if editing is not None else ():
+        yield spec.name, getattr(editing, spec.name.removeprefix("edit_"))
     for series in (results.error, results.sigma, results.nis, results.nees):
         yield series.__name__, series(case, filter)
 

@@ -10,6 +10,10 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from relnav_sim.results.dataset import Dataset as Dataset
+from relnav_sim.results.dataset import Dimension as Dimension
+from relnav_sim.results.editing_layout import EDITING as EDITING
+
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
 BOUND_FORMAT = "relnav bound"
@@ -30,48 +34,6 @@ _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
 
 
-@dataclass(frozen=True)
-class Dimension:
-    """A dimension, stored beside the datasets that use it as a coordinate of the same name.
-
-    Attributes:
-        name: Name of the dimension and of its coordinate dataset.
-        dtype: NumPy type string; ``str`` for text.
-        units: SI unit, ``1`` for numbers without one, empty for text.
-        long_name: What the coordinate is.
-        values: The entries where the layout fixes them, else None: the data decide.
-    """
-
-    name: str
-    dtype: str
-    units: str
-    long_name: str
-    values: tuple[str, ...] | tuple[float, ...] | None = None
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """One dataset of a group.
-
-    Attributes:
-        name: Name in the file and in `FilterResult`.
-        dims: Names of its dimensions in order.
-        dtype: NumPy type string.
-        units: SI unit, or ``1``.
-        long_name: What it is, with its definition.
-        column: Template of its flat column names; empty where it has none.
-        timing: Measured time, thus outside every promise of equal bits.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
-    column: str = ""
-    timing: bool = False
-
-
 DIMENSIONS = {
     dimension.name: dimension
     for dimension in (
@@ -89,6 +51,7 @@ DIMENSIONS = {
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
+        Dimension("edited", "str", "", "sensor whose readings the filter edits, by its name in the campaign"),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
@@ -304,7 +267,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
+OWN = (DIAGNOSTICS, *BY_SENSOR, *EDITING, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 SPAN_PREFIXES = ("", "settled_")
@@ -334,23 +297,30 @@ class Columns:
         augmented: Names of its augmented states.
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
+        edited: Names of the sensors whose readings it edits.
     """
 
     diagnostics: tuple[str, ...] = ()
     augmented: tuple[str, ...] = ()
     augmented_units: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    edited: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        held = (((DIAGNOSTICS,), self.diagnostics), (BY_SENSOR, self.sensors), (AUGMENTED, self.augmented))
+        held = (
+            ((DIAGNOSTICS,), self.diagnostics),
+            (BY_SENSOR, self.sensors),
+            (EDITING, self.edited),
+            (AUGMENTED, self.augmented),
+        )
         return (*FILTER, *(spec for specs, names in held if names for spec in specs))
 
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors}
+        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors, "edited": self.edited}
 
     @property
     def lengths(self) -> dict[str, int]:

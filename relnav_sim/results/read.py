@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound, stored_observability
+from relnav_sim.results.editing_columns import editing_columns
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.pieces import columns_of, read_failures
@@ -225,6 +226,14 @@ class Results:
                         columns.setdefault(column, []).append(part)
         summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
         summary |= self._diagnostic_columns() | self._sensor_columns()
+        summary |= editing_columns(
+            [
+                (len(runs), self.editing(index, name))
+                for index, case in enumerate(self.headers)
+                for name in case.filters
+                if len(runs := self.case_runs(index, name))
+            ]
+        )
         if "failed" in summary:
             summary["failed"] = summary["failed"].astype(bool)
         return summary
@@ -272,7 +281,7 @@ class Results:
     def diagnostics(self, case: int | str, filter: str) -> dict[str, Array]:
         """Return what a filter reports of its own working, by name: mean over updates of each run (runs,).
 
-        For example ``rejected`` (share of measurements that the gate refused), ``ess`` or ``alpha``; empty where the
+        For example ``rejected`` (share of readings that were rejected), ``ess`` or ``alpha``; empty where the
         filter reports nothing. NaN: never reported in that run.
         """
         index = self._check(case, filter)
@@ -306,6 +315,13 @@ class Results:
         columns = columns_of(self._filter_group(index, filter))
         specs = layout.BY_SENSOR if columns.sensors else ()
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def editing(self, case: int | str, filter: str) -> Editing | None:
+        """Return what came of the editing of a filter's readings; None where there is none."""
+        index = self._check(case, filter)
+        columns = columns_of(self._filter_group(index, filter))
+        specs = layout.EDITING if columns.edited else ()
+        return Editing.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def nis_sum(self, case: int | str, filter: str) -> Array:
         """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""

@@ -18,6 +18,7 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, constant_part, has_white_part, noise_parts
+from relnav_sim.sensors.sensed import Sensed as Sensed
 from relnav_sim.sensors.streams import SensorStreams
 
 Craft = Literal["chief", "deputy"]
@@ -40,26 +41,6 @@ OWN_READINGS: Mapping[Role, tuple[Channel, ...]] = {
 }
 """The numbers of a reading of a host's own state: an ECI state; a quaternion, scalar last, that turns ECI into body
 components; two means of the specific force over the step before, plain and weighted with the time left, RTN."""
-
-
-@dataclass(frozen=True)
-class Sensed:
-    """The truth as one sensor meets it over a chunk of epochs; the leading axis is 1 where all runs share it.
-
-    Attributes:
-        times_s: The epochs (K,), s.
-        host: ECI states of the sensor's host when the readings are taken, (runs or 1, K, 6), m and m/s.
-        target: The same of the other craft.
-        felt: Mean specific force on the host over the step before each epoch, plain and weighted with the time that was
-            left, RTN of the host, (runs or 1, K, 2, 3), m/s^2; None where no sensor asks for it.
-        step_s: Time between epochs, s.
-    """
-
-    times_s: Array
-    host: Array
-    target: Array
-    felt: Array | None
-    step_s: float
 
 
 @dataclass(frozen=True)
@@ -149,6 +130,8 @@ class SensorOptions(Options):
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
         check_parts(noise_parts(noise), len(cls.channels))
+        if cls.role != "other" and any(getattr(part, "needs_other", False) for part in noise_parts(noise)):
+            raise ValueError("wrong_target is for sensors that measure the other craft; take step, ramp or stuck")
         return cls.with_white_part(noise)
 
     @classmethod

@@ -23,12 +23,15 @@ from relnav_sim.sensors import relative_sensors
 from relnav_sim.simulation.afterwards import Afterwards, lag_epochs
 from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
+from relnav_sim.simulation.campaign_filter import sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks
 from relnav_sim.simulation.fed_filter import FedFilter, Shared
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.repeated import Repeated
 from relnav_sim.simulation.start import starting_belief
+from relnav_sim.statistics.consistency import normalised_errors
+from relnav_sim.statistics.editing import EditingAccumulator
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
@@ -192,6 +195,12 @@ class FilterTrack:
         self._augmented: AugmentedTrack | None = None
         self._afterwards: Afterwards | None = None
         self._repeated: Repeated | None = None
+        self._editing: EditingAccumulator | None = None
+        if entry.editing is not None:
+            sensors_read = tuple(sensor_forms(entry, config))
+            self._editing = EditingAccumulator(
+                len(source.runs), self._errors.rules, sensors_read, entry.editing.max_rejects
+            )
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -284,6 +293,9 @@ class FilterTrack:
         )
         if self._augmented is not None:
             self._augmented.add(chunk, history, self._errors.failed_epoch)
+        if self._editing is not None:
+            nees, _, _ = normalised_errors(np.ascontiguousarray(error), covariance)
+            self._editing.add(chunk.first_epoch, nees[0], history.edits_by, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -301,7 +313,9 @@ class FilterTrack:
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._fed.shared_cpu_s) / self._steps)
-        return result if self._augmented is None else replace(result, augmented=self._augmented.result())
+        if self._augmented is not None:
+            result = replace(result, augmented=self._augmented.result())
+        return result if self._editing is None else replace(result, editing=self._editing.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

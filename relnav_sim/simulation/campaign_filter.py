@@ -18,6 +18,7 @@ from relnav_sim.dynamics.registry import build_dynamics
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
 from relnav_sim.filters.belief import Filter
 from relnav_sim.filters.covariance_matching import CovarianceMatching
+from relnav_sim.filters.editing import Restart, edited
 from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.rewinding import RewindableDynamics
@@ -35,7 +36,8 @@ class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries augmented states b.
+        filter: The filter, over [x; b] where it carries augmented states b; its readings edited where the entry says.
+        algorithm: The same with every reading taken.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
         extension: The augmented states; None without any.
@@ -43,6 +45,7 @@ class CampaignFilter:
     """
 
     filter: Filter
+    algorithm: Filter
     dynamics: Dynamics
     thrust: KnownThrust | None
     extension: Extension | None
@@ -50,7 +53,12 @@ class CampaignFilter:
 
 
 def create_campaign_filter(
-    entry: FilterEntry, config: CaseConfig, context: DynamicsContext, late: Collection[str] = (), rewinds: bool = False
+    entry: FilterEntry,
+    config: CaseConfig,
+    context: DynamicsContext,
+    late: Collection[str] = (),
+    rewinds: bool = False,
+    restart: Restart | None = None,
 ) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states.
 
@@ -60,6 +68,7 @@ def create_campaign_filter(
         context: What the dynamics are built from.
         late: Sensors whose readings come with a latency of their own.
         rewinds: Whether the filter is to go back to epochs of the chunk before.
+        restart: Where runs that are restarted begin.
     """
     orbit, step_s = context.orbit, context.step_s
     adaptive = entry.process_noise.adaptive
@@ -74,10 +83,12 @@ def create_campaign_filter(
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
     measurement = _measurement(entry, config, orbit, extension, late)
     rewindable = RewindableDynamics(dynamics) if rewinds else None
-    filter = factory(rewindable or dynamics, measurement, entry)
+    algorithm = factory(rewindable or dynamics, measurement, entry)
+    filter = algorithm
     if adaptive is not None:
         filter = CovarianceMatching(filter, white, adaptive.window)
-    return CampaignFilter(filter, coasting, thrust, extension, rewindable)
+    filter = edited(filter, entry.editing, getattr(entry, "gate_probability", None), restart)
+    return CampaignFilter(filter, algorithm, coasting, thrust, extension, rewindable)
 
 
 def _told_noise(context: DynamicsContext) -> DynamicsContext:

@@ -19,10 +19,12 @@ from relnav_sim.filters.rewinding import RewindableSource
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.sensors import relative_sensors
 from relnav_sim.sensors.arrivals import most_epochs_late
+from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, in_time, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
+from relnav_sim.simulation.restart import FixRestart
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.streams import RandomSource
 
@@ -76,7 +78,10 @@ class FedFilter:
         self._forms = sensor_forms(entry, config)
         self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
         depth = buffered_epochs(entry, config)
-        made = create_campaign_filter(entry, config, self._context, late, rewinds=depth > 0)
+        self._restart: FixRestart | None = None
+        if entry.editing is not None and entry.editing.action == "restart":
+            self._restart = FixRestart(entry, config, extension_of(entry, config))
+        made = create_campaign_filter(entry, config, self._context, late, depth > 0, self._restart)
         self.filter, self._dynamics, self._thrust = made.filter, made.dynamics, made.thrust
         self.extension, self._rewindable = made.extension, made.rewindable
         self._buffer: OutOfSequence | None = None
@@ -147,6 +152,8 @@ class FedFilter:
             self._thrust.take(forces, chunk.first_epoch, noise)
         if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
             cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
+        if self._restart is not None:
+            self._restart.take(chunk)
 
 
 def buffered_epochs(entry: FilterEntry, config: CaseConfig) -> int:

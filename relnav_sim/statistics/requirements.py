@@ -22,6 +22,7 @@ from relnav_sim.campaign.requirements import (
     FailedRequirement,
     NeesRequirement,
     NisRequirement,
+    RecoveryRequirement,
     RmsRequirement,
 )
 from relnav_sim.results import layout
@@ -30,6 +31,8 @@ from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.divergence import diverged_runs
 from relnav_sim.statistics.intervals import Interval, mean_interval, runs_to_decide
 from relnav_sim.statistics.proportions import Share, runs_for_share, share_of_epochs, share_of_runs
+from relnav_sim.statistics.recovery import recovered_in_time
+from relnav_sim.wording import counted
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -137,6 +140,8 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _nis(results, requirement, case, filter)
         case ConvergedRequirement():
             finding, basis = _converged(results, requirement, case, filter)
+        case RecoveryRequirement():
+            finding, basis = _recovered(results, requirement, case, filter)
         case FailedRequirement() | DivergedRequirement():
             finding, basis = _lost(results, requirement, case, filter)
     if finding is None and basis == EVERY_EPOCH:
@@ -224,6 +229,24 @@ def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: 
         return None, CANNOT_BE_JUDGED
     figure = replace(finding.figure, high=possible.figure.high)
     return Finding(figure, "undecided", math.nan, None), basis
+
+
+def _recovered(results: Results, rule: RecoveryRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
+    editing = results.editing(case, filter)
+    if editing is None:
+        return None, "the filter edits no reading"
+    found = recovered_in_time(editing, results.statistic(case, filter, "failed") == 1, rule.within_s)
+    runs, met, possible = (int(part.sum()) for part in (found.concerned, found.met, found.possible))
+    basis = f"the {counted(runs, 'run')} locked out or lost"
+    if not runs:
+        return None, "no run was locked out or lost"
+    finding, best = (on_a_share(share_of_runs(part, runs), rule.share, rule.confidence) for part in (met, possible))
+    if met == possible or finding.verdict == "pass":
+        return finding, basis
+    basis += f"; {counted(possible - met, 'run')} end too soon to tell"
+    if best.verdict == "fail":
+        return best, basis
+    return Finding(replace(finding.figure, high=best.figure.high), "undecided", math.nan, None), basis
 
 
 def _lost(

@@ -60,7 +60,9 @@ def test_a_changed_number_is_detected_anywhere(tmp_path, make_block, write) -> N
     with h5py.File(path) as file:
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
     # One of the two filters has augmented states; their unit is in the header.
-    assert len(names) == 3 + 2 * len(layout.FILTER) + 2 + len(layout.AUGMENTED) + len(layout.BY_SENSOR)
+    assert len(names) == 3 + 2 * len(layout.FILTER) + 2 + len(layout.AUGMENTED) + len(layout.BY_SENSOR) + len(
+        layout.EDITING
+    )
     for name in names:
         with h5py.File(path, "r+") as file:
             kept = file[name][...]
