@@ -86,9 +86,18 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
-def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind."""
+def former_filter(model: type[Options], kinds: Models, dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind.
+
+    Args:
+        model: What all filters say.
+        kinds: The options model of every kind of filter.
+        dynamics: That of every kind of dynamics.
+        entry: The filter.
+    """
     first = former_spelling(model, entry)
+    if entry.get("kind") in kinds:
+        first = former_spelling(kinds[entry["kind"]], first)
     motion = first.get("dynamics")
     if isinstance(motion, Mapping) and motion.get("kind") in dynamics:
         first["dynamics"] = former_spelling(dynamics[motion["kind"]], motion)
@@ -96,7 +105,12 @@ def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, An
 
 
 def former_content(
-    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options], dynamics: Models
+    content: Mapping[str, Any],
+    truth: type[Options],
+    sensors: Models,
+    filters: type[Options],
+    kinds: Models,
+    dynamics: Models,
 ) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
@@ -105,6 +119,7 @@ def former_content(
         truth: The model of the truth.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
+        kinds: The options model of every kind of filter.
         dynamics: The options model of every kind of dynamics.
     """
     first = dict(content)
@@ -113,7 +128,9 @@ def former_content(
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
-        first["filters"] = {name: former_filter(filters, dynamics, entry) for name, entry in first["filters"].items()}
+        first["filters"] = {
+            name: former_filter(filters, kinds, dynamics, entry) for name, entry in first["filters"].items()
+        }
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(

@@ -10,6 +10,8 @@ from typing import Any
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.former import former_content, former_filter
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.options import Options
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
@@ -20,7 +22,7 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
     truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
-    return former_content(content, truth, sensor_kinds(), FilterEntry, dynamics_kinds())
+    return former_content(content, truth, sensor_kinds(), FilterEntry, _options(), dynamics_kinds())
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:
@@ -48,7 +50,11 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
 
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
-    return _digest(former_filter(FilterEntry, dynamics_kinds(), entry.model_dump(mode="json")))[:12]
+    return _digest(former_filter(FilterEntry, _options(), dynamics_kinds(), entry.model_dump(mode="json")))[:12]
+
+
+def _options() -> dict[str, type[Options]]:
+    return {name: kind.options_model for name, kind in filter_kinds().items()}
 
 
 def _digest(content: Any) -> str:

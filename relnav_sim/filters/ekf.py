@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import linearised
 
 
-@register_filter("ekf", GaussianFilterOptions, cost_us=0.7, overhead_us=25.0)
+@register_filter("ekf", LinearisedFilterOptions, cost_us=0.7, overhead_us=25.0)
 class ExtendedKalmanFilter(GaussianFilter):
     """Extended Kalman filter: the measurement linearised at the prediction.
 
@@ -20,6 +22,8 @@ class ExtendedKalmanFilter(GaussianFilter):
 
     nominal_gain = True
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""
+        if self._single is not None:
+            return self._single.joseph_update(belief, *self._single.linearised(z, belief, step.epoch))
         return joseph_update(belief, *linearised(self.measurement, z, belief.mean, step.epoch))

@@ -35,6 +35,8 @@ _BUILT_IN = (
     "iekf",
     "ckf",
     "sr_ukf",
+    "ud_ekf",
+    "srif",
     "two_step",
     "adaptive_two_step",
     "particle",
