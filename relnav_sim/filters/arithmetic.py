@@ -12,6 +12,9 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.options import AddedLater, Options
 
+EPS = float(np.finfo(np.float64).eps)
+"""The unit of rounding of float64."""
+
 Arithmetic = Literal["float64", "float32"]
 
 
@@ -72,6 +75,21 @@ class ModelsInArithmetic:
         else:
             residual, H, R = linearised(measurement, z, m, epoch)
         return self.own(residual), self._by_run(H), self._by_run(R)
+
+    def coarse(self, mean: Array, covariance: Array) -> dict[int, str]:
+        """Return why runs can't go on, by place, whose states are rounded by more than their sigmas.
+
+        Args:
+            mean: (runs, n).
+            covariance: (runs, n, n), in float64.
+        """
+        variance = np.einsum("bii->bi", covariance)
+        lost = (np.square(self.eps * mean.astype(np.float64)) > variance) & (variance > 0)
+        return {
+            run: f"float32 holds state {int(np.argmax(lost[run])) + 1} more coarsely than its sigma; take float64, or "
+            "states that are small against their sigmas"
+            for run in np.flatnonzero(lost.any(axis=1)).tolist()
+        }
 
     def _by_run(self, A: Array) -> Array:
         return self.own(A if A.ndim == 3 else A[None])

@@ -80,5 +80,6 @@ class SinglePrecision:
             x[:, self._considered] = prior.x[:, self._considered]
             block = np.ix_(range(len(x)), self._considered, self._considered)
             P[block] = prior.P[block]
-        failed = dict.fromkeys(lost.tolist(), INDEFINITE)
-        return SingleGaussian(x, P), Innovation(nis, log_likelihood, failed=failed)
+        corrected = SingleGaussian(x, P)
+        failed = models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
+        return corrected, Innovation(nis, log_likelihood, failed=failed)

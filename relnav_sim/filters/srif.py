@@ -10,7 +10,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.arithmetic import ModelsInArithmetic
+from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
 from relnav_sim.filters.registry import register_filter
@@ -69,14 +69,12 @@ class SquareRootInformationFilter(GaussianFilter):
         self._models = ModelsInArithmetic(dynamics, measurement, options.arithmetic)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
-        """Return the prior with the root of its information."""
-        models = self._models
-        information = kernels.srif.information_single if models.single else kernels.srif.information
-        L, flat = information(models.own(prior.covariance), models.eps)
+        """Return the prior with the root of its information, worked out in float64 and then rounded."""
+        L, flat = kernels.srif.information(np.ascontiguousarray(prior.covariance), EPS)
         lost = np.zeros(len(L), dtype=bool)
         lost[flat] = True
         L[flat] = np.nan
-        return Information(models.own(prior.mean), L, lost, np.zeros(len(L), dtype=bool))
+        return Information(*map(self._models.own, (prior.mean, L)), lost, np.zeros(len(L), dtype=bool))
 
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and the root of (F P F^T + Q)^-1."""
@@ -100,7 +98,9 @@ class SquareRootInformationFilter(GaussianFilter):
         update = kernels.srif.update_single if models.single else kernels.srif.update
         x, L = np.ascontiguousarray(prior.x), np.ascontiguousarray(prior.L)
         mean, L, nis, log_likelihood, flat = update(x, L, *models.linearised(z, x, step.epoch), models.eps)
-        failed = dict.fromkeys(flat.tolist(), SINGULAR_NOISE)
+        corrected = replace(prior, x=mean, L=L)
+        failed = models.coarse(mean, corrected.covariance) if models.single else {}
+        failed |= dict.fromkeys(flat.tolist(), SINGULAR_NOISE)
         failed |= dict.fromkeys(np.flatnonzero(prior.flow_lost).tolist(), SINGULAR_TRANSITION)
         failed |= dict.fromkeys(np.flatnonzero(prior.prior_lost).tolist(), SINGULAR_PRIOR)
-        return replace(prior, x=mean, L=L), Innovation(nis, log_likelihood, failed=failed)
+        return corrected, Innovation(nis, log_likelihood, failed=failed)

@@ -10,7 +10,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.arithmetic import ModelsInArithmetic
+from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
 from relnav_sim.filters.registry import register_filter
@@ -60,10 +60,9 @@ class FactoredKalmanFilter(GaussianFilter):
         self._places: Integers = np.array(self._considered, dtype=np.int64)
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
-        """Return the prior with its covariance factored."""
-        models = self._models
-        factor = kernels.ud.factor_single if models.single else kernels.ud.factor
-        return FactoredGaussian(models.own(prior.mean), *factor(models.own(prior.covariance), models.eps))
+        """Return the prior with its covariance factored, in float64; then its factors are rounded."""
+        U, D = kernels.ud.factor(np.ascontiguousarray(prior.covariance), EPS)
+        return FactoredGaussian(*map(self._models.own, (prior.mean, U, D)))
 
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and the factors of F U D U^T F^T + Q."""
@@ -85,10 +84,11 @@ class FactoredKalmanFilter(GaussianFilter):
         mean, U, D, nis, log_likelihood, contradicted = update(
             x, U, D, *models.linearised(z, x, step.epoch), self._places, models.eps
         )
-        failed = {}
+        corrected = FactoredGaussian(mean, U, D)
+        failed = models.coarse(mean, corrected.covariance) if models.single else {}
         if contradicted:
-            failed = {run: CONTRADICTION for run in np.flatnonzero(np.isposinf(nis)).tolist()}
-        return FactoredGaussian(mean, U, D), Innovation(nis, log_likelihood, failed=failed)
+            failed |= dict.fromkeys(np.flatnonzero(np.isposinf(nis)).tolist(), CONTRADICTION)
+        return corrected, Innovation(nis, log_likelihood, failed=failed)
 
     def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief, whose considered states `correct` has kept already."""

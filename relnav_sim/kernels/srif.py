@@ -1,7 +1,7 @@
 """The square-root information filter: L with L L^T = P^-1, by orthogonal transformations.
 
 Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, chapters V and VI; L is the transpose of the
-text's R. Kernels of these names compute in float64, those that end in `_single` the same in float32.
+text's R. Kernels that end in `_single` compute in float32, the others in float64.
 """
 
 from __future__ import annotations
@@ -59,9 +59,8 @@ def information(P: Array, eps: float) -> tuple[Array, Indices]:
                 d[j, b] = math.sqrt(d[j, b])
             for i in range(n):
                 for b in range(used):
-                    # Column j of U^-T is that of 1 / D_j after the transpose: L = U^-T D^(-1/2).
-                    p[i, j, b] = L[i, j, b] / d[j, b]
-        store(p, first, used, root)
+                    L[i, j, b] /= d[j, b]
+        store(L, first, used, root)
     return root, places(flat)
 
 
@@ -228,12 +227,6 @@ def _root(Q: Array, used: int, eps: float, G: Array, D: Array) -> None:
         for i in range(j + 1):
             for b in range(used):
                 G[i, j, b] *= D[j, b]
-
-
-@kernel_like(information, given(3, single), number)
-def information_single(P: Array, eps: float) -> tuple[Array, Indices]:
-    """Return the same as `information`."""
-    return P, places(P[:, 0, 0] > 0)
 
 
 @kernel_like(predict, given(2, single), given(3, single), given(3, single), given(3, single), number)

@@ -2,7 +2,7 @@
 
 Bierman, Factorization Methods for Discrete Sequential Estimation, 1977; Thornton and Bierman, Control and Dynamic
 Systems 16, 1980. U is unit upper triangular, D diagonal and never negative, whatever the rounding: that is what the
-form is for. Kernels of these names compute in float64, those that end in `_single` the same in float32.
+form is for. Kernels that end in `_single` compute in float32, the others in float64.
 """
 
 from __future__ import annotations
@@ -360,12 +360,6 @@ def _repeats(
     if not variance <= (16 * n * eps * size) ** 2:
         return 0
     return 2 if abs(left) > _REPEATED * eps * size else 1
-
-
-@kernel_like(factor, given(3, single), number)
-def factor_single(P: Array, eps: float) -> tuple[Array, Array]:
-    """Return the same as `factor`."""
-    return P, P
 
 
 @kernel_like(predict, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number)
