@@ -7,12 +7,12 @@ from typing import Any
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update
+from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update, linearised_operations
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import linearised
 
 
-@register_filter("ekf", LinearisedFilterOptions, cost_us=0.7, overhead_us=25.0)
+@register_filter("ekf", LinearisedFilterOptions, cost_us=0.7, overhead_us=25.0, operations=linearised_operations)
 class ExtendedKalmanFilter(GaussianFilter):
     """Extended Kalman filter: the measurement linearised at the prediction.
 

@@ -14,6 +14,15 @@ from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    covariance_prediction,
+    gaussian_numbers,
+    joseph_form,
+    kalman_update,
+)
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.single_precision import SinglePrecision
 from relnav_sim.filters.square_root import semidefinite_root
@@ -204,7 +213,25 @@ class KalmanOptions(LinearisedFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian", cost_us=0.7, overhead_us=25.0, linear_only=True)
+def linearised_operations(size: Size, options: Any) -> Operations:
+    """Return what a linear or extended Kalman filter costs; in float32 its update is Joseph's, and F m is its own."""
+    n, m = size.n, size.m
+    if bytes_of(options) == 8:
+        count = covariance_prediction(n) + kalman_update(n, m)
+    else:
+        count = covariance_prediction(n) + 2 * n * n + joseph_form(n, m)
+    return Operations(count, gaussian_numbers(n, m), bytes_of(options))
+
+
+@register_filter(
+    "kf",
+    KalmanOptions,
+    measurement="cartesian",
+    cost_us=0.7,
+    overhead_us=25.0,
+    linear_only=True,
+    operations=linearised_operations,
+)
 class KalmanFilter(GaussianFilter):
     """Linear Kalman filter (Kalman 1960) on linear measurements: a radar's are converted to Cartesian coordinates.
 

@@ -13,6 +13,17 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    cholesky,
+    gaussian_numbers,
+    householder,
+    product,
+    triangle,
+    udu,
+)
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
@@ -50,7 +61,21 @@ class Information:
         return kernels.srif.covariance(np.ascontiguousarray(self.L, dtype=np.float64))
 
 
-@register_filter("srif", LinearisedFilterOptions, cost_us=2.4, overhead_us=50.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: F^-T L by elimination, and triangular forms of (2 n, 2 n) and (n + 1, n + m).
+
+    The covariance, which relnav's statistics ask for and the filter does not, is not counted.
+    """
+    n, m = size.n, size.m
+    eliminated = sum(1 + n + k * (1 + 2 * k + 4 * n) for k in range(n))
+    root_of_noise = udu(n) + n + triangle(n)
+    prediction = product(n, n, 1) + root_of_noise + eliminated + n * n * (2 * n - 1) + householder(2 * n, 2 * n)
+    whitened = cholesky(m) + m * m * n + m * m
+    update = whitened + householder(n + 1, n + m) + 3 + 4 * m + 2 * n + n * (n - 1) + 2 * n
+    return Operations(prediction + update, gaussian_numbers(n, m), bytes_of(options))
+
+
+@register_filter("srif", LinearisedFilterOptions, cost_us=2.4, overhead_us=50.0, operations=_operations)
 class SquareRootInformationFilter(GaussianFilter):
     """Square-root information filter: the extended Kalman filter with the root of the inverse covariance held.
 

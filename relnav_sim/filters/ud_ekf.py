@@ -13,6 +13,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import EPS, ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions
+from relnav_sim.filters.operations import Operations, Size, bytes_of, gram_schmidt, models, product, udu
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root_update import CONTRADICTION
 from relnav_sim.linalg import symmetric, transpose
@@ -40,7 +41,16 @@ class FactoredGaussian:
         return symmetric((U * self.D[:, None, :]) @ transpose(U))
 
 
-@register_filter("ud_ekf", LinearisedFilterOptions, cost_us=1.6, overhead_us=45.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: factors of Q and R, Gram-Schmidt on a matrix (n, 2 n), and m scalar updates."""
+    n, m = size.n, size.m
+    prediction = product(n, n, 1) + n * n * (n - 1) + udu(n) + gram_schmidt(n, 2 * n)
+    decorrelation = udu(m) + m * (m - 1) // 2 * (2 + 2 * n)
+    update = m * (11 * n + 3 * n * (n - 1)) + 6 * m + 2 + n
+    return Operations(prediction + decorrelation + update, 2 * (n * n + 2 * n) + models(n, m), bytes_of(options))
+
+
+@register_filter("ud_ekf", LinearisedFilterOptions, cost_us=1.6, overhead_us=45.0, operations=_operations)
 class FactoredKalmanFilter(GaussianFilter):
     """Bierman-Thornton filter: the extended Kalman filter with its covariance held as U D U^T.
 

@@ -31,9 +31,7 @@ _LOG_TWO_PI = math.log(2 * math.pi)
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), number)
-def update(
-    m: Array, P: Array, nu: Array, H: Array, R: Array, eps: float
-) -> tuple[Array, Array, Array, Array, Indices]:
+def update(m: Array, P: Array, nu: Array, H: Array, R: Array, eps: float) -> tuple[Array, Array, Array, Array, Indices]:
     """Return mean (runs, n), covariance (runs, n, n), NIS and log-likelihood (runs,), and which runs are indefinite.
 
     Those are the runs in which S or the covariance has no Cholesky factor, to the unit of rounding. A state without
@@ -117,9 +115,7 @@ def update(
     return mean, covariance, nis, log_likelihood, places(lost)
 
 
-@kernel_like(
-    update, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number
-)
+@kernel_like(update, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number)
 def update_single(
     m: Array, P: Array, nu: Array, H: Array, R: Array, eps: float
 ) -> tuple[Array, Array, Array, Array, Indices]:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, number, single
 from relnav_sim.kernels.elementary import log
 from relnav_sim.kernels.kalman import places
@@ -125,9 +125,7 @@ def predict(m: Array, L: Array, F: Array, Q: Array, eps: float) -> tuple[Array, 
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), number)
-def update(
-    m: Array, L: Array, nu: Array, H: Array, R: Array, eps: float
-) -> tuple[Array, Array, Array, Array, Indices]:
+def update(m: Array, L: Array, nu: Array, H: Array, R: Array, eps: float) -> tuple[Array, Array, Array, Array, Indices]:
     """Return mean (runs, n), root of the information, NIS and log-likelihood (runs,), and the runs whose R is singular.
 
     With R = N N^T the triangular form of [[L, H^T N^-T], [0, nu^T N^-T]] is [[L+, 0], [b^T, sqrt(NIS)]], and the mean
@@ -196,15 +194,15 @@ def covariance(L: Array) -> Array:
     """Return P = L^-T L^-1, (runs, n, n)."""
     runs, n, _ = L.shape
     covariances = np.empty((runs, n, n))
-    l, X, P = np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
+    root, X, P = np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
-        load(L, first, used, l)
+        load(L, first, used, root)
         for i in range(n):
             for j in range(n):
                 for b in range(used):
                     X[i, j, b] = 1.0 if i == j else 0.0
-        forward(l, used, X)
+        forward(root, used, X)
         for i in range(n):
             for j in range(i + 1):
                 for b in range(used):
@@ -235,9 +233,7 @@ def predict_single(m: Array, L: Array, F: Array, Q: Array, eps: float) -> tuple[
     return m, L, places(m[:, 0] > 0)
 
 
-@kernel_like(
-    update, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number
-)
+@kernel_like(update, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number)
 def update_single(
     m: Array, L: Array, nu: Array, H: Array, R: Array, eps: float
 ) -> tuple[Array, Array, Array, Array, Indices]:

@@ -133,7 +133,11 @@ def update(
     C, c = np.empty((k, k, LANES), m.dtype), np.empty((k, LANES), m.dtype)
     moved, gain, alpha = np.empty((n, LANES), m.dtype), np.empty((n, LANES), m.dtype), np.empty((k, LANES), m.dtype)
     f, v, s = np.empty((n, LANES), m.dtype), np.empty((n, LANES), m.dtype), np.empty((4, LANES), m.dtype)
-    kept, weights, t = np.zeros((n, n + k, LANES), m.dtype), np.zeros((n + k, LANES), m.dtype), np.empty((n + k, LANES), m.dtype)
+    kept, weights, t = (
+        np.zeros((n, n + k, LANES), m.dtype),
+        np.zeros((n + k, LANES), m.dtype),
+        np.empty((n + k, LANES), m.dtype),
+    )
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(m, first, used, x)
@@ -342,9 +346,7 @@ def scalar_update(
 
 
 @inner
-def _repeats(
-    channel: int, b: int, x: Array, U: Array, D: Array, h: Array, w: float, moved: Array, eps: float
-) -> int:
+def _repeats(channel: int, b: int, x: Array, U: Array, D: Array, h: Array, w: float, moved: Array, eps: float) -> int:
     """Return whether the state of lane b leaves a channel no variance: 1, and 2 where the reading contradicts it."""
     n = len(D)
     variance, size, left = 0.0, 0.0, w

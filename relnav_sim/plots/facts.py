@@ -7,15 +7,17 @@ names the axes in the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Indices, Integers, Mask
+from relnav_sim.filters.operations import Operations
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
+from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor
 from relnav_sim.results.observability import Observability
@@ -75,6 +77,7 @@ class FilterFacts:
             NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
+        operations: What one of its epochs costs by formula; None where it states none.
     """
 
     name: str
@@ -98,6 +101,7 @@ class FilterFacts:
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
+    operations: Operations | None = None
 
     @property
     def observable(self) -> bool:
@@ -367,7 +371,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
     spans: dict[Span, Mask] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
-    return FilterFacts(
+    facts = FilterFacts(
         name=name,
         runs=results.case_runs(index, name),
         ok=ok,
@@ -394,6 +398,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
     )
+    states = 0 if facts.augmented is None else len(facts.augmented.names)
+    return replace(facts, operations=stated_operations(results, index, name, states, facts.dimensions()))
 
 
 def _mixture_sensors(results: Results, index: int, name: str, used: Sequence[str] | None) -> tuple[str, ...]:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 
-from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, kernels
+from relnav_sim import LinearDynamics, LinearMeasurement, create_filter
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
-from relnav_sim.filters.history import FilterHistory
 from relnav_sim.streams import RandomSource
 
 BITS = 128

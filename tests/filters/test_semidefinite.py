@@ -105,7 +105,9 @@ def test_singular_covariances_are_no_obstacle(name, case):
     assert_exact(run(name, problem), problem, 1e-11)
 
 
-@pytest.mark.parametrize("name", ["kf", "ekf", "ud_ekf", "srif", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
+@pytest.mark.parametrize(
+    "name", ["kf", "ekf", "ud_ekf", "srif", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"]
+)
 @pytest.mark.parametrize("case", WIDE)
 def test_a_wide_prior_meets_a_precise_reading(name, case):
     assert_exact(run(name, WIDE[case]), WIDE[case], 1e-6)
