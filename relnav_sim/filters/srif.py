@@ -33,6 +33,11 @@ SINGULAR_PRIOR = f"{_NEEDS}a prior with variance in every state; take ud_ekf"
 SINGULAR_TRANSITION = f"{_NEEDS}a transition matrix that can be inverted; take ud_ekf"
 SINGULAR_NOISE = f"{_NEEDS}measurement noise in every channel; take ud_ekf"
 
+UNEQUAL = (
+    "the information of the states is so unequal that float32 can't hold the least of it; take ud_ekf, or states in units "
+    "in which their sigmas are alike"
+)
+
 
 @dataclass(frozen=True)
 class Information:
@@ -125,7 +130,20 @@ class SquareRootInformationFilter(GaussianFilter):
         mean, L, nis, log_likelihood, flat = update(x, L, *models.linearised(z, x, step.epoch), models.eps)
         corrected = replace(prior, x=mean, L=L)
         failed = models.coarse(mean, corrected.covariance) if models.single else {}
+        if models.single:
+            failed |= dict.fromkeys(np.flatnonzero(_unequal(prior, models.eps)).tolist(), UNEQUAL)
         failed |= dict.fromkeys(flat.tolist(), SINGULAR_NOISE)
         failed |= dict.fromkeys(np.flatnonzero(prior.flow_lost).tolist(), SINGULAR_TRANSITION)
         failed |= dict.fromkeys(np.flatnonzero(prior.prior_lost).tolist(), SINGULAR_PRIOR)
         return corrected, Innovation(nis, log_likelihood, failed=failed)
+
+
+def _unequal(belief: Information, eps: float) -> Mask:
+    """Return the runs (runs,) whose least root of information is held to less than a quarter of itself.
+
+    A transformation rounds every entry by about n eps of the norm of L, and its least singular value is above
+    1 / sqrt(trace P).
+    """
+    n = belief.x.shape[1]
+    largest = np.square(belief.L.astype(np.float64)).sum(axis=(1, 2))
+    return np.asarray(np.square(4 * n * eps) * largest * np.einsum("bii->b", belief.covariance) > 1)
