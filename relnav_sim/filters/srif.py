@@ -34,8 +34,8 @@ SINGULAR_TRANSITION = f"{_NEEDS}a transition matrix that can be inverted; take u
 SINGULAR_NOISE = f"{_NEEDS}measurement noise in every channel; take ud_ekf"
 
 UNEQUAL = (
-    "the information of the states is so unequal that float32 can't hold the least of it; take ud_ekf, or states in units "
-    "in which their sigmas are alike"
+    "the information of the states is so unequal that float32 can't hold the least of it; take ud_ekf, or states in "
+    "units in which their sigmas are alike"
 )
 
 
@@ -104,7 +104,8 @@ class SquareRootInformationFilter(GaussianFilter):
         lost = np.zeros(len(L), dtype=bool)
         lost[flat] = True
         L[flat] = np.nan
-        return Information(*map(self._models.own, (prior.mean, L)), lost, np.zeros(len(L), dtype=bool))
+        own = self._models.own
+        return Information(own(prior.mean), own(L), lost, np.zeros(len(L), dtype=bool))
 
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and the root of (F P F^T + Q)^-1."""

@@ -80,7 +80,8 @@ class FactoredKalmanFilter(GaussianFilter):
         models = self._models
         F, Q = models.matrices(prior.x, step)
         predict = kernels.ud.predict_single if models.single else kernels.ud.predict
-        mean, U, D = predict(*map(np.ascontiguousarray, (prior.x, prior.U, prior.D)), F, Q, models.eps)
+        x, U, D = map(np.ascontiguousarray, (prior.x, prior.U, prior.D))
+        mean, U, D = predict(x, U, D, F, Q, models.eps)
         if not self._by_transition:
             mean = models.propagate(prior.x, step)
         return FactoredGaussian(mean, U, D)

@@ -1,5 +1,8 @@
 """Forms of the covariance in float64 and float32: beside 128 bits, beside `ekf`, and where they can't go on."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from joseph_128 import distance, of_filter, of_form, problem, reference
@@ -186,3 +189,29 @@ def test_readings_and_what_they_are_compared_with_are_rounded():
     flt = create_filter("ekf", LinearDynamics([[1.0]], [[0.0]]), sensor, arithmetic="float32")
     found = run_filter(flt, np.array([[[7e6 + 0.1]], [[7e6 + 0.4]]]), [0.0], [[1.0]])
     np.testing.assert_allclose(found.mean[:, 0, 0], [0.0, 0.25], rtol=1e-6)
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "flight-arithmetic.md"
+BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "flight_arithmetic.py"
+
+
+def rows_of(page, mark):
+    lines = page.partition(f"<!-- {mark} -->\n")[2].partition("\n\n")[0].splitlines()[2:]
+    return {float(cells[0]): cells[1:] for cells in ([c.strip() for c in line.split("|")[1:-1]] for line in lines)}
+
+
+@pytest.mark.slow
+def test_the_page_shows_what_is_measured():
+    """Indefinite where it says so, errors within a factor of three of those shown."""
+    measure = runpy.run_path(str(BENCHMARK))
+    page = PAGE.read_text(encoding="utf-8")
+    for arithmetic in measure["ARITHMETICS"]:
+        shown = [rows_of(page, f"{arithmetic} {what}") for what in ("covariance", "mean")]
+        assert list(shown[0]) == list(shown[1]) == measure["CONDITIONS"]
+        for condition in shown[0]:
+            for place, (covariance, mean, broken) in enumerate(measure["worst"](condition, arithmetic).values()):
+                said = shown[0][condition][place]
+                assert ("indefinite" in said) == bool(broken)
+                if not broken:
+                    assert 1 / 3 < covariance / float(said) < 3
+                    assert 1 / 3 < mean / float(shown[1][condition][place]) < 3
