@@ -80,7 +80,7 @@ def _operations(size: Size, options: Any) -> Operations:
     return Operations(prediction + update, gaussian_numbers(n, m), bytes_of(options))
 
 
-@register_filter("srif", LinearisedFilterOptions, cost_us=2.4, overhead_us=50.0, operations=_operations)
+@register_filter("srif", LinearisedFilterOptions, cost_us=2.0, overhead_us=50.0, operations=_operations)
 class SquareRootInformationFilter(GaussianFilter):
     """Square-root information filter: the extended Kalman filter with the root of the inverse covariance held.
 
