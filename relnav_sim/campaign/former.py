@@ -86,20 +86,18 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
-def former_filter(
-    model: type[Options], dynamics: Models, entry: Mapping[str, Any], kinds: Models | None = None
-) -> dict[str, Any]:
+def former_filter(model: type[Options], kinds: Models, dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind.
 
     Args:
-        model: The model of what all filters say.
-        dynamics: The options model of every kind of dynamics.
+        model: What all filters say.
+        kinds: The options model of every kind of filter.
+        dynamics: That of every kind of dynamics.
         entry: The filter.
-        kinds: The options model of every kind of filter, for what was added to its own options later.
     """
-    own = (kinds or {}).get(str(entry.get("kind")), Options).model_fields
-    later = [key for key, value in entry.items() if key in own and _outside_hashes(own[key], value, entry)]
-    first = former_spelling(model, {key: value for key, value in entry.items() if key not in later})
+    first = former_spelling(model, entry)
+    if entry.get("kind") in kinds:
+        first = former_spelling(kinds[entry["kind"]], first)
     motion = first.get("dynamics")
     if isinstance(motion, Mapping) and motion.get("kind") in dynamics:
         first["dynamics"] = former_spelling(dynamics[motion["kind"]], motion)
@@ -111,8 +109,8 @@ def former_content(
     truth: type[Options],
     sensors: Models,
     filters: type[Options],
+    kinds: Models,
     dynamics: Models,
-    kinds: Models | None = None,
 ) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
@@ -121,6 +119,7 @@ def former_content(
         truth: The model of the truth.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
+        kinds: The options model of every kind of filter.
         dynamics: The options model of every kind of dynamics.
         kinds: The options model of every kind of filter.
     """
@@ -131,7 +130,7 @@ def former_content(
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
         first["filters"] = {
-            name: former_filter(filters, dynamics, entry, kinds) for name, entry in first["filters"].items()
+            name: former_filter(filters, kinds, dynamics, entry) for name, entry in first["filters"].items()
         }
     for section in ("grid", "zip"):
         if section in first:

@@ -22,7 +22,7 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
     truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
-    return former_content(content, truth, sensor_kinds(), FilterEntry, dynamics_kinds(), _filter_options())
+    return former_content(content, truth, sensor_kinds(), FilterEntry, _options(), dynamics_kinds())
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:
@@ -55,11 +55,10 @@ def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
 
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
-    plain = entry.model_dump(mode="json")
-    return _digest(former_filter(FilterEntry, dynamics_kinds(), plain, _filter_options()))[:12]
+    return _digest(former_filter(FilterEntry, _options(), dynamics_kinds(), entry.model_dump(mode="json")))[:12]
 
 
-def _filter_options() -> dict[str, type[Options]]:
+def _options() -> dict[str, type[Options]]:
     return {name: kind.options_model for name, kind in filter_kinds().items()}
 
 

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, joseph_update
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update, linearised_operations
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.underweighting import UnderweightingOptions, underweighted
 from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.options import AddedLater
 
 
-class ExtendedOptions(GaussianFilterOptions):
+class ExtendedOptions(LinearisedFilterOptions):
     """Options of the extended Kalman filter."""
 
     underweighting: Annotated[UnderweightingOptions | None, AddedLater()] = Field(
@@ -24,8 +24,14 @@ class ExtendedOptions(GaussianFilterOptions):
         description="Less weight for readings while the position is poorly known; default: none",
     )
 
+    @model_validator(mode="after")
+    def _in_double(self) -> Self:
+        if self.underweighting is not None and self.arithmetic == "float32":
+            raise ValueError("underweighting is computed in float64 only; leave it or arithmetic: float32 out")
+        return self
 
-@register_filter("ekf", ExtendedOptions, cost_us=0.7, overhead_us=25.0)
+
+@register_filter("ekf", ExtendedOptions, cost_us=0.7, overhead_us=25.0, operations=linearised_operations)
 class ExtendedKalmanFilter(GaussianFilter):
     """Extended Kalman filter: the measurement linearised at the prediction.
 
@@ -40,8 +46,10 @@ class ExtendedKalmanFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._underweighting = getattr(options, "underweighting", None)
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""
+        if self._single is not None:
+            return self._single.joseph_update(belief, *self._single.linearised(z, belief, step.epoch))
         residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
         update = joseph_update(belief, residual, H, R)
         if self._underweighting is None:

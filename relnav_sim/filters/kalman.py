@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -11,8 +11,19 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    covariance_prediction,
+    gaussian_numbers,
+    joseph_form,
+    kalman_update,
+)
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.single_precision import SinglePrecision
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import by_run
@@ -32,6 +43,10 @@ class GaussianFilterOptions(Options):
         description="Former name of `editing: {probability}`, which also says what happens when too many readings are "
         "rejected; use that. Default: none",
     )
+
+
+class LinearisedFilterOptions(GaussianFilterOptions, ArithmeticOptions):
+    """Options of the filters with a Gaussian belief and linearised models."""
 
 
 class GaussianFilter:
@@ -54,39 +69,44 @@ class GaussianFilter:
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
         self.measurement = measurement
+        # Options of other filters have no such key: they compute in float64.
+        in_single = getattr(options, "arithmetic", "float64") == "float32"
+        self._single = SinglePrecision(dynamics, measurement) if in_single else None
         self._considered = considered_states(dynamics)
         self._by_transition = getattr(dynamics, "moves_by_transition", False)
 
-    def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
+    def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior."""
-        return prior
+        return prior if self._single is None else self._single.own(prior)
 
-    def predict(self, belief: Gaussian, step: Step) -> Gaussian:
+    def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
+        if self._single is not None:
+            return self._single.predict(belief, step)
         dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
         if self._by_transition:
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
-    def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
+    def linear_step(self, belief: Any, step: Step) -> tuple[Array, Array]:
         """Return F and Q, (runs or 1, n, n), of the linear step that `predict` amounts to; a smoother goes back by it.
 
         The prediction has the covariance F P F^T + Q, and F P is its covariance with the state before.
         """
-        m = np.ascontiguousarray(belief.mean)
+        m = np.ascontiguousarray(belief.mean, dtype=np.float64)
         return by_run(self.dynamics.transition(m, step)), by_run(self.dynamics.process_noise(m, step))
 
-    def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def update(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the corrected belief, its considered states as they were."""
         corrected, innovation = self.correct(belief, z, step)
         return self.keep_considered(belief, corrected), innovation
 
-    def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
+    def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief with the considered states as predicted."""
-        return keep_considered(predicted, corrected, self._considered)
+        return corrected if self._single is not None else keep_considered(predicted, corrected, self._considered)
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the belief after the measurement, and its innovation."""
         raise TypeError(f"{type(self).__name__} has no correct(belief, z, step)")
 
@@ -163,7 +183,7 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
     return Innovation(nis, log_likelihood)
 
 
-class KalmanOptions(GaussianFilterOptions):
+class KalmanOptions(LinearisedFilterOptions):
     """Options of the linear Kalman filter."""
 
     r_scale: Annotated[float, Tunable(0.1, 100, scales_noise=True)] = Field(
@@ -174,7 +194,25 @@ class KalmanOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian", cost_us=0.7, overhead_us=25.0, linear_only=True)
+def linearised_operations(size: Size, options: Any) -> Operations:
+    """Return what a linear or extended Kalman filter costs; in float32 its update is Joseph's, and F m is its own."""
+    n, m = size.n, size.m
+    if bytes_of(options) == 8:
+        count = covariance_prediction(n) + kalman_update(n, m)
+    else:
+        count = covariance_prediction(n) + 2 * n * n + joseph_form(n, m)
+    return Operations(count, gaussian_numbers(n, m), bytes_of(options))
+
+
+@register_filter(
+    "kf",
+    KalmanOptions,
+    measurement="cartesian",
+    cost_us=0.7,
+    overhead_us=25.0,
+    linear_only=True,
+    operations=linearised_operations,
+)
 class KalmanFilter(GaussianFilter):
     """Linear Kalman filter (Kalman 1960) on linear measurements: a radar's are converted to Cartesian coordinates.
 
@@ -188,11 +226,15 @@ class KalmanFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._r_scale = options.r_scale
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""
-        residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
+        single = self._single
+        if single is not None:
+            residual, H, R = single.linearised(z, belief, step.epoch)
+        else:
+            residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
         if self._r_scale != 1:
             R, present = R * self._r_scale, present_channels(self.measurement)
             if present is not None:
                 R = unit_where_absent(R, present)
-        return joseph_update(belief, residual, H, R)
+        return (joseph_update if single is None else single.joseph_update)(belief, residual, H, R)

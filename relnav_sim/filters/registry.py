@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.filters.editing_options import EditingOptions
+from relnav_sim.filters.operations import Formula
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
@@ -36,6 +37,8 @@ _BUILT_IN = (
     "iekf",
     "ckf",
     "sr_ukf",
+    "ud_ekf",
+    "srif",
     "two_step",
     "adaptive_two_step",
     "particle",
@@ -64,6 +67,7 @@ class FilterKind:
         learned_dynamics: Whether campaigns may give it learned dynamics only.
         overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
         linear_only: Whether its measurements must be linear in the state; campaigns refuse it others.
+        operations: Its operations and bytes at an epoch, by size and options; None: not stated.
     """
 
     name: str
@@ -74,6 +78,7 @@ class FilterKind:
     learned_dynamics: bool = False
     overhead_us: float = 200.0
     linear_only: bool = False
+    operations: Formula | None = None
 
     @property
     def considers(self) -> bool:
@@ -114,6 +119,7 @@ def register_filter(
     learned_dynamics: bool = False,
     overhead_us: float = 200.0,
     linear_only: bool = False,
+    operations: Formula | None = None,
 ) -> Callable[[C], C]:
     """Return a decorator that registers a filter class under `name`.
 
@@ -126,6 +132,8 @@ def register_filter(
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
         overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
         linear_only: It needs measurements that are linear in the state; campaigns refuse it others.
+        operations: ``operations(size, options)``, its `relnav_sim.filters.operations.Operations` at an epoch. Not that
+            of a base class, which may do other things; default: not stated.
 
     Raises:
         ValueError: Another filter has this name.
@@ -137,7 +145,7 @@ def register_filter(
             raise ValueError(f"a filter named {name!r} is registered already")
         form: MeasurementKind = "cartesian" if measurement == "cartesian" else "spherical"
         _KINDS[name] = FilterKind(
-            name, options_model, factory, form, cost_us, learned_dynamics, overhead_us, linear_only
+            name, options_model, factory, form, cost_us, learned_dynamics, overhead_us, linear_only, operations
         )
         return factory
 

@@ -14,6 +14,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
+from relnav_sim.filters.operations import Operations, Size, cholesky, householder, point_numbers
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import root_update
@@ -50,7 +51,21 @@ class RootGaussian:
         return symmetric(self.root @ transpose(self.root))
 
 
-@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: triangular forms of (n, 3 n + 1) and (m + n, 2 n + 1 + m) deviations."""
+    n, m = size.n, size.m
+    points = 3 * n * n
+
+    def deviations(p: int) -> int:
+        return 2 + p * (6 * n + 2)
+
+    prediction = points + deviations(n) + cholesky(n) + 2 * n + householder(n, 3 * n + 1)
+    roots = cholesky(m) + 2 * m + householder(m + n, 2 * n + 1 + m)
+    tests = (m + n) * (2 * (2 * n + 1 + m) + 1) + 6 * m + n * (n + 3) + m * m
+    return Operations(prediction + points + deviations(n) + deviations(m) + roots + tests, point_numbers(n, m))
+
+
+@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0, operations=_operations)
 class SquareRootUnscentedKalmanFilter(GaussianFilter):
     """Square-root unscented Kalman filter: the unscented filter with the covariance held as its root.
 

@@ -36,7 +36,8 @@ class StepRecorder:
         """Return the filter's prediction."""
         predicted = self._filter.predict(belief, step)
         F, Q = self._filter.linear_step(belief, step)  # type: ignore[attr-defined]  # said above
-        self._steps.append((predicted.mean, F, Q))
+        # In float64, as the smoother goes, whatever the filter computes in.
+        self._steps.append((np.asarray(predicted.mean, dtype=np.float64), F, Q))
         return predicted
 
     def update(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -19,6 +20,7 @@ from relnav_sim.filters.kalman import (
     reading_size,
     replace_runs,
 )
+from relnav_sim.filters.operations import Operations, Size, point_numbers, unscented_prediction, unscented_update
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
@@ -65,7 +67,13 @@ class PropagatedPoints:
     offsets: Array
 
 
-@register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0)
+def unscented_operations(size: Size, options: Any) -> Operations:
+    """Return what a filter of 2 n + 1 sigma points costs, drawn before the prediction and the update."""
+    n, m = size.n, size.m
+    return Operations(unscented_prediction(n) + unscented_update(n, m), point_numbers(n, m))
+
+
+@register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0, operations=unscented_operations)
 class UnscentedKalmanFilter(GaussianFilter):
     """Unscented Kalman filter: 2 n + 1 sigma points instead of a linearisation.
 

@@ -7,15 +7,17 @@ names the axes in the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Indices, Integers, Mask
+from relnav_sim.filters.operations import Operations
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
+from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
 from relnav_sim.results.afterwards import known_when
 from relnav_sim.results.block import AugmentedStates, BySensor, Editing
@@ -80,6 +82,7 @@ class FilterFacts:
         editing: What came of the editing of its readings; None where there is none.
         false_rejections: Share of the tests of its editing that fail where the filter is right; NaN where it is not
             known.
+        operations: What one of its epochs costs by formula; None where it states none.
     """
 
     name: str
@@ -106,6 +109,7 @@ class FilterFacts:
     known_when: str = ""
     editing: Editing | None = None
     false_rejections: float = np.nan
+    operations: Operations | None = None
 
     @property
     def observable(self) -> bool:
@@ -375,7 +379,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
     spans: dict[Span, Mask] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
-    return FilterFacts(
+    facts = FilterFacts(
         name=name,
         runs=results.case_runs(index, name),
         ok=ok,
@@ -405,6 +409,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         editing=results.editing(index, name),
         false_rejections=_false_rejections(results, index, name),
     )
+    states = 0 if facts.augmented is None else len(facts.augmented.names)
+    return replace(facts, operations=stated_operations(results, index, name, states, facts.dimensions()))
 
 
 def _false_rejections(results: Results, index: int, name: str) -> float:

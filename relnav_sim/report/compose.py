@@ -44,7 +44,9 @@ _READING = (
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
     "more where it is overconfident, less where it is conservative.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
-    "CPU time is measured while blocks of runs are filtered together; it depends on the machine.",
+    "CPU time is measured while blocks of runs are filtered together; it depends on the machine. Operations and bytes "
+    "are those of one epoch of one run by the filter's formula, without what its models compute and with all the "
+    "iterations that it may take.",
 )
 _NO_SUMMARY = "The summary could not be made; the reason stands below."
 _WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep this page small."

@@ -17,7 +17,7 @@ from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
 from relnav_sim.statistics.verdicts import ratio_of_means
-from relnav_sim.wording import counted
+from relnav_sim.wording import counted, with_prefix
 
 NOT_JUDGED = "cannot be judged"
 Cells = Callable[[CaseFacts, Sequence[Interval], int], tuple[Cell, ...]]
@@ -124,6 +124,18 @@ def _mean_cost(item: FilterFacts, span: Span) -> Interval:
     return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, CONFIDENCE, known.size)
 
 
+def _cost_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tuple[Cell, ...]:
+    """Return the times with the operations and bytes of an epoch by formula."""
+    return numbers(values, width, [_operations_note(item) for item in case.filters])
+
+
+def _operations_note(item: FilterFacts) -> str:
+    if item.operations is None:
+        return "(operations not stated)"
+    count, size = item.operations.count, item.operations.bytes
+    return f"({with_prefix(count)} operations, {with_prefix(size, 'B')})"
+
+
 def _failed_share(item: FilterFacts, span: Span) -> Interval:
     return Interval(item.failed / len(item.runs), math.nan, math.nan, CONFIDENCE, len(item.runs))
 
@@ -142,7 +154,7 @@ CONVERGENCE = _over_runs("convergence time", "s", lambda item, span: item.conver
 ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
 NIS = _over_runs("mean NIS", "", lambda item, span: item.consistency("nis", span))
 NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))
-CPU = Metric("CPU per step", "µs", _mean_cost, _numbers, lambda item, span: item.cpu_us)
+CPU = Metric("CPU per step", "µs", _mean_cost, _cost_cells, lambda item, span: item.cpu_us)
 FAILED = Metric("failed runs", "", _failed_share, _failed_cells, numeric=False)
 
 
