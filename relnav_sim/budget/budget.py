@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.budget.linearised import linear_filter
+from relnav_sim.budget.linearised import asked_numbers, linear_filter
 from relnav_sim.budget.recursion import means, variances
 from relnav_sim.budget.sources import (
     INTERACTION,
@@ -105,7 +105,8 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
     config = campaign.cases[case].config
     name = _chosen(config, filter)
     entry = config.filters[name]
-    injections, numbers = injections_of(config, entry), truth_numbers(config, entry)
+    asked = asked_numbers(config)
+    injections, numbers = injections_of(config, entry, asked), truth_numbers(config, entry)
     try:
         linear = linear_filter(config, entry, campaign.seed, injections)
     except ValueError as error:
@@ -128,7 +129,7 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
         total=variance.sum(axis=0) + np.square(mean.sum(axis=0)),
         formal=np.ascontiguousarray(np.einsum("kii->ki", linear.formal)[:, :6]),
         times_s=linear.times_s,
-        not_covered=tuple(not_covered(config, entry)),
+        not_covered=tuple(not_covered(config, entry, linear, asked.by_chance)),
     )
 
 

@@ -9,8 +9,8 @@ from math import exp
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.budget.injection import Injection
-from relnav_sim.budget.linearised import LinearFilter, asked_numbers
+from relnav_sim.budget.injection import Asked, Injection
+from relnav_sim.budget.linearised import LinearFilter
 from relnav_sim.budget.recursion import FixedSourceOfError, RandomSourceOfError
 from relnav_sim.budget.truth_errors import TruthNumber
 from relnav_sim.campaign.entries import FilterEntry
@@ -32,8 +32,14 @@ DYNAMICS = "dynamics left out"
 INTERACTION = "interaction of fixed sources"
 
 
-def injections_of(config: CaseConfig, entry: FilterEntry) -> list[Injection]:
-    """Return the errors of a case that may reach a filter through its readings, one for each number drawn."""
+def injections_of(config: CaseConfig, entry: FilterEntry, asked: Asked) -> list[Injection]:
+    """Return the errors of a case that may reach a filter through its readings, one for each number drawn.
+
+    Args:
+        config: The case.
+        entry: The filter.
+        asked: What its sensors draw beside the noise of their channels.
+    """
     carried = reading_names(config.sensors).values()
     readers = [(name, host) for name, host in carried if _counts(config, entry, name, host)]
     found = [
@@ -41,14 +47,21 @@ def injections_of(config: CaseConfig, entry: FilterEntry) -> list[Injection]:
         for name, host in readers
         for place in range(len(config.sensors[name].channels))
     ]
-    return found + [one for one in asked_numbers(config) if (one.sensor, one.host) in readers]
+    return found + [one for one in asked.normal if (one.sensor, one.host) in readers]
 
 
 def _counts(config: CaseConfig, entry: FilterEntry, name: str, host: Craft) -> bool:
     options = config.sensors[name]
     if options.role == "other":
         return entry.sensors is None or name in entry.sensors
+    if options.role == "force":
+        return known_thrust(entry, config) == "measured"
     return options.role == "attitude" or (options.role == "orbit" and not _carried(config, entry, host))
+
+
+def _follows(config: CaseConfig, entry: FilterEntry, filter: LinearFilter) -> bool:
+    """Return whether the errors of the chief's fixes reach the filter's own estimate of its orbit in the budget."""
+    return filter.follows_chief and not _carried(config, entry, "chief")
 
 
 def _carried(config: CaseConfig, entry: FilterEntry, host: Craft) -> bool:
@@ -110,7 +123,7 @@ def fixed_sources(
 ) -> list[FixedSourceOfError]:
     """Return the sources that are the same in every run."""
     found = []
-    biases = {name: _constants(options) for name, options in config.sensors.items() if options.role != "force"}
+    biases = {name: _constants(options) for name, options in config.sensors.items()}
     for column, one in enumerate(injections):
         if one.draw == "noise" and filter.response[:, :, column].any() and (bias := biases[one.sensor][one.place]):
             found.append(FixedSourceOfError(_named(config, one, "bias"), column, float(bias)))
@@ -129,7 +142,9 @@ def fixed_sources(
 
 def _constants(options: SensorOptions) -> Array:
     """Return the constant errors (m,) of a sensor's channels, in its sigmas."""
-    own = options.model_copy(update={"noise": GaussianNoise()}).constant_errors() / options.sigmas
+    own = np.zeros(len(options.channels))
+    if options.role != "force":  # accelerometers have none but those of their noise
+        own = options.model_copy(update={"noise": GaussianNoise()}).constant_errors() / options.sigmas
     for part in noise_parts(options.noise):
         if isinstance(part, BiasNoise):
             own = own + np.broadcast_to(part.value, own.shape)
@@ -155,26 +170,32 @@ def _apart(sources: list[RandomSourceOfError]) -> list[RandomSourceOfError]:
     return found
 
 
-def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
-    """Return in words which sources of a case are in no budget of a filter."""
+def not_covered(
+    config: CaseConfig, entry: FilterEntry, filter: LinearFilter, chances: Sequence[tuple[str, str]]
+) -> list[str]:
+    """Return in words which sources of a case are in no budget of a filter.
+
+    Args:
+        config: The case.
+        entry: The filter.
+        filter: The same to first order.
+        chances: What sensors draw beside normal numbers: the sensor's name and the word.
+    """
     found = []
     sensors = {name: each for name, each in config.sensors.items() if each.role != "other"}
     sensors |= relative_sensors(config.sensors, entry.sensors)
     for name, options in sensors.items():
         if any(isinstance(part, OutageNoise) and part.rate_per_hour for part in noise_parts(options.noise)):
             found.append(f"random outages of {name}: its readings count as there")
-        if getattr(options, "slip_sigma_m", 0):
-            found.append(f"cycle slips of {name}")
+        found += [f"{word} of {name}, which comes and goes by chance" for one, word in chances if one == name]
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
             found.append(f"the latency of {name}, of which the filter is not told")
-    if (force := own_sensor(config.sensors, "force")) is not None and known_thrust(entry, config) == "measured":
-        found.append(f"errors of {force[0]}")
     for host in sorted({each.host for each in relative_sensors(config.sensors, entry.sensors).values()}):
         fixes = own_sensor(config.sensors, "orbit", host)
         if fixes is not None and _carried(config, entry, host):
             found.append(f"errors of {fixes[0]} on the {host}, which its own orbit filter carries over missing fixes")
     chief = own_sensor(config.sensors, "orbit", "chief")
-    if chief is not None and "chief_fixes" in entry.dynamics.needs:
+    if chief is not None and "chief_fixes" in entry.dynamics.needs and not _follows(config, entry, filter):
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
     if getattr(entry, "gate_probability", None) is not None:
         found.append("readings that the gate rejects")

@@ -102,6 +102,11 @@ class ChiefFollower:
         return self._segments
 
 
+    def linearised(self, fixes: Array, forces: Array | None = None) -> tuple[Array, Array, Array]:
+        """Return what the next chunk's estimates are and depend on, see `OrbitFilter.linearised`; nothing is taken."""
+        return self._filter.linearised(fixes, forces)
+
+
 class NominalChief:
     """The nominal orbit by the gravity that a filter believes in, epoch by epoch: what it knows without any fix.
 
