@@ -29,7 +29,6 @@ from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_truth
 
-
 CHIEF = range(6)
 """The error of the chief's orbit: position and velocity, ECI."""
 
@@ -92,9 +91,7 @@ def linear_filter(config: CaseConfig, entry: FilterEntry, seed: int, injections:
     return along.result()
 
 
-def _nominal_chunks(
-    config: CaseConfig, injections: Sequence[Injection], asked: Asked | None = None
-) -> Iterator[Chunk]:
+def _nominal_chunks(config: CaseConfig, injections: Sequence[Injection], asked: Asked | None = None) -> Iterator[Chunk]:
     nominal = config.model_copy(update={"truth": nominal_truth(config.truth)})
     return chunks(nominal, RandomSource(0, tuple(range(1 + len(injections)))), injecting(injections, asked))
 

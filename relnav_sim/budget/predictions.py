@@ -1,4 +1,4 @@
-"""What errors do to a filter's prediction: those of the chief's orbit as it estimates it, and of the thrust it is told."""
+"""What errors do to a filter's prediction: those of the chief's orbit as estimated, and of the thrust that is told."""
 
 from __future__ import annotations
 

@@ -92,12 +92,15 @@ def random_sources(
             continue
         parts = noise_parts(config.sensors[one.sensor].noise)
         if white := white_variance(parts):
-            found.append(RandomSourceOfError(_named(config, one, "noise"), column, 0.0, float(np.sqrt(white))))
+            sigma = float(np.sqrt(white))
+            name = _named(config, one, "noise")
+            found.append(RandomSourceOfError(name, column, 0.0, sigma, None, *_size(config, one, sigma)))
         for part in parts:
             if isinstance(part, GaussMarkovNoise):
                 phi = exp(-config.clock.step_s / part.tau_s)
                 words = f"correlated error, {part.tau_s:g} s"
-                found.append(RandomSourceOfError(_named(config, one, words), column, phi, part.scale))
+                name, size = _named(config, one, words), _size(config, one, part.scale)
+                found.append(RandomSourceOfError(name, column, phi, part.scale, None, *size))
     for column, number in enumerate(numbers, start=len(injections)):
         if filter.response[:, :, column].any():
             found.append(RandomSourceOfError(number.name, column, 1.0, 1.0))
@@ -126,7 +129,8 @@ def fixed_sources(
     biases = {name: _constants(options) for name, options in config.sensors.items()}
     for column, one in enumerate(injections):
         if one.draw == "noise" and filter.response[:, :, column].any() and (bias := biases[one.sensor][one.place]):
-            found.append(FixedSourceOfError(_named(config, one, "bias"), column, float(bias)))
+            name, size = _named(config, one, "bias"), _size(config, one, abs(float(bias)))
+            found.append(FixedSourceOfError(name, column, float(bias), size=size[0], unit=size[1]))
     # A first fix errs in position by what its sensor's errors make of it, which are sources themselves.
     parts = {"velocity": slice(3, 6)}
     if not isinstance(config.start, FirstFixStart):
@@ -149,6 +153,15 @@ def _constants(options: SensorOptions) -> Array:
         if isinstance(part, BiasNoise):
             own = own + np.broadcast_to(part.value, own.shape)
     return np.asarray(own)
+
+
+def _size(config: CaseConfig, one: Injection, sigmas: float) -> tuple[float, str]:
+    """Return the size of an error of a channel in a unit that people use, from that in sigmas of the channel."""
+    options = config.sensors[one.sensor]
+    if options.role == "force":  # accelerometers state their noise by the root of time
+        return 1.0, "sigma"
+    size, unit = sigmas * float(options.sigmas[one.place]), options.channels[one.place].unit
+    return (float(np.degrees(size)), "deg") if unit == "rad" else (size, unit)
 
 
 def _named(config: CaseConfig, one: Injection, words: str) -> str:

@@ -101,7 +101,6 @@ class ChiefFollower:
         self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._motion)
         return self._segments
 
-
     def linearised(self, fixes: Array, forces: Array | None = None) -> tuple[Array, Array, Array]:
         """Return what the next chunk's estimates are and depend on, see `OrbitFilter.linearised`; nothing is taken."""
         return self._filter.linearised(fixes, forces)
