@@ -52,7 +52,11 @@ def phase_rows(budget: Budget) -> list[tuple[str, ...]]:
     order = np.argsort(-parts[:, -1], kind="stable")
     total = _norm(budget.total[at], _POSITION)
     shown = np.where(np.abs(parts) < SHOWN**2 * total, np.nan, parts)
-    rows = [(budget.sources[place], *(_root(part, 2) for part in shown[place])) for place in order if np.isfinite(shown[place]).any()]
+    rows = [
+        (budget.sources[place], *(_root(part, 2) for part in shown[place]))
+        for place in order
+        if np.isfinite(shown[place]).any()
+    ]
     rows.append(("total", *map(_root, total)))
     rows.append(("formal", *map(_root, _norm(budget.formal[at], _POSITION))))
     return rows

@@ -26,6 +26,7 @@ class Objective(StrEnum):
     VELOCITY = "velocity"
     CONSISTENCY = "consistency"
     BOTH = "both"
+    IN_BAND = "in_band"
 
 
 class Span(StrEnum):
