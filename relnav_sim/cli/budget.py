@@ -112,9 +112,12 @@ def _show(budget: Budget, campaign: Campaign, case: int) -> None:
     label = f", case {case}: {of.label}" if len(campaign.cases) > 1 else ""
     settle_s = of.config.statistics.settle_s
     say(f"{campaign.name}{label}\nfilter {budget.filter}, sigmas from {settle_s:g} s on (rms) and at the end\n")
-    headings = ("source", "position, m", "at the end", "velocity, m/s", "at the end", "share", "halving it gains")
-    print_table(budget_rows(budget, settle_s), (*headings, "a unit more adds"))
-    say("\nshare, gain and unit: of the position from then on; formal: what the filter itself states")
+    headings = ("source", "position, m", "at the end", "velocity, m/s", "at the end", "share", "halved", "per unit")
+    print_table(budget_rows(budget, settle_s), headings)
+    say(
+        "\nshare, halved and per unit: of the position from then on; halved: what that gains; per unit: what a unit "
+        "more adds; formal: what the filter itself states"
+    )
     if len(budget.phases) > 1:
         ends = [f"{budget.times_s[phase.epoch]:g} s" for phase in budget.phases]
         say("\nposition sigma at the end of each phase, m; -: below a thousandth of the total")

@@ -128,8 +128,8 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
         title=f"Error budget of {budget.filter}",
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
-        "Share: of the position's variance. Halving: by how much the position sigma falls when the source is half as "
-        "large. A unit more: by how much it grows for each unit of the source's sigma. Formal: what the filter states.",
+        "Share: of the position's variance. Halved: by how much the position sigma falls when the source is half as "
+        "large. Per unit: by how much it grows for each unit of the source's sigma. Formal: what the filter states.",
         corner="source",
         columns=(
             Column("sigma", "position [m]", numeric=False),
@@ -137,8 +137,8 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
             Column("sigma", "velocity [m/s]", numeric=False, opens_group=True),
             Column("at the end", "velocity [m/s]", numeric=False),
             Column("share", numeric=False, opens_group=True),
-            Column("halving it gains", numeric=False),
-            Column("a unit more adds", numeric=False),
+            Column("halved", numeric=False),
+            Column("per unit", numeric=False),
         ),
         rows=_rows(budget_rows(budget, case.settle_s)),
     )
