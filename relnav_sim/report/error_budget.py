@@ -68,7 +68,7 @@ def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> 
     try:
         campaign = stored_campaign(results)
     except RefusedError as error:
-        return f"No error budget: {error}"
+        return f"No error budget: {str(error).removeprefix(f'{results.path}: ')}."
     config = campaign.cases[case.index].config
     known = budgeted_filters(config)
     name = next((name for name in ranked if name in known), None)
