@@ -83,7 +83,7 @@ def _with_budget(
     if not budgeted or not ranking.standings:
         if results.replay is not None:
             return section, ()
-        note = _NO_BUDGET.format(case=case.index, result=shlex.quote(str(results.path)))
+        note = _NO_BUDGET.format(case=case.index, result=shlex.quote(results.path.name))
         return replace(section, notes=(*section.notes, note)), ()
     missing = list(section.missing)
     ranked = [standing.name for standing in ranking.standings]
