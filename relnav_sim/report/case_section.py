@@ -33,6 +33,7 @@ _NOT_DRAWN = (
     "A figure: relnav figure {result} errors --case {case}"
 )
 _NO_BUDGET = "No error budget of this case, to be quick; it is: relnav budget CAMPAIGN --case {case} --result {result}"
+_STRESSED = "Flown under the stress {stress}, of which no filter is told; the section on regret compares its cases."
 
 
 def compose_case(
@@ -62,6 +63,8 @@ def compose_case(
     with open_results(result_path) as results:
         ranking = rank(case_facts(results, index, axes))
         section = _section(ranking, len(results.headers))
+        if stress := results.headers[index].stress:
+            section = replace(section, notes=(_STRESSED.format(stress=stress), *section.notes))
         if not ranking.case.filters:
             return ranking, section
         missing = list(section.missing)
@@ -80,9 +83,9 @@ def _with_budget(
 ) -> tuple[CaseSection, tuple[Picture, ...]]:
     """Return the section with the error budget of the best filter that has one, and its figure."""
     case = ranking.case
-    if not budgeted or not ranking.standings:
-        if results.replay is not None:
-            return section, ()
+    if not ranking.standings or results.replay is not None:
+        return section, ()
+    if not budgeted:
         note = _NO_BUDGET.format(case=case.index, result=shlex.quote(results.path.name))
         return replace(section, notes=(*section.notes, note)), ()
     missing = list(section.missing)

@@ -65,6 +65,8 @@ def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> 
     from relnav_sim.budget.verdict import in_words, squares_of, verdict
     from relnav_sim.results.stored_campaign import stored_campaign
 
+    if results.headers[case.index].stress:
+        return "No error budget: the case is under a stress."
     try:
         campaign = stored_campaign(results)
     except RefusedError as error:
