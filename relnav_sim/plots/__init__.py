@@ -6,6 +6,7 @@ already. Failed runs are left out of every figure.
 """
 
 from relnav_sim.plots.availability import availability_over_time
+from relnav_sim.plots.budget import BudgetCurves, error_budget_over_time
 from relnav_sim.plots.choice import cost_against_accuracy, worst_runs
 from relnav_sim.plots.conditions import error_against_range, error_around_events
 from relnav_sim.plots.data import FigureError
@@ -19,6 +20,7 @@ from relnav_sim.plots.sweeps import accuracy_by_case, heat_map, sweep_boxes, swe
 
 __all__ = [
     "FIGURE_KINDS",
+    "BudgetCurves",
     "FigureError",
     "FigureKind",
     "accuracy_by_case",
@@ -30,6 +32,7 @@ __all__ = [
     "covariance_against_error",
     "error_against_range",
     "error_around_events",
+    "error_budget_over_time",
     "error_ellipses",
     "errors_with_envelope",
     "figure",

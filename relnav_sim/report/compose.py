@@ -15,6 +15,7 @@ from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.drawing import within
+from relnav_sim.report.error_budget import budgeted_cases
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
@@ -91,7 +92,11 @@ def _cases(
         figures_left -= FIGURES_OF_A_CASE + len(header.filters)
         drawn.append(not drawn or (not header.stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(results.headers), len(results.filters))
-    todo = [(results.path, index, axes, figure_folder, draw_it, *chart) for index, draw_it in enumerate(drawn)]
+    budgeted = budgeted_cases(results)
+    todo = [
+        (results.path, index, axes, figure_folder, draw_it, *chart, draw_it and budgeted[index])
+        for index, draw_it in enumerate(drawn)
+    ]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
         return [compose_case(*arguments) for arguments in todo]
     import joblib
