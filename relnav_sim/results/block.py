@@ -134,6 +134,8 @@ class FilterResult:
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
         augmented: Its augmented states; None where it has none.
         by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
+        covariance_root: Cholesky factors of the covariances of position and velocity, lower triangles row by row,
+            (runs, times, 21); None where they are not stored.
     """
 
     summary: Mapping[str, AnyArray]
@@ -144,13 +146,15 @@ class FilterResult:
     diagnostics: Mapping[str, AnyArray] = field(default_factory=dict)
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
+    covariance_root: AnyArray | None = None
 
     @property
     def columns(self) -> layout.Columns:
         """What it holds beyond what all filters do."""
         names, units = ((), ()) if self.augmented is None else (self.augmented.names, self.augmented.units)
         sensors = () if self.by_sensor is None else self.by_sensor.names
-        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors)
+        factor = () if self.covariance_root is None else layout.FACTOR
+        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors, factor)
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, AnyArray]:
         """Return every array by its name in the layout, in the layout's order and type.
@@ -165,6 +169,9 @@ class FilterResult:
         if unfit := {spec.name for spec in layout.FILTER} ^ set(given):
             raise ValueError(f"the summary does not fit the layout: {', '.join(sorted(unfit))}")
         lengths = layout.sizes(*np.shape(self.nis)) | columns.lengths
+        if columns.factor:
+            spec, root = layout.COVARIANCE, self.covariance_root
+            given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if root is None else root
         if columns.diagnostics:
             absent = np.full(lengths["run"], np.nan)
             found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
@@ -197,7 +204,10 @@ class FilterResult:
         diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
         summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
         augmented, by_sensor = AugmentedStates.of_arrays(columns, arrays), BySensor.of_arrays(columns, arrays)
-        return FilterResult(summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor)
+        root = arrays[layout.COVARIANCE.name] if columns.factor else None
+        return FilterResult(
+            summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor, covariance_root=root
+        )
 
     @staticmethod
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:

@@ -78,6 +78,7 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
         yield spec.name, getattr(by_sensor, spec.name.removeprefix("sensor_"))
     for series in (results.error, results.sigma, results.nis, results.nees):
         yield series.__name__, series(case, filter)
+    yield "covariance", results.covariance(case, filter)
 
 
 def _same(one: Iterator[tuple[str, AnyArray | None]], other: Iterator[tuple[str, AnyArray | None]]) -> bool:

@@ -25,6 +25,9 @@ LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
 PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
 THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
+FACTOR = tuple(f"{row},{column}" for i, row in enumerate(COMPONENTS) for column in COMPONENTS[: i + 1])
+"""Entries of the lower triangle of a 6 x 6 matrix, row by row: ``x,x``, ``y,x``, ``y,y``, ..."""
+
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
@@ -79,6 +82,7 @@ DIMENSIONS = {
         Dimension("time", "<f8", "s", "time since the start of the run"),
         Dimension("trajectory", "<i8", "1", "run that flew this truth; -1: all runs share it"),
         Dimension("component", "str", "", "component of the relative state, RTN axes of the chief", COMPONENTS),
+        Dimension("factor", "str", "", "entry of a lower-triangular 6 x 6 matrix by row and column", FACTOR),
         Dimension("quantity", "str", "", "component of the error, or norm: r position, v velocity", QUANTITIES),
         Dimension("norm", "str", "", "norm of the error: r position, v velocity", NORMS),
         Dimension("span", "str", "", "whole: every epoch after the start; settled: t >= settle_s", SPANS),
@@ -188,6 +192,13 @@ SERIES = (
     Dataset("nis", ("run", "time"), _F4, "1", "normalised innovation squared; NaN: no measurement"),
     Dataset("nees", ("run", "time"), _F4, "1", "normalised estimation error squared e^T P^-1 e, 6 components"),
 )  # fmt: skip
+
+COVARIANCE = Dataset(
+    "covariance_root", ("run", "time", "factor"), _F4, STATE_UNITS,
+    "lower-triangular Cholesky factor L of the covariance that the filter states of position and velocity, P = L L^T; "
+    "NaN once failed (m in the rows of x y z, m/s in those of vx vy vz)",
+)  # fmt: skip
+"""Only where the campaign stores covariances (``clock.store_covariance``)."""
 
 DIAGNOSTICS = Dataset(
     "diagnostics", ("run", "diagnostic"), _F8, "1",
@@ -304,7 +315,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
+OWN = (COVARIANCE, DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 SPAN_PREFIXES = ("", "settled_")
@@ -334,17 +345,24 @@ class Columns:
         augmented: Names of its augmented states.
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
+        factor: Names of the entries of its covariances' roots, `FACTOR`; empty where they are not stored.
     """
 
     diagnostics: tuple[str, ...] = ()
     augmented: tuple[str, ...] = ()
     augmented_units: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    factor: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        held = (((DIAGNOSTICS,), self.diagnostics), (BY_SENSOR, self.sensors), (AUGMENTED, self.augmented))
+        held = (
+            ((COVARIANCE,), self.factor),
+            ((DIAGNOSTICS,), self.diagnostics),
+            (BY_SENSOR, self.sensors),
+            (AUGMENTED, self.augmented),
+        )
         return (*FILTER, *(spec for specs, names in held if names for spec in specs))
 
     @property

@@ -99,7 +99,8 @@ def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     diagnostics = sorted({name for part in parts for name in part.diagnostics})
     augmented = next((part for part in parts if part.augmented), layout.NO_COLUMNS)
     sensors = next((part.sensors for part in parts if part.sensors), ())
-    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors)
+    factor = next((part.factor for part in parts if part.factor), ())
+    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors, factor=factor)
 
 
 def run_ranges(runs: Iterable[int]) -> str:

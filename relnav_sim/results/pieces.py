@@ -113,7 +113,8 @@ def columns_of(group: h5py.Group) -> layout.Columns:
     extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
         raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
-    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, labels(dimensions["sensor"]))
+    sensors, factor = labels(dimensions["sensor"]), labels(dimensions["factor"])
+    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, factor)
 
 
 def read_failures(group: h5py.Group) -> tuple[Failure, ...]:

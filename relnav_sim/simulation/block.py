@@ -310,6 +310,7 @@ def scoring_rules(config: CaseConfig) -> ScoringRules:
         settle_s=statistics.settle_s,
         convergence_m=statistics.convergence_m,
         convergence_hold_s=statistics.convergence_hold_s,
+        store_covariance=clock.store_covariance,
     )
 
 

@@ -27,7 +27,10 @@ HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
 BIASES = layout.Columns(
-    augmented=("range_bias", "azimuth_bias"), augmented_units=("m", "rad"), sensors=("radar", "camera")
+    augmented=("range_bias", "azimuth_bias"),
+    augmented_units=("m", "rad"),
+    sensors=("radar", "camera"),
+    factor=layout.FACTOR,
 )
 CHANNELS = {
     "radar": (Channel("range", "m", "range"), Channel("azimuth", "rad", "azimuth", True)),
@@ -40,7 +43,7 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR):
+        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR, layout.COVARIANCE):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
