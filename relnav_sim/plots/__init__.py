@@ -9,8 +9,9 @@ from relnav_sim.plots.availability import availability_over_time
 from relnav_sim.plots.choice import cost_against_accuracy, worst_runs
 from relnav_sim.plots.conditions import error_against_range, error_around_events
 from relnav_sim.plots.data import FigureError
+from relnav_sim.plots.ellipses import error_ellipses
 from relnav_sim.plots.errors import axis_errors, errors_with_envelope
-from relnav_sim.plots.geometry import error_ellipses, plane, trajectory
+from relnav_sim.plots.geometry import plane, trajectory
 from relnav_sim.plots.over_time import consistency_over_time, covariance_against_error, rms_over_time
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
 from relnav_sim.plots.spread import box_plots, violin_plots

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
+from relnav_sim.plots.in_full import InFull, covariances_in_full
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor
 from relnav_sim.results.observability import Observability
@@ -75,6 +76,7 @@ class FilterFacts:
             NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
+        in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
     name: str
@@ -98,6 +100,7 @@ class FilterFacts:
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
+    in_full: InFull | None = None
 
     @property
     def observable(self) -> bool:
@@ -393,6 +396,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
+        in_full=covariances_in_full(results, index, name, axes, spans),
     )
 
 

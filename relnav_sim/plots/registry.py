@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, spread, sweeps
+from relnav_sim.plots import availability, choice, conditions, ellipses, errors, geometry, over_time, spread, sweeps
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.words import FigureWords
@@ -95,8 +95,8 @@ _KINDS = (
                geometry.trajectory, words=geometry.trajectory_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",
                geometry.plane, {}, f"{_WEI}, Fig. 2"),
-    FigureKind("ellipses", "position errors of all runs at one epoch with 95 % ellipses, of the errors and formal",
-               geometry.error_ellipses),
+    FigureKind("ellipses", "errors of all runs at one epoch in three planes with ellipses, of the errors and formal",
+               ellipses.error_ellipses, words=ellipses.ellipses_words),
     FigureKind("range", "size of the errors against the true range", conditions.error_against_range,
                words=conditions.range_words),
     FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events,
@@ -130,7 +130,7 @@ def figure(
             kind that shows one.
         run: The run, for kinds that show one; default: the one with the median position RMS.
         axes: ``rtn`` or ``shi2025``, for kinds with axes.
-        **options: What else the kind takes: ``from_s``, ``until_s``, ``along``, ``at_s``, ``of``, ``count``, ...
+        **options: What else the kind takes: ``from_s``, ``until_s``, ``along``, ``at_s``, ``sigma``, ``count``, ...
 
     Returns:
         A figure 89 mm wide; ``figure.savefig("name.pdf")`` writes it as a vector file.

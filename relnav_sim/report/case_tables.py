@@ -12,6 +12,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.augmented_table import augmented_table
+from relnav_sim.report.in_full_tables import by_part_table, correlations_table
 from relnav_sim.report.layouts import INTERVALS, worst_runs_table
 from relnav_sim.report.metrics import (
     NIS_PER_DOF,
@@ -442,6 +443,8 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         **comparison,
         "worst runs": partial(worst_runs_table, case),
         "consistency": partial(consistency_table, case),
+        "consistency by axis and plane": partial(by_part_table, case),
+        "formal and actual covariance": partial(correlations_table, case),
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),
         "augmented states": partial(augmented_table, case),

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 FIGURES_OF_A_CASE = 6  # about, and one per filter
+_ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
@@ -105,6 +106,9 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
     yield from _drawn(folder, {f"{start}_{name}": make for name, make in pieces.items()})
     for number, name in enumerate(case.names):
         yield from _drawn(folder, {f"{start}_errors_{file_name(name, number)}": partial(errors, name)}, name)
+        if case.filter(name).in_full is not None:
+            ellipses = {f"{start}_ellipses_{file_name(name, number)}": partial(_ellipses, results, case, name)}
+            yield from _drawn(folder, ellipses, name)
 
 
 def _described(kind: str, figure: Figure, *about: Any) -> Drawing:
@@ -117,6 +121,11 @@ def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], fil
     for name, make in pieces.items():
         if (picture := draw(folder, name, make, filter)) is not None:
             yield picture
+
+
+def _ellipses(results: Results, case: CaseFacts, name: str) -> Drawing:
+    figure = plots.error_ellipses(results, case, name, axes=case.axes, sigma=_ELLIPSE_SIGMA)
+    return _described("ellipses", figure, case, name, _ELLIPSE_SIGMA, True)
 
 
 def _start(results: Results, case: CaseFacts) -> Drawing | None:

@@ -35,7 +35,7 @@ def export_summary(results: Results, path: Path) -> None:
 def export_series(results: Results, path: Path) -> None:
     """Write the stored series: one row per case, filter, run and stored epoch.
 
-    Where the file holds covariances whole, the correlations stand beside the sigmas; of filters without, they are empty.
+    Where the file holds covariances whole, the correlations stand beside the sigmas.
 
     Args:
         results: An open result.

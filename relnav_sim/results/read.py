@@ -356,11 +356,19 @@ class Results:
         """Return the standard deviations that the filter states, (runs, K, 6), m and m/s."""
         return self._series(case, filter, "sigma")
 
-    def covariance(self, case: int | str, filter: str) -> Array | None:
+    def covariance(
+        self, case: int | str, filter: str, rows: slice = slice(None), epochs: slice = slice(None)
+    ) -> Array | None:
         """Return the formal covariances of position and velocity, RTN, (runs, K, 6, 6), m and m/s.
 
         They are the filter's own, augmented states left out; of filters with particles or several components those of
         the whole estimate. NaN once a run failed.
+
+        Args:
+            case: The case.
+            filter: The filter.
+            rows: Which of the runs, by their place; all together may be large.
+            epochs: Which of the stored epochs, by their place.
 
         Returns:
             None where the file holds none: its campaign did not ask for them (``clock.store_covariance``).
@@ -371,7 +379,7 @@ class Results:
                 P = results.covariance(0, "ekf")[:, -1]
                 P[:, 0, 4] / np.sqrt(P[:, 0, 0] * P[:, 4, 4])
         """
-        return self._covariances(self._check(case, filter), filter)
+        return self._covariances(self._check(case, filter), filter, (rows, epochs))
 
     def _covariances(self, index: int, filter: str, rows: Any = ...) -> Array | None:
         if not columns_of(self._filter_group(index, filter)).factor:

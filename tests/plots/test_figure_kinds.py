@@ -11,8 +11,8 @@ from scipy.stats import chi2
 from relnav_sim.plots import conditions
 from relnav_sim.plots.choice import pareto_front
 from relnav_sim.plots.data import drawn_step, window
+from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
-from relnav_sim.plots.geometry import ellipse
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, png, write_figure
 from relnav_sim.plots.sweep_points import grid_paths, trends
