@@ -12,6 +12,7 @@ from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.ellipses import error_ellipses
 from relnav_sim.plots.errors import axis_errors, errors_with_envelope
 from relnav_sim.plots.geometry import plane, trajectory
+from relnav_sim.plots.observability import observability_over_time
 from relnav_sim.plots.over_time import consistency_over_time, covariance_against_error, rms_over_time
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
 from relnav_sim.plots.spread import box_plots, violin_plots
@@ -34,6 +35,7 @@ __all__ = [
     "errors_with_envelope",
     "figure",
     "heat_map",
+    "observability_over_time",
     "plane",
     "rms_over_time",
     "sweep_boxes",

@@ -7,6 +7,7 @@ names the axes in the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,8 +18,9 @@ from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
 from relnav_sim.plots.in_full import InFull, covariances_in_full
+from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.results import layout
-from relnav_sim.results.block import AugmentedStates, BySensor
+from relnav_sim.results.block import AugmentedStates, BySensor, ResultsError
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
@@ -227,6 +229,7 @@ class CaseFacts:
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+        manoeuvres_s: When manoeuvres begin, s; empty where the file's are damaged.
     """
 
     number: int
@@ -244,6 +247,7 @@ class CaseFacts:
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
+    manoeuvres_s: tuple[float, ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -348,12 +352,19 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results),
+        manoeuvres_s=_manoeuvres(results, index, times_s),
     )
 
 
 def span_index(span: Span) -> int:
     """Return where a span stands along the layout's dimension of that name."""
     return _SPANS[span]
+
+
+def _manoeuvres(results: Results, index: int, times_s: Array) -> tuple[float, ...]:
+    with suppress(ResultsError):  # the figure about them says so
+        return tuple(manoeuvre_times(results, index, times_s)) if len(times_s) else ()
+    return ()
 
 
 def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: Mask) -> FilterFacts:

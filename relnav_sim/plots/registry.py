@@ -9,7 +9,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import availability, choice, conditions, ellipses, errors, geometry, over_time, spread, sweeps
+from relnav_sim.plots import (
+    availability,
+    choice,
+    conditions,
+    ellipses,
+    errors,
+    geometry,
+    observability,
+    over_time,
+    spread,
+    sweeps,
+)
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.words import FigureWords
@@ -103,6 +114,8 @@ _KINDS = (
                words=conditions.events_words),
     FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
                availability.availability_over_time, words=availability.availability_words),
+    FigureKind("observability", "what the readings leave of the start's sigma in the weakest direction, against time",
+               observability.observability_over_time, words=observability.observability_words),
     FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy,
                words=choice.cost_words),
     FigureKind("worst", "the runs with the largest error, before all others", choice.worst_runs,

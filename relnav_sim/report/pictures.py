@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from relnav_sim.results.read import Results
 
-FIGURES_OF_A_CASE = 6  # about, and one per filter
+FIGURES_OF_A_CASE = 7  # about, and one per filter
 _ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
@@ -100,6 +100,7 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
         pieces["start"] = partial(_start, results, case)
     pieces |= {"consistency": consistency, "boxes": boxes, "cost": cost}
     pieces |= {"availability": partial(_availability, results, case)}
+    pieces |= {"observability": partial(_observability, results, case)}
     pieces |= {"range": partial(_range, results, case), "events": partial(_events, results, case)}
     if ranking.standings and closely:
         pieces |= {"worst": partial(_worst, results, case), "trajectory": partial(_trajectory, results, case)}
@@ -151,6 +152,12 @@ def _availability(results: Results, case: CaseFacts) -> Drawing | None:
     if len(case.sensors) < 2 and not has_outage(case):
         return None
     return _described("availability", plots.availability_over_time(results, case), case)
+
+
+def _observability(results: Results, case: CaseFacts) -> Drawing | None:
+    if not any(item.observability for item in case.filters):
+        return None
+    return _described("observability", plots.observability_over_time(results, case), case)
 
 
 def _events(results: Results, case: CaseFacts) -> Drawing | None:

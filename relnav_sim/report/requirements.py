@@ -22,7 +22,8 @@ from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.block import ResultsError
-from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, Verdict, judge, overall
+from relnav_sim.statistics.findings import Verdict
+from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, judge, overall
 from relnav_sim.wording import listed, short_labels, significant
 
 if TYPE_CHECKING:

@@ -301,7 +301,7 @@ OBSERVABILITY = (
     ),
 )  # fmt: skip
 """Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
-observable) and ``weakest`` (the direction in words) of the group go with it."""
+observable), ``weakest`` (the direction in words) and ``course`` (the same over time) of the group go with it."""
 
 LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
 """What a case's group or a filter's may hold of what readings can tell at most."""

@@ -97,7 +97,10 @@ def observability(case: int, name: str) -> Observability:
     rng = np.random.default_rng([case, len(name), 7])
     states = (*layout.COMPONENTS, *(() if name == "ekf" else ("range_bias",)))
     numbers = rng.uniform(size=TIMES), rng.uniform(size=len(states)), rng.uniform(size=len(states))
-    return Observability(("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position")
+    course = ((10.0, "2 of 6 directions"), (30.0, "normal position"))
+    return Observability(
+        ("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position", course
+    )
 
 
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:
