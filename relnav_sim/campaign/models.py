@@ -139,6 +139,11 @@ class StatisticsOptions(Options):
     convergence_hold_s: float = Field(
         default=50.0, ge=0, description="... for this long, s; default 50, so that a lucky crossing does not count"
     )
+    whiteness: Annotated[bool, AddedLater()] = Field(
+        default=False,
+        description="Whether the residuals of each channel are tested for correlation; default false: it costs "
+        "one more prediction of each reading",
+    )
 
 
 class StopOptions(Options):

@@ -21,6 +21,7 @@ from relnav_sim.plots.in_full import InFull, covariances_in_full
 from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor, ResultsError
+from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
@@ -78,6 +79,7 @@ class FilterFacts:
             NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
+        by_channel: What its residuals say by channel; None where the campaign did not ask.
         in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
@@ -102,6 +104,7 @@ class FilterFacts:
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
+    by_channel: ByChannel | None = None
     in_full: InFull | None = None
 
     @property
@@ -407,6 +410,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
+        by_channel=results.by_channel(index, name),
         in_full=covariances_in_full(results, index, name, axes, spans),
     )
 

@@ -18,6 +18,7 @@ from relnav_sim.plots import (
     geometry,
     observability,
     over_time,
+    residuals,
     spread,
     sweeps,
 )
@@ -114,6 +115,8 @@ _KINDS = (
                words=conditions.events_words),
     FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
                availability.availability_over_time, words=availability.availability_words),
+    FigureKind("whiteness", "autocorrelation of a filter's residuals over all runs, by channel",
+               residuals.residual_whiteness, words=residuals.residual_whiteness_words),
     FigureKind("observability", "what the readings leave of the start's sigma in the weakest direction, against time",
                observability.observability_over_time, words=observability.observability_words),
     FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy,

@@ -27,6 +27,7 @@ from relnav_sim.report.metrics import (
 from relnav_sim.report.observability_table import observability_table
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
+from relnav_sim.report.whiteness_table import whiteness_table
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
@@ -446,6 +447,7 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         "consistency": partial(consistency_table, case),
         "consistency by axis and plane": partial(by_part_table, case),
         "formal and actual covariance": partial(correlations_table, case),
+        "residuals by channel": partial(whiteness_table, case),
         "observability": partial(observability_table, case),
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),

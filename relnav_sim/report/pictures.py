@@ -107,6 +107,9 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
     yield from _drawn(folder, {f"{start}_{name}": make for name, make in pieces.items()})
     for number, name in enumerate(case.names):
         yield from _drawn(folder, {f"{start}_errors_{file_name(name, number)}": partial(errors, name)}, name)
+        if case.filter(name).by_channel is not None:
+            whiteness = {f"{start}_whiteness_{file_name(name, number)}": partial(_whiteness, results, case, name)}
+            yield from _drawn(folder, whiteness, name)
         if case.filter(name).in_full is not None:
             ellipses = {f"{start}_ellipses_{file_name(name, number)}": partial(_ellipses, results, case, name)}
             yield from _drawn(folder, ellipses, name)
@@ -127,6 +130,10 @@ def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], fil
 def _ellipses(results: Results, case: CaseFacts, name: str) -> Drawing:
     figure = plots.error_ellipses(results, case, name, axes=case.axes, sigma=_ELLIPSE_SIGMA)
     return _described("ellipses", figure, case, name, _ELLIPSE_SIGMA, True)
+
+
+def _whiteness(results: Results, case: CaseFacts, name: str) -> Drawing:
+    return _described("whiteness", plots.residual_whiteness(results, case, name), case, name)
 
 
 def _start(results: Results, case: CaseFacts) -> Drawing | None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.printable import printable
 from relnav_sim.results import layout
+from relnav_sim.results.by_channel import ByChannel
 
 AnyArray = NDArray[Any]
 """Of the type that the layout names."""
@@ -136,6 +137,7 @@ class FilterResult:
         by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
         covariance_root: Cholesky factors of the covariances of position and velocity, lower triangles row by row,
             (runs, times, 21); None where they are not stored.
+        by_channel: What its residuals say by channel; None where they were not looked at.
     """
 
     summary: Mapping[str, AnyArray]
@@ -147,6 +149,7 @@ class FilterResult:
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
     covariance_root: AnyArray | None = None
+    by_channel: ByChannel | None = None
 
     @property
     def columns(self) -> layout.Columns:
@@ -154,7 +157,8 @@ class FilterResult:
         names, units = ((), ()) if self.augmented is None else (self.augmented.names, self.augmented.units)
         sensors = () if self.by_sensor is None else self.by_sensor.names
         factor = () if self.covariance_root is None else layout.FACTOR
-        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors, factor)
+        channels = () if self.by_channel is None else self.by_channel.names
+        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors, factor, channels)
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, AnyArray]:
         """Return every array by its name in the layout, in the layout's order and type.
@@ -179,6 +183,7 @@ class FilterResult:
         for specs, held, prefix in (
             (layout.AUGMENTED if columns.augmented else (), self.augmented, "extra_"),
             (layout.BY_SENSOR if columns.sensors else (), self.by_sensor, "sensor_"),
+            (layout.BY_CHANNEL if columns.channels else (), self.by_channel, "channel_"),
         ):
             for spec in specs:
                 nothing = np.full(layout.shape(spec, lengths), np.nan if spec.dtype.startswith("<f") else 0)
@@ -206,7 +211,13 @@ class FilterResult:
         augmented, by_sensor = AugmentedStates.of_arrays(columns, arrays), BySensor.of_arrays(columns, arrays)
         root = arrays[layout.COVARIANCE.name] if columns.factor else None
         return FilterResult(
-            summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor, covariance_root=root
+            summary,
+            **series,
+            diagnostics=diagnostics,
+            augmented=augmented,
+            by_sensor=by_sensor,
+            covariance_root=root,
+            by_channel=ByChannel.of_arrays(columns, arrays),
         )
 
     @staticmethod

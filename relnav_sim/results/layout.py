@@ -28,6 +28,9 @@ THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 FACTOR = tuple(f"{row},{column}" for i, row in enumerate(COMPONENTS) for column in COMPONENTS[: i + 1])
 """Entries of the lower triangle of a 6 x 6 matrix, row by row: ``x,x``, ``y,x``, ``y,y``, ..."""
 
+LAGS = tuple(float(lag) for lag in range(21))
+"""Lags of the autocorrelation of residuals, in readings."""
+
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
@@ -93,6 +96,8 @@ DIMENSIONS = {
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
+        Dimension("channel", "str", "", "channel of a sensor as the filter takes its readings: sensor and channel"),
+        Dimension("lag", "<f8", "1", "distance between residuals, readings of the channel", LAGS),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
@@ -264,6 +269,22 @@ BY_SENSOR = (
     ),
 )  # fmt: skip
 """Where the filter's history tells its readings by sensor; not in files of relnav 0.1."""
+BY_CHANNEL = (
+    Dataset(
+        "channel_count", (*_PER_SPAN, "channel"), _I8, "1", "readings of the channel; 0: none",
+    ),
+    Dataset(
+        "channel_mean", (*_PER_SPAN, "channel"), _F8, "1",
+        "mean over readings of the residual in formal sigmas, z - h(prediction) over the root of its variance; 0 when "
+        "consistent",
+    ),
+    Dataset(
+        "channel_product", (*_PER_SPAN, "channel", "lag"), _F8, "1",
+        "mean over pairs of the product of residuals in formal sigmas so many readings apart; when consistent 1 at lag "
+        "0, else 0; NaN without a pair",
+    ),
+)  # fmt: skip
+"""Only where the campaign asks for it (``statistics.whiteness``)."""
 FORMER_DOF = 3
 """Degrees of freedom of every NIS in files that do not tell them: those of a radar, the only relative sensor then."""
 
@@ -315,7 +336,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (COVARIANCE, DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
+OWN = (COVARIANCE, DIAGNOSTICS, *BY_SENSOR, *BY_CHANNEL, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 SPAN_PREFIXES = ("", "settled_")
@@ -346,6 +367,7 @@ class Columns:
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
         factor: Names of the entries of its covariances' roots, `FACTOR`; empty where they are not stored.
+        channels: Channels whose residuals its statistics are told by; empty where they are not.
     """
 
     diagnostics: tuple[str, ...] = ()
@@ -353,6 +375,7 @@ class Columns:
     augmented_units: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
     factor: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
@@ -361,6 +384,7 @@ class Columns:
             ((COVARIANCE,), self.factor),
             ((DIAGNOSTICS,), self.diagnostics),
             (BY_SENSOR, self.sensors),
+            (BY_CHANNEL, self.channels),
             (AUGMENTED, self.augmented),
         )
         return (*FILTER, *(spec for specs, names in held if names for spec in specs))
@@ -368,7 +392,12 @@ class Columns:
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors}
+        return {
+            "diagnostic": self.diagnostics,
+            "extra": self.augmented,
+            "sensor": self.sensors,
+            "channel": self.channels,
+        }
 
     @property
     def lengths(self) -> dict[str, int]:

@@ -113,8 +113,8 @@ def columns_of(group: h5py.Group) -> layout.Columns:
     extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
         raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
-    sensors, factor = labels(dimensions["sensor"]), labels(dimensions["factor"])
-    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, factor)
+    sensors, factor, channels = (labels(dimensions[name]) for name in ("sensor", "factor", "channel"))
+    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, factor, channels)
 
 
 def read_failures(group: h5py.Group) -> tuple[Failure, ...]:

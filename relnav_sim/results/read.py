@@ -20,6 +20,7 @@ from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
 from relnav_sim.results.bound import stored_bound, stored_observability
+from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.covariance_root import covariances
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
@@ -304,6 +305,13 @@ class Results:
         columns = columns_of(self._filter_group(index, filter))
         specs = layout.BY_SENSOR if columns.sensors else ()
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def by_channel(self, case: int | str, filter: str) -> ByChannel | None:
+        """Return what a filter's residuals say by channel; None where the campaign has no ``statistics.whiteness``."""
+        index = self._check(case, filter)
+        columns = columns_of(self._filter_group(index, filter))
+        specs = layout.BY_CHANNEL if columns.channels else ()
+        return ByChannel.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def nis_sum(self, case: int | str, filter: str) -> Array:
         """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""

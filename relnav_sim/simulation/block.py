@@ -23,13 +23,14 @@ from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import relative_sensors
 from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
+from relnav_sim.simulation.campaign_filter import create_campaign_filter, filter_channels, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.start import starting_belief
 from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.statistics.channel_whiteness import ChannelWhiteness
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
@@ -207,6 +208,11 @@ class FilterTrack:
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._augmented: AugmentedTrack | None = None
+        self._whiteness: ChannelWhiteness | None = None
+        if config.statistics.whiteness:
+            channels = filter_channels(entry, config)
+            names = tuple(f"{sensor} {channel.label}" for sensor, own in channels.items() for channel in own)
+            self._whiteness = ChannelWhiteness(len(source.runs), names, self._errors.rules.settled_epoch)
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -258,6 +264,9 @@ class FilterTrack:
         )
         if self._augmented is not None:
             self._augmented.add(chunk, history, self._errors.failed_epoch)
+        if self._whiteness is not None:
+            residuals = np.concatenate([one.normalised for one in history.residuals_by.values()], axis=2)
+            self._whiteness.add(chunk.first_epoch, residuals, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -288,12 +297,15 @@ class FilterTrack:
         return history.after(self._prior)
 
     def _on(self, z: Mapping[str, Array], first_epoch: int) -> tuple[Any, FilterHistory]:
-        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached, self._watch is not None)
+        residuals = self._watch is not None or self._whiteness is not None
+        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached, residuals)
 
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
         result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._augmented is None else replace(result, augmented=self._augmented.result())
+        if self._augmented is not None:
+            result = replace(result, augmented=self._augmented.result())
+        return result if self._whiteness is None else replace(result, by_channel=self._whiteness.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""

@@ -226,7 +226,14 @@ class ErrorAccumulator:
         }
         diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
         by_sensor = None if self._readings is None else self._readings.result([whole.sensors, settled.sensors])
-        return FilterResult(summary, **self._series, diagnostics=diagnostics, augmented=None, by_sensor=by_sensor)
+        return FilterResult(
+            summary,
+            **self._series,
+            diagnostics=diagnostics,
+            augmented=None,
+            by_sensor=by_sensor,
+            by_channel=None,
+        )
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
         runs, K = self._runs, len(times_s)

@@ -31,6 +31,7 @@ BIASES = layout.Columns(
     augmented_units=("m", "rad"),
     sensors=("radar", "camera"),
     factor=layout.FACTOR,
+    channels=("radar range", "camera elevation"),
 )
 CHANNELS = {
     "radar": (Channel("range", "m", "range"), Channel("azimuth", "rad", "azimuth", True)),
@@ -43,7 +44,7 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR, layout.COVARIANCE):
+        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR, *layout.BY_CHANNEL, layout.COVARIANCE):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
