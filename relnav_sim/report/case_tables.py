@@ -21,6 +21,7 @@ from relnav_sim.report.metrics import (
     TIMES_BOUND,
     VELOCITY_RMS,
     nis_metric,
+    nis_ratio,
     numbers,
     ratio_cells,
 )
@@ -43,7 +44,6 @@ from relnav_sim.statistics.intervals import (
     sum_band,
     wilson_interval,
 )
-from relnav_sim.statistics.verdicts import ratio_of_means
 from relnav_sim.wording import MISSING, counted, listed, significant
 
 _MANY_RUNS = 100_000
@@ -168,7 +168,7 @@ def _sensor_rows(case: CaseFacts) -> list[Row]:
 
 def _sensor_nis(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
     total, dof = (item.of_sensor(sensor, name, case.span) for name in ("nis_sum", "dof_sum"))
-    return ratio_of_means(total, dof)
+    return nis_ratio(total, dof, sensor not in item.mixture_sensors)
 
 
 def _sensor_band(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
@@ -199,7 +199,7 @@ def no_band_note(case: CaseFacts) -> str:
         return ""
     return (
         f" {listed(names)}: noise assumed as a mixture, so the mean NIS is the dimension where the model is right, but "
-        "there is no chi-square band; judge by the interval of the mean over runs."
+        "there is no chi-square band; judge by the interval of the mean, by the bootstrap over runs (Efron 1987)."
     )
 
 
