@@ -112,13 +112,15 @@ DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": Statisti
 FILTERS = "The filters to compare, by names of your choice"
 GRID = "Paths with lists of values: a case for every combination"
 ZIP = "Paths with equally long lists of values: a case for each position, all lists moving together"
+STRESS = "Truths that no filter is told of, by names of your choice: paths with values; flown by `relnav run --stress`"
 
-TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip")
+TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip", "stress")
 
 
 def file_model() -> type[Options]:
     """Return the model of a whole campaign file over everything that is registered now."""
     lists = dict[str, Annotated[list[Any], Field(min_length=1)]]
+    overrides = dict[Name, Annotated[dict[str, Any], Field(min_length=1)]]
     sections: dict[str, Any] = {
         key: (kind, Field(default=DEFAULTS[key], description=words) if key in DEFAULTS else Field(description=words))
         for key, (kind, words) in SECTIONS.items()
@@ -134,6 +136,7 @@ def file_model() -> type[Options]:
         filters=(dict[Name, entry], Field(min_length=1, description=FILTERS)),
         grid=(lists, Field(default={}, description=GRID)),
         zip=(lists, Field(default={}, description=ZIP)),
+        stress=(overrides, Field(default={}, description=STRESS)),
     )
     return cast(type[Options], made)
 

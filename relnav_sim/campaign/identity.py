@@ -14,7 +14,7 @@ from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
-OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements"})
+OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements", "stress"})
 """Keys that change how much is computed and in which pieces, but no number that is."""
 
 
@@ -46,6 +46,11 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
     own = {key: value for key, value in first.items() if key not in ("filters", "grid")}
     own["filters"] = {path: values[0] for path, values in first["grid"].items()}
     return _digest(own)[:12]
+
+
+def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
+    """Return the id of a case under a stress, from the id of the case and what happens there, as plain data."""
+    return _digest({"case": nominal, "flown": in_first_spelling(flown)})[:12]
 
 
 def filter_id(entry: FilterEntry) -> str:

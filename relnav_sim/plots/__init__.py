@@ -15,6 +15,7 @@ from relnav_sim.plots.geometry import plane, trajectory
 from relnav_sim.plots.observability import observability_over_time
 from relnav_sim.plots.over_time import consistency_over_time, covariance_against_error, rms_over_time
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
+from relnav_sim.plots.regret import regret_by_case
 from relnav_sim.plots.residuals import residual_whiteness
 from relnav_sim.plots.spread import box_plots, violin_plots
 from relnav_sim.plots.sweeps import accuracy_by_case, heat_map, sweep_boxes, sweep_trend
@@ -38,6 +39,7 @@ __all__ = [
     "heat_map",
     "observability_over_time",
     "plane",
+    "regret_by_case",
     "residual_whiteness",
     "rms_over_time",
     "sweep_boxes",

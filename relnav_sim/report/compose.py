@@ -19,6 +19,7 @@ from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
@@ -62,15 +63,21 @@ def compose(
         workers: Processes that make the cases of a large campaign.
     """
     parts = _cases(results, figure_folder, axes, most_figures, workers)
-    rankings = [ranking for ranking, _ in parts]
+    # Stressed cases have sections of their own; what is said of all cases is said of the others.
+    rankings = [parts[index][0] for index in results.nominal]
     page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
     left = _LARGEST_HTML - len(html.render(page).encode())
     top, left = within(overall_pictures(results, rankings, figure_folder), left)
+    regret = regret_section(results, figure_folder)
+    if regret is not None:
+        pictures, left = within(regret.pictures, left)
+        regret = replace(regret, pictures=pictures)
     sections = []
     for _, section in parts:
         pictures, left = within(section.pictures, left)
         sections.append(replace(section, pictures=pictures))
-    return replace(page, pictures=top, cases=tuple(sections))
+    summary = page.summary if regret is None else (*page.summary, *regret.sentences)
+    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections))
 
 
 def _cases(
@@ -80,7 +87,7 @@ def _cases(
     figures_left = most_figures
     for header in results.headers:
         figures_left -= FIGURES_OF_A_CASE + len(header.filters)
-        drawn.append(not drawn or (figures_left >= 0 and drawn[-1]))
+        drawn.append(not drawn or (not header.stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(results.headers), len(results.filters))
     todo = [(results.path, index, axes, figure_folder, draw_it, *chart) for index, draw_it in enumerate(drawn)]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:

@@ -50,6 +50,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
                 "channels": json.dumps(
                     {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
                 ),
+                **({"stress": case.stress, "nominal": case.nominal} if case.stress else {}),
             }
         )
 
@@ -135,7 +136,9 @@ def _read_case(group: h5py.Group) -> CaseHeader:
         channels = read_channels(stored)
     except (TypeError, ValueError):
         raise ResultsError(f"{group.file.filename}: the channels of {group.name} are damaged") from None
-    return CaseHeader(store.text(group, "id"), store.text(group, "label"), variables, tuple(ids), ids, channels)
+    stress = {key: store.text(group, key) for key in ("stress", "nominal") if key in group.attrs}
+    name, label = store.text(group, "id"), store.text(group, "label")
+    return CaseHeader(name, label, variables, tuple(ids), ids, channels, **stress)
 
 
 def read_channels(stored: Mapping[str, Any]) -> dict[str, tuple[Channel, ...]]:
