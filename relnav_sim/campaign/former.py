@@ -106,7 +106,7 @@ def former_filter(model: type[Options], kinds: Models, dynamics: Models, entry: 
 
 def former_content(
     content: Mapping[str, Any],
-    truth: type[Options],
+    sections: Models,
     sensors: Models,
     filters: type[Options],
     kinds: Models,
@@ -116,16 +116,15 @@ def former_content(
 
     Args:
         content: Validated sections as plain data, with ``grid`` and ``zip`` where there are any.
-        truth: The model of the truth.
+        sections: The models of the sections that are of one model each.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
         kinds: The options model of every kind of filter.
         dynamics: The options model of every kind of dynamics.
-        kinds: The options model of every kind of filter.
     """
     first = dict(content)
-    if "truth" in first:
-        first["truth"] = former_spelling(truth, first["truth"])
+    for name in sections.keys() & first.keys():
+        first[name] = former_spelling(sections[name], first[name])
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
@@ -135,7 +134,7 @@ def former_content(
     for section in ("grid", "zip"):
         if section in first:
             first[section] = dict(
-                _former_variable(text, values, content, truth, sensors, filters)
+                _former_variable(text, values, content, sections, sensors, filters)
                 for text, values in first[section].items()
             )
     return first
@@ -180,15 +179,15 @@ def _former_variable(
     text: str,
     values: Any,
     content: Mapping[str, Any],
-    truth: type[Options],
+    sections: Models,
     sensors: Models,
     filters: type[Options],
 ) -> tuple[str, Any]:
     """Return a varied path and its values in their first spelling."""
     path = parse_path(text, content)
     section, name, *rest = (*path, None)
-    if section == "truth":
-        return text, [_former_value(path[1:], value, truth) for value in values]
+    if section in sections:
+        return text, [_former_value(path[1:], value, sections[str(section)]) for value in values]
     if section == "sensors" and name is not None:
         entry = content["sensors"].get(name) or {}
         model = sensors.get(entry.get("kind", name), Options)

@@ -9,6 +9,7 @@ from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.former import former_content, former_filter
+from relnav_sim.campaign.models import Clock, StatisticsOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
@@ -22,7 +23,8 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
     truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
-    return former_content(content, truth, sensor_kinds(), FilterEntry, _options(), dynamics_kinds())
+    sections = {"truth": truth, "clock": Clock, "statistics": StatisticsOptions}
+    return former_content(content, sections, sensor_kinds(), FilterEntry, _options(), dynamics_kinds())
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:

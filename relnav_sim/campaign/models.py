@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, field_validator, model_validator
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.options import Options
+from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors import SensorOptions
 from relnav_sim.truth import TruthSection
 
@@ -49,6 +49,12 @@ class Clock(Options):
         gt=0,
         description="Time between stored points of the error series, s; a whole number of steps. Statistics use "
         "every epoch whatever is stored",
+    )
+    store_covariance: Annotated[bool, AddedLater()] = Field(
+        default=False,
+        description="Whether the formal covariance of position and velocity is stored whole at the stored points, with "
+        "its correlations; default false: its sigmas only. It more than doubles the stored series, by 84 bytes for "
+        "each run, filter and point",
     )
 
     @property
@@ -132,6 +138,11 @@ class StatisticsOptions(Options):
     )
     convergence_hold_s: float = Field(
         default=50.0, ge=0, description="... for this long, s; default 50, so that a lucky crossing does not count"
+    )
+    whiteness: Annotated[bool, AddedLater()] = Field(
+        default=False,
+        description="Whether the residuals of each channel are tested for correlation; default false: it costs "
+        "one more prediction of each reading",
     )
 
 

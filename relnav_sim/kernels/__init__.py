@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import iekf as iekf
     from relnav_sim.kernels import joseph as joseph
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import lagged as lagged
     from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import maps as maps
     from relnav_sim.kernels import merging as merging

@@ -7,6 +7,7 @@ names the axes in the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,10 +18,13 @@ from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.filters.operations import Operations
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
+from relnav_sim.plots.in_full import InFull, covariances_in_full
+from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
 from relnav_sim.results.afterwards import known_when
-from relnav_sim.results.block import AugmentedStates, BySensor, Editing
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, ResultsError
+from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
@@ -83,6 +87,8 @@ class FilterFacts:
         false_rejections: Share of the tests of its editing that fail where the filter is right; NaN where it is not
             known.
         operations: What one of its epochs costs by formula; None where it states none.
+        by_channel: What its residuals say by channel; None where the campaign did not ask.
+        in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
     name: str
@@ -110,6 +116,8 @@ class FilterFacts:
     editing: Editing | None = None
     false_rejections: float = np.nan
     operations: Operations | None = None
+    by_channel: ByChannel | None = None
+    in_full: InFull | None = None
 
     @property
     def observable(self) -> bool:
@@ -236,6 +244,7 @@ class CaseFacts:
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+        manoeuvres_s: When manoeuvres begin, s; empty where the file's are damaged.
     """
 
     number: int
@@ -253,6 +262,7 @@ class CaseFacts:
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
+    manoeuvres_s: tuple[float, ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -357,12 +367,19 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results) + (" --stress" if header.stress else ""),
+        manoeuvres_s=_manoeuvres(results, index, times_s),
     )
 
 
 def span_index(span: Span) -> int:
     """Return where a span stands along the layout's dimension of that name."""
     return _SPANS[span]
+
+
+def _manoeuvres(results: Results, index: int, times_s: Array) -> tuple[float, ...]:
+    with suppress(ResultsError):  # the figure about them says so
+        return tuple(manoeuvre_times(results, index, times_s)) if len(times_s) else ()
+    return ()
 
 
 def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: Mask) -> FilterFacts:
@@ -408,6 +425,8 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         known_when=known_when(results, index, name),
         editing=results.editing(index, name),
         false_rejections=_false_rejections(results, index, name),
+        by_channel=results.by_channel(index, name),
+        in_full=covariances_in_full(results, index, name, axes, spans),
     )
     states = 0 if facts.augmented is None else len(facts.augmented.names)
     return replace(facts, operations=stated_operations(results, index, name, states, facts.dimensions()))

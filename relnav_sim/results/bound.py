@@ -80,7 +80,13 @@ def write_bound(path: Path, bound: BoundResult) -> None:
         "filters": dict(bound.filter_ids),
         "stored": sorted(arrays),
         "observability": {
-            name: {"sensors": found.sensors, "states": found.states, "blind": found.blind, "weakest": found.weakest}
+            name: {
+                "sensors": found.sensors,
+                "states": found.states,
+                "blind": found.blind,
+                "weakest": found.weakest,
+                "course": found.course,
+            }
             for name, found in bound.observability.items()
         },
         "reason": bound.reason,
@@ -149,9 +155,23 @@ def _observed(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> dict
             arrays[f"sigma_ratio/{name}"],
             int(words["blind"]),
             str(words["weakest"]),
+            _course(words.get("course", ())),
         )
         for name, words in header.items()
     }
+
+
+def _course(stored: Iterable[Any]) -> tuple[tuple[float, str], ...]:
+    """Return the weakest direction over time from plain data.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    course = tuple((float(from_s), printable(str(words))) for from_s, words in stored)
+    times = [from_s for from_s, _ in course]
+    if not np.isfinite(times).all() or sorted(set(times)) != times:
+        raise ValueError("the times do not ascend")
+    return course
 
 
 def result_bounds(path: Path) -> list[BoundResult]:
@@ -205,7 +225,13 @@ def stored_observability(group: h5py.Group) -> Observability | None:
     states = tuple(map(str, store.read(group, layout.DIMENSIONS["state"])))
     blind, weakest = store.whole_number(group, "blind"), store.text(group, "weakest")
     sensors = tuple(map(str, store.json_value(group, "sensors", list)))
-    return Observability(sensors, ratio, states, direction, sigma_ratio, blind, weakest)
+    course: tuple[tuple[float, str], ...] = ()
+    if "course" in group.attrs:  # earlier versions have none
+        try:
+            course = _course(store.json_value(group, "course", list))
+        except (TypeError, ValueError):
+            raise ResultsError(f"{group.file.filename}: the course of {group.name} is damaged") from None
+    return Observability(sensors, ratio, states, direction, sigma_ratio, blind, weakest, course)
 
 
 def write_case_bound(group: h5py.Group, case: CaseHeader, bounds: Iterable[BoundResult]) -> None:
@@ -247,6 +273,7 @@ def _write_observability(group: h5py.Group, found: Observability) -> None:
         store.write(group, spec, values)
     group.attrs["sensors"] = json.dumps(found.sensors)
     group.attrs["blind"], group.attrs["weakest"] = found.blind, found.weakest
+    group.attrs["course"] = json.dumps(found.course)
 
 
 def bounds_of(header: ResultHeader, bounds: Iterable[BoundResult]) -> dict[str, list[BoundResult]]:

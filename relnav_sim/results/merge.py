@@ -100,7 +100,11 @@ def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     augmented = next((part for part in parts if part.augmented), layout.NO_COLUMNS)
     sensors = next((part.sensors for part in parts if part.sensors), ())
     edited = next((part.edited for part in parts if part.edited), ())
-    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors, edited=edited)
+    factor = next((part.factor for part in parts if part.factor), ())
+    channels = next((part.channels for part in parts if part.channels), ())
+    return replace(
+        augmented, diagnostics=tuple(diagnostics), sensors=sensors, edited=edited, factor=factor, channels=channels
+    )
 
 
 def run_ranges(runs: Iterable[int]) -> str:

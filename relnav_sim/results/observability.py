@@ -27,6 +27,8 @@ class Observability:
         sigma_ratio: Posterior over prior sigma of each state by itself at the end, (n,).
         blind: Number of independent directions of position and velocity with a ratio above `NOT_OBSERVABLE` at the end.
         weakest: The weakest direction in words.
+        course: The same over time: from when on, s, and the words; empty in files of earlier versions. Where several
+            directions have a ratio above `NOT_OBSERVABLE` it says how many.
     """
 
     sensors: tuple[str, ...]
@@ -36,6 +38,11 @@ class Observability:
     sigma_ratio: Array
     blind: int
     weakest: str
+    course: tuple[tuple[float, str], ...] = ()
+
+    def weakest_at(self, time_s: float) -> str:
+        """Return the weakest direction in words from the readings up to a time; empty: not known, or no reading yet."""
+        return next((words for from_s, words in reversed(self.course) if from_s <= time_s), "")
 
     @property
     def observable(self) -> bool:
@@ -44,7 +51,7 @@ class Observability:
 
     def agrees(self, other: Observability) -> bool:
         """Return whether both say the same, bit for bit."""
-        words = [(one.sensors, one.states, one.blind, one.weakest) for one in (self, other)]
+        words = [(one.sensors, one.states, one.blind, one.weakest, one.course) for one in (self, other)]
         return words[0] == words[1] and all(map(np.array_equal, self.arrays, other.arrays))
 
     @property

@@ -113,8 +113,9 @@ def columns_of(group: h5py.Group) -> layout.Columns:
     extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
         raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
-    sensors, edited = labels(dimensions["sensor"]), labels(dimensions["edited"])
-    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, edited)
+    names = ("sensor", "edited", "factor", "channel")
+    sensors, edited, factor, channels = (labels(dimensions[name]) for name in names)
+    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, edited, factor, channels)
 
 
 def read_failures(group: h5py.Group) -> tuple[Failure, ...]:

@@ -23,13 +23,14 @@ from relnav_sim.sensors import relative_sensors
 from relnav_sim.simulation.afterwards import Afterwards, lag_epochs
 from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.campaign_filter import sensor_forms
+from relnav_sim.simulation.campaign_filter import filter_channels, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks
-from relnav_sim.simulation.fed_filter import FedFilter, Shared
+from relnav_sim.simulation.fed_filter import FedFilter, Shared, tells_innovations
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.repeated import Repeated
 from relnav_sim.simulation.start import starting_belief
+from relnav_sim.statistics.channel_whiteness import ChannelWhiteness
 from relnav_sim.statistics.consistency import normalised_errors
 from relnav_sim.statistics.editing import EditingAccumulator
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
@@ -201,6 +202,11 @@ class FilterTrack:
             self._editing = EditingAccumulator(
                 len(source.runs), self._errors.rules, sensors_read, entry.editing.max_rejects
             )
+        self._whiteness: ChannelWhiteness | None = None
+        if config.statistics.whiteness and tells_innovations(entry):
+            channels = filter_channels(entry, config)
+            names = tuple(f"{sensor} {channel.label}" for sensor, own in channels.items() for channel in own)
+            self._whiteness = ChannelWhiteness(len(source.runs), names, self._errors.rules.settled_epoch)
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
@@ -233,7 +239,7 @@ class FilterTrack:
             begin = time.process_time() - self._fed.shared_cpu_s
             before = np.asarray(self._belief.mean).copy() if self._watch is not None else None
             self._belief, history = self._fed.advance(
-                self._belief, chunk, self._prior, self._reached, self._watch is not None
+                self._belief, chunk, self._prior, self._reached, self._watch is not None or self._whiteness is not None
             )
             self._cpu_s += time.process_time() - self._fed.shared_cpu_s - begin
             self._steps += history.nis.size
@@ -296,6 +302,9 @@ class FilterTrack:
         if self._editing is not None:
             nees, _, _ = normalised_errors(np.ascontiguousarray(error), covariance)
             self._editing.add(chunk.first_epoch, nees[0], history.edits_by, self._errors.failed_epoch)
+        if self._whiteness is not None:
+            residuals = np.concatenate([one.normalised for one in history.residuals_by.values()], axis=2)
+            self._whiteness.add(chunk.first_epoch, residuals, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -315,7 +324,9 @@ class FilterTrack:
         result = self._errors.result(1e6 * (self._cpu_s + self._fed.shared_cpu_s) / self._steps)
         if self._augmented is not None:
             result = replace(result, augmented=self._augmented.result())
-        return result if self._editing is None else replace(result, editing=self._editing.result())
+        if self._editing is not None:
+            result = replace(result, editing=self._editing.result())
+        return result if self._whiteness is None else replace(result, by_channel=self._whiteness.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""
@@ -332,6 +343,7 @@ def scoring_rules(config: CaseConfig) -> ScoringRules:
         settle_s=statistics.settle_s,
         convergence_m=statistics.convergence_m,
         convergence_hold_s=statistics.convergence_hold_s,
+        store_covariance=clock.store_covariance,
     )
 
 

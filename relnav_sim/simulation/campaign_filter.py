@@ -22,6 +22,7 @@ from relnav_sim.filters.editing import Restart, edited
 from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.rewinding import RewindableDynamics
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.several import SeveralMeasurements
@@ -29,6 +30,11 @@ from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
 from relnav_sim.simulation.thrust_inputs import known_thrust
+
+_RTN = tuple(
+    Channel(axis, "m", f"position, {what}")
+    for axis, what in zip("xyz", ("radial", "along-track", "normal"), strict=True)
+)
 
 
 @dataclass(frozen=True)
@@ -127,3 +133,12 @@ def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
     """Return the sensors that a filter goes by, in order, with the form in which it takes their readings."""
     relative = relative_sensors(config.sensors, entry.sensors)
     return {name: form_taken(options, entry.measurement) for name, options in relative.items()}
+
+
+def filter_channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
+    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
+    sensors = relative_sensors(config.sensors)
+    return {
+        name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
+        for name, form in sensor_forms(entry, config).items()
+    }

@@ -17,7 +17,6 @@ from relnav_sim.filters.history import FilterHistory
 from relnav_sim.filters.recorded_flow import RecordedFlow, joined_flow, recorded_flow
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.smoother import smooth
-from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.partial import all_channels, sensors_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.results import layout
@@ -25,7 +24,7 @@ from relnav_sim.sensors import readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.block import filter_block
-from relnav_sim.simulation.campaign_filter import sensor_forms
+from relnav_sim.simulation.campaign_filter import filter_channels
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock, recorded_chunks
@@ -177,7 +176,7 @@ class _Collector:
         sensors = list(parts[0].nis_by)
         extension = extension_of(entry, config)
         return ReplayedFilter(
-            channels=_channels(entry, config),
+            channels=filter_channels(entry, config),
             names=(*layout.COMPONENTS, *(() if extension is None else extension.names)),
             mean=mean,
             sigma=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
@@ -193,21 +192,6 @@ class _Collector:
             smoothed_change=changed,
             failures=tuple(failure for part in parts for failure in part.failures),
         )
-
-
-_RTN = tuple(
-    Channel(axis, "m", f"position, {what}")
-    for axis, what in zip("xyz", ("radial", "along-track", "normal"), strict=True)
-)
-
-
-def _channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
-    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
-    sensors = relative_sensors(config.sensors)
-    return {
-        name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
-        for name, form in sensor_forms(entry, config).items()
-    }
 
 
 def _relative_acceleration(states: Array, n: float) -> Array:

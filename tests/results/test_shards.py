@@ -59,10 +59,9 @@ def test_a_changed_number_is_detected_anywhere(tmp_path, make_block, write) -> N
     names: list[str] = []
     with h5py.File(path) as file:
         file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
-    # One of the two filters has augmented states; their unit is in the header.
-    assert len(names) == 3 + 2 * len(layout.FILTER) + 2 + len(layout.AUGMENTED) + len(layout.BY_SENSOR) + len(
-        layout.EDITING
-    )
+    # One of the two filters has augmented states, whose unit is in the header, and all else that a filter may have.
+    own = (*layout.AUGMENTED, *layout.BY_SENSOR, *layout.EDITING, *layout.BY_CHANNEL, layout.COVARIANCE)
+    assert len(names) == 3 + 2 * len(layout.FILTER) + 2 + len(own)
     for name in names:
         with h5py.File(path, "r+") as file:
             kept = file[name][...]
