@@ -10,7 +10,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.campaign.restarts import restart_sensors
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.simulation.augmented_states import extended_by
