@@ -68,7 +68,7 @@ class Extension:
             measured = np.array([name.startswith("accelerometer_bias") for name in self.names])
             inputs = G
             if measured.any() and thrust is not None:
-                inputs = _while_pushed(thrust, G, measured)
+                inputs = _WhilePushed(thrust, G, measured)
         return AugmentedDynamics(base, self.decay, self.noise, inputs, self.considered, within)
 
     def _correlate(self, G: Array, A: Array, step_s: float) -> Array:
@@ -196,14 +196,21 @@ def _turned(options: Sequence[AugmentedStateOptions], sensors: Mapping[str, Seen
     return turns
 
 
-def _while_pushed(thrust: KnownThrust, G: Array, measured: Mask) -> Callable[[Step], Array]:
-    """Return G (6, e) step by step, (runs or 1, 6, e), the measured columns zero in runs without a force."""
+@dataclass(frozen=True)
+class _WhilePushed:
+    """G (6, e) step by step, the measured columns (e,) zero in runs without a force.
 
-    def inputs(step: Step) -> Array:
-        idle = measured & ~thrust.pushed(step)[:, None]
-        return np.where(idle[:, None], 0.0, G)
+    No closure: dynamics that are copied, to go back over what they were fed before, take their thrust along.
+    """
 
-    return inputs
+    thrust: KnownThrust
+    G: Array
+    measured: Mask
+
+    def __call__(self, step: Step) -> Array:
+        """Return that of one step, (runs or 1, 6, e)."""
+        idle = self.measured & ~self.thrust.pushed(step)[:, None]
+        return np.where(idle[:, None], 0.0, self.G)
 
 
 def held_acceleration(mean_motion_rad_s: float, step_s: float) -> Array:
