@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -22,7 +23,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     file.attrs.update(
         {
             "format": layout.FORMAT,
-            "format_version": layout.FORMAT_VERSION,
+            "format_version": layout.result_version(len(header.cases)),
             "campaign_name": header.campaign_name,
             "campaign_text": header.text,
             "campaign_content": json.dumps(header.content),
@@ -40,18 +41,32 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     for name, value in asdict(provenance).items():
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
+    if len(header.cases) > layout.STACKED_CASES:
+        _write_cases(file, header.cases)
+        return
     for index, case in enumerate(header.cases):
-        file.create_group(layout.case_group(index)).attrs.update(
-            {
-                "id": case.id,
-                "label": case.label,
-                "variables": json.dumps(dict(case.variables)),
-                "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
-                "channels": json.dumps(
-                    {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
-                ),
-            }
-        )
+        file.create_group(layout.case_group(index)).attrs.update(_texts_of(case))
+
+
+def _texts_of(case: CaseHeader) -> dict[str, str]:
+    return {
+        "id": case.id,
+        "label": case.label,
+        "variables": json.dumps(dict(case.variables)),
+        "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
+        "channels": json.dumps(
+            {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
+        ),
+    }
+
+
+def _write_cases(file: h5py.File, cases: Sequence[CaseHeader]) -> None:
+    """Write what the cases are as a table: a group for each would take longer than their numbers."""
+    group = file.create_group(layout.CASES)
+    store.write_dimensions(group, layout.CASE_TABLE, case=range(len(cases)))
+    rows = [_texts_of(case) for case in cases]
+    for spec in layout.CASE_TABLE:
+        store.write(group, spec, [row[spec.name] for row in rows])
 
 
 def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
@@ -60,9 +75,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
     Raises:
         ResultsError: Something is missing or damaged.
     """
-    groups = [store.subgroup(file, name) for name in sorted(store.names(file)) if name.startswith("case_")]
-    ordered = sorted(groups, key=_number)
-    cases = tuple(_read_case(group) for group in ordered)
+    cases = _read_cases(file)
     try:
         seed = int(store.text(file, "seed"))
     except ValueError:
@@ -82,8 +95,6 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
     )
     if odd := odd_header(header):
         raise ResultsError(f"{file.filename}: {odd}; the file is damaged")
-    if [group.name for group in ordered] != [f"/{layout.case_group(index)}" for index in range(len(ordered))]:
-        raise ResultsError(f"{file.filename}: some of its cases are missing")
     provenance = Provenance(
         versions=_texts(file, "versions"),
         git_commit=store.text(file, "git_commit"),
@@ -127,15 +138,45 @@ def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
         raise ResultsError(f"{file.filename}: its list of sessions is damaged") from None
 
 
+def _read_cases(file: h5py.File) -> tuple[CaseHeader, ...]:
+    if layout.CASES in store.names(file):
+        table = store.subgroup(file, layout.CASES)
+        columns = [store.read(table, spec) for spec in layout.CASE_TABLE]
+        return tuple(_case(f"{file.filename}: {table.name}", *map(str, row)) for row in zip(*columns, strict=True))
+    groups = [store.subgroup(file, name) for name in store.names(file) if name.startswith("case_")]
+    ordered = sorted(groups, key=_number)
+    if [group.name for group in ordered] != [f"/{layout.case_group(index)}" for index in range(len(ordered))]:
+        raise ResultsError(f"{file.filename}: some of its cases are missing")
+    return tuple(map(_read_case, ordered))
+
+
 def _read_case(group: h5py.Group) -> CaseHeader:
-    ids = {str(name): str(key) for name, key in store.json_value(group, "filters", dict).items()}
-    variables = store.json_value(group, "variables", dict)
-    stored = store.json_value(group, "channels", dict) if "channels" in group.attrs else {}
+    names = [spec.name for spec in layout.CASE_TABLE if spec.name in group.attrs or spec.name != "channels"]
+    texts = {name: store.text(group, name) for name in names}
+    return _case(f"{group.file.filename}: {group.name}", **{"channels": "{}", **texts})
+
+
+def _case(where: str, id: str, label: str, variables: str, filters: str, channels: str) -> CaseHeader:
+    found = {}
+    for name, text in (("filters", filters), ("variables", variables)):
+        found[name] = store.plain(text, dict)
+        if found[name] is None:
+            raise ResultsError(f"{where}: its {name} are damaged")
+    ids = {str(name): str(key) for name, key in found["filters"].items()}
     try:
-        channels = read_channels(stored)
+        read = _channels(channels)
     except (TypeError, ValueError):
-        raise ResultsError(f"{group.file.filename}: the channels of {group.name} are damaged") from None
-    return CaseHeader(store.text(group, "id"), store.text(group, "label"), variables, tuple(ids), ids, channels)
+        raise ResultsError(f"{where}: its channels are damaged") from None
+    return CaseHeader(id, label, found["variables"], tuple(ids), ids, read)
+
+
+@functools.lru_cache(maxsize=64)
+def _channels(text: str) -> dict[str, tuple[Channel, ...]]:
+    """Return the channels of each sensor; of many cases alike, the same ones."""
+    stored = store.plain(text, dict)
+    if stored is None:
+        raise ValueError("they are no JSON")
+    return read_channels(stored)
 
 
 def read_channels(stored: Mapping[str, Any]) -> dict[str, tuple[Channel, ...]]:

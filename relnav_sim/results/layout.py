@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
 BOUND_FORMAT = "relnav bound"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""The newest that is read: of results and of shards."""
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 QUANTITIES = (*COMPONENTS, "r", "v")
@@ -90,6 +91,10 @@ DIMENSIONS = {
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
+        Dimension("case", "<i8", "1", "number of the case, from 0"),
+        Dimension("bound_case", "<i8", "1", "number of the case that the bound is of, from 0"),
+        Dimension("perfect_bound_case", "<i8", "1", "number of the case that the perfect model's bound is of, from 0"),
+        Dimension("observed_case", "<i8", "1", "number of the case that the observability is of, from 0"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
@@ -292,6 +297,13 @@ OBSERVABILITY = (
 """Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
 observable) and ``weakest`` (the direction in words) of the group go with it."""
 
+OBSERVED_FACTS = (
+    Dataset("sensors", ("observed_case",), "str", "", "sensors whose readings count, JSON"),
+    Dataset("blind", ("observed_case",), "<i8", "1", "number of directions that are not observable"),
+    Dataset("weakest", ("observed_case",), "str", "", "the weakest direction in words"),
+)
+"""The same in a stack, where a group has no attributes of one case."""
+
 LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
 """What a case's group or a filter's may hold of what readings can tell at most."""
 
@@ -318,6 +330,51 @@ _LABELS = {
     "threshold": tuple(f"{threshold:g}m" for threshold in THRESHOLDS_M),
     "probability": ("median", "p95", "p99", "p997"),
 }
+
+
+STACKED_CASES = 50
+"""A file of more cases has those alike in one group, a stack, with a row for each case and run."""
+
+CASES = "cases"
+"""The group that says what the cases are, where they have no groups of their own."""
+CASE_TABLE = tuple(
+    Dataset(name, ("case",), "str", "", words)
+    for name, words in (
+        ("id", "hash of the case's content without its filters"),
+        ("label", "its values in words"),
+        ("variables", "its values by their paths, JSON"),
+        ("filters", "its filters with a hash of the settings of each, JSON"),
+        ("channels", "what a reading of each sensor consists of, JSON"),
+    )
+)
+STACK = Dataset("stack", ("case",), "<i8", "1", "number of the stack that holds the case; -1: nothing is computed yet")
+
+
+def result_version(cases: int) -> int:
+    """Return the version of the layout that a result of so many cases is written in: the first that can hold it."""
+    return 2 if cases > STACKED_CASES else 1
+
+
+def row_of_case(dim: str) -> Dataset:
+    """Return the dataset that says in a stack whose case the rows along a dimension are."""
+    return Dataset("case", (dim,), "<i8", "1", "number of the case that the row is of, from 0")
+
+
+def rows_of(name: str) -> Dataset:
+    """Return a coordinate as a stack has it: ascending within each case only."""
+    dimension = DIMENSIONS[name]
+    return Dataset(name, (name,), dimension.dtype, dimension.units, dimension.long_name)
+
+
+def stacked(spec: Dataset) -> Dataset:
+    """Return a bound or a part of the observability as a stack has it: with a row for each case that has one."""
+    dim = "observed_case" if spec in OBSERVABILITY else f"{spec.name}_case"
+    return replace(spec, dims=(dim, *spec.dims))
+
+
+def stack_group(index: int) -> str:
+    """Return the name of a stack's group."""
+    return f"stack_{index:03d}"
 
 
 def case_group(index: int) -> str:

@@ -176,13 +176,19 @@ def json_value(group: h5py.Group | h5py.File, name: str, kind: type) -> Any:
     Raises:
         ResultsError: It is missing, no JSON, or of another type.
     """
-    try:
-        value = json.loads(text(group, name))
-    except (ValueError, RecursionError):
-        value = None
-    if not isinstance(value, kind) or too_deep(value):
+    value = plain(text(group, name), kind)
+    if value is None:
         raise ResultsError(f"{group.file.filename}: attribute {name!r} of {group.name} is damaged")
     return value
+
+
+def plain(words: str, kind: type) -> Any:
+    """Return what a text holds as JSON; None where it is none, of another top-level type, or nested too deeply."""
+    try:
+        value = json.loads(words)
+    except (ValueError, RecursionError):
+        return None
+    return value if isinstance(value, kind) and not too_deep(value) else None
 
 
 def names(group: h5py.Group | h5py.File) -> tuple[str, ...]:
@@ -285,15 +291,40 @@ def read(group: h5py.Group, spec: Dataset | Dimension, index: Any = ...) -> AnyA
     Raises:
         ResultsError: As `checked`, the data can't be read, or they can't be what they should be.
     """
-    dataset = checked(group, spec)
+    return values_of(checked(group, spec), spec, index)
+
+
+def values_of(dataset: h5py.Dataset, spec: Dataset | Dimension, index: Any = ...) -> AnyArray:
+    """Return a dataset that `checked` gave, or a part of it; text as an array of `str`.
+
+    Raises:
+        ResultsError: The data can't be read, or they can't be what they should be.
+    """
     try:
         values = _texts(dataset)[index] if spec.dtype == "str" else np.asarray(dataset[index])
         odd = odd_coordinate(spec, values) if isinstance(spec, Dimension) else odd_values(spec, values)
         if odd:
-            raise ResultsError(f"{group.file.filename}: {dataset.name} {odd}; the file is damaged")
+            raise ResultsError(f"{dataset.file.filename}: {dataset.name} {odd}; the file is damaged")
         return values
     except _UNREADABLE as error:
-        raise ResultsError(f"{group.file.filename}: {dataset.name} can't be read ({error})") from None
+        raise ResultsError(f"{dataset.file.filename}: {dataset.name} can't be read ({error})") from None
+
+
+def run_of_bytes(file: h5py.File, name: str) -> bytes:
+    """Return a dataset of bytes.
+
+    Raises:
+        ResultsError: It is missing, of another type, stored elsewhere, or damaged.
+    """
+    where = f"{file.filename}: {name}"
+    dataset = _own_object(file, name)
+    try:
+        plain = isinstance(dataset, h5py.Dataset) and dataset.dtype == np.uint8 and len(dataset.shape) == 1
+        if not plain or dataset.external or dataset.is_virtual or dataset.size > dataset.id.get_storage_size():
+            raise ResultsError(f"{where} is missing or damaged")
+        return np.asarray(dataset[...]).tobytes()
+    except _UNREADABLE as error:
+        raise ResultsError(f"{where} can't be read ({error})") from None
 
 
 def _lengths_fit(group: h5py.Group, dims: Sequence[str], shape: tuple[int, ...]) -> bool:

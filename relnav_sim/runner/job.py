@@ -11,10 +11,11 @@ from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
 from relnav_sim.results.merge import merge_pieces
-from relnav_sim.results.pieces import shard_piece
+from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bound
+from relnav_sim.results.shard_files import held_shards
+from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import START_OVER, check_same_campaign, working_folder, write_folder_header
@@ -76,7 +77,7 @@ class Job:
         """Count a block or a bound that is done."""
         if isinstance(done.block, Block):
             block = done.block
-            self.finished.add(block.path, block.case.id, block.filter_ids, block.runs, done.figures)
+            self.finished.add(block.path.name, block.case.id, block.filter_ids, block.runs, done.figures)
             self.failures += done.failures
         else:
             self.bounds.remove(done.block)
@@ -97,9 +98,10 @@ class Job:
         if self.in_session:
             end_session(self.folder)
         self._say_what_is_left_out()
-        found = [finished_bound(task, self.say) for task in bound_tasks(self.campaign, self.folder)]
+        found = finished_bounds(bound_tasks(self.campaign, self.folder), self.say)
         bounds = [bound for bound in found if bound is not None]
-        pieces = [shard_piece(path) for path in self.finished.shards]
+        shards, _ = held_shards(self.folder)
+        pieces = [bundle_piece(shards[name]) for name in self.finished.shards]
         merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=bounds)
         labels = {case.id: case.label for case in self.campaign.cases}
         for bound in bounds:
