@@ -13,6 +13,7 @@ from relnav_sim.campaign.file_model import DEFAULTS, SECTIONS, PartValidator, ch
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.problems import SHOWN, Problem, did_you_mean, listed
 from relnav_sim.sensors import Sensors, sensor_kinds
+from relnav_sim.sensors.conformity import TriedSensors
 
 _CASES_WITH_PROBLEMS = 8
 """Enough to tell a problem of one value from a problem of the whole file."""
@@ -39,10 +40,10 @@ def validated_points(
     base = {key: data[key] for key in (*SECTIONS, "filters") if key in data}
     cases: list[ValidatedPoint] = []
     found: dict[Problem, list[Point]] = {}
-    seen = 0
+    seen, tried = 0, TriedSensors()
     for point in points(base, variables):
         seen += 1
-        case, problems = _validated(point, validator)
+        case, problems = _validated(point, validator, tried)
         for problem in problems:
             found.setdefault(point.written(problem), []).append(point)
         cases.append(case)
@@ -88,7 +89,7 @@ def _of_cases(problem: Problem, found: list[Point], seen: int) -> Problem:
     return Problem(problem.path, f"{problem.sentence} (in the case {label})")
 
 
-def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, list[Problem]]:
+def _validated(point: Point, validator: PartValidator, tried: TriedSensors) -> tuple[ValidatedPoint, list[Problem]]:
     parts: dict[str, Any] = {}
     filters: dict[str, Any] = {}
     problems: list[Problem] = []
@@ -121,7 +122,7 @@ def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, 
         if len(problems) > SHOWN:
             break
     together = Parts(**parts, filters=filters)
-    return ValidatedPoint(point, together), [*problems, *check_together(together)]
+    return ValidatedPoint(point, together), [*problems, *check_together(together, tried)]
 
 
 def _sensors(section: Any, validator: PartValidator) -> tuple[dict[str, Any] | None, list[Problem]]:

@@ -15,7 +15,7 @@ import numpy as np
 from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
-from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle
+from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.shards import checksum
@@ -70,6 +70,16 @@ def write_bound(path: Path, bound: BoundResult) -> None:
     Raises:
         OSError: The file can't be written.
     """
+    write_bundle(path, layout.BOUND_FORMAT, *_parts(bound))
+
+
+def bound_digest(bound: BoundResult) -> str:
+    """Return the checksum that the file of a bound holds."""
+    return written(*_parts(bound))[0]["checksum"]
+
+
+def _parts(bound: BoundResult) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+    """Return what says what a bound is of, and its arrays."""
     arrays = {"perfect": bound.perfect} if bound.perfect is not None else {}
     arrays |= {f"filters/{name}": array for name, array in bound.filters.items()}
     arrays |= {f"perfect_of/{name}": array for name, array in bound.perfect_of.items()}
@@ -87,7 +97,7 @@ def write_bound(path: Path, bound: BoundResult) -> None:
         "reason": bound.reason,
         "retry": bound.retry,
     }
-    write_bundle(path, layout.BOUND_FORMAT, header, arrays)
+    return header, arrays
 
 
 def open_bound(path: Path) -> Bundle:

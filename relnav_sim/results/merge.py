@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +18,15 @@ from relnav_sim.results.block import (
     ResultHeader,
     ResultsError,
 )
-from relnav_sim.results.bound import BoundResult, bounds_of
+from relnav_sim.results.bound import BoundResult, bound_digest, bounds_of
 from relnav_sim.results.case_rows import CaseRows, stacks
 from relnav_sim.results.header import write_header
 from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.stack_writer import StackWriter
+
+MERGED_FROM = "merged_from"
+"""The attribute with the digest of what a results file was merged from."""
 
 
 def merge_shards(
@@ -61,6 +66,7 @@ def merge_pieces(
     for case in header.cases:
         if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
+    pieces, bounds = list(pieces), list(bounds)
     by_case = _by_case(pieces, header)
     limits = bounds_of(header, bounds)
     if complete and (missing := missing_runs(by_case, header)):
@@ -74,12 +80,35 @@ def merge_pieces(
         with store.create_file(temporary) as file:
             write_header(file, header, provenance)
             file.attrs[seal.ATTRIBUTE] = seal.NOTICE
+            file.attrs[MERGED_FROM] = merged_from(header, pieces, bounds)
             if layout.CASES in file:
                 _write_stacks(file, len(header.cases), cases)
             else:
                 for rows in cases:
                     StackWriter(file[layout.case_group(rows.index)], [rows]).write()
         seal.seal(temporary)
+
+
+def merged_from(header: ResultHeader, pieces: Iterable[Piece], bounds: Iterable[BoundResult]) -> str:
+    """Return a digest of what a results file is merged from, in whatever order; the same digest means the same file."""
+    cases = [[case.id, case.label, list(case.filters), dict(case.filter_ids)] for case in header.cases]
+    facts = [header.campaign_name, header.text, header.content, header.hash, header.seed, header.runs, header.only]
+    told = [*facts, cases, dict(header.constants), dict(header.stopping)]
+    digest = hashlib.sha256(json.dumps([layout.FORMAT_VERSION, *told], sort_keys=True).encode())
+    for text in sorted({piece.checksum or str(piece.info) for piece in pieces}):
+        digest.update(text.encode())
+    for text in sorted({bound_digest(bound) for bound in bounds}):
+        digest.update(text.encode())
+    return digest.hexdigest()
+
+
+def is_merged(out: Path, digest: str) -> bool:
+    """Return whether a results file is whole and was merged from what has this digest."""
+    try:
+        with store.open_checked(out, layout.FORMAT, whole=True) as file:
+            return MERGED_FROM in file.attrs and store.text(file, MERGED_FROM) == digest
+    except ResultsError:
+        return False
 
 
 def _write_stacks(file: h5py.File, cases: int, held: Sequence[CaseRows]) -> None:

@@ -10,11 +10,11 @@ from pathlib import Path
 from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
-from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
 from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.results.shard_files import held_shards
+from relnav_sim.results.shard_files import MOST_LOOSE, held_shards, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
@@ -40,6 +40,7 @@ class Job:
         finished: Its shards.
         bounds: The bounds that are left.
         failures: Failed runs of filters, of those computed now.
+        loose: Files that have come since some were packed.
         in_session: Whether something has been left to compute.
     """
 
@@ -52,11 +53,13 @@ class Job:
     finished: Finished = field(default_factory=Finished)
     bounds: list[BoundTask] = field(default_factory=list)
     failures: int = 0
+    loose: int = 0
     in_session: bool = False
 
     def take_stock(self) -> None:
         """Find out what earlier commands have finished."""
         write_folder_header(self.folder, self.header)
+        pack(self.folder)
         self.finished = finished_work(self.folder, self.campaign, self.say)
         self.bounds = bounds_left(bound_tasks(self.campaign, self.folder, self.part), self.say)
         if self.finished.shards and (others := other_versions(self.folder)):
@@ -81,6 +84,10 @@ class Job:
             self.failures += done.failures
         else:
             self.bounds.remove(done.block)
+        self.loose += 1
+        if self.loose > MOST_LOOSE:
+            pack(self.folder)
+            self.loose = 0
 
     def figures(self) -> dict[tuple[str, str], dict[int, float]]:
         """Return the headline figures of the finished runs by case id and filter name."""
@@ -102,7 +109,8 @@ class Job:
         bounds = [bound for bound in found if bound is not None]
         shards, _ = held_shards(self.folder)
         pieces = [bundle_piece(shards[name]) for name in self.finished.shards]
-        merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=bounds)
+        if self.in_session or not is_merged(self.out, merged_from(self.header, pieces, bounds)):
+            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=bounds)
         labels = {case.id: case.label for case in self.campaign.cases}
         for bound in bounds:
             if bound.reason:

@@ -17,7 +17,7 @@ from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.bundle import Bundle
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
-from relnav_sim.results.merge import merge_pieces, missing_runs
+from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.shard_files import held_shards, holds_shards
 from relnav_sim.results.shards import ShardInfo, shard_info
@@ -41,7 +41,10 @@ def is_unfinished(out: Path) -> bool:
     if not out.exists() or not holds_shards(folder):
         return holds_shards(folder)
     try:
-        campaign, stored = read_folder_header(folder), _stored_header(out)
+        campaign = read_folder_header(folder)
+        if _holds_all(out, folder, campaign):
+            return False
+        stored = _stored_header(out)
         pieces, stored_bounds = result_pieces(out), result_bounds(out)
     except ResultsError:
         return False
@@ -54,6 +57,24 @@ def is_unfinished(out: Path) -> bool:
         return False
     wanted = {(case.id, name, case.filter_ids[name]) for case in campaign.cases for name in case.filters}
     return any(key[:3] in wanted and key[3] < campaign.runs for key in _held(_known_infos(folder)) - held)
+
+
+def _holds_all(out: Path, folder: Path, campaign: ResultHeader) -> bool:
+    """Return whether the results file was merged from just what the folder holds, which is quick to tell."""
+    with store.open_checked(out, layout.FORMAT) as file:
+        if MERGED_FROM not in file.attrs:
+            return False
+        digest = store.text(file, MERGED_FROM)
+    known = {case.id for case in campaign.cases}
+    pieces = [bundle_piece(bundle) for bundle in held_shards(folder)[0].values()]
+    mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == campaign.seed]
+    return digest == merged_from(campaign, mine, _asked_for(campaign, sound_bounds(folder)))
+
+
+def _asked_for(campaign: ResultHeader, bounds: Iterable[BoundResult]) -> list[BoundResult]:
+    """Return the bounds that a campaign asks for."""
+    ids = {case.id: case.filter_ids for case in campaign.cases} if campaign.content.get("bound", True) else {}
+    return [bound for bound in bounds if bound.seed == campaign.seed and ids.get(bound.case_id) == bound.filter_ids]
 
 
 def _stored_header(out: Path) -> ResultHeader:
