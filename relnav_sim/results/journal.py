@@ -39,12 +39,16 @@ class Frame:
     Attributes:
         first: Where the frame begins, bytes.
         last: Where it ends.
-        bundle: The bundle.
+        data_first: Where the bundle's bytes begin.
+        data_length: How many they are.
+        texts: Its name, and its texts as `bundle.written` makes them.
     """
 
     first: int
     last: int
-    bundle: Bundle
+    data_first: int
+    data_length: int
+    texts: Mapping[str, str]
 
 
 def append(folder: Path, bundles: Iterable[tuple[str, Mapping[str, str], bytes]]) -> None:
@@ -69,13 +73,34 @@ def append(folder: Path, bundles: Iterable[tuple[str, Mapping[str, str], bytes]]
     sync_directory(folder)
 
 
-def bundles(folder: Path) -> dict[str, Bundle]:
-    """Return what the journal of a folder holds, by name; the latest of a name counts.
+def names(folder: Path) -> set[str]:
+    """Return the names of what the journal of a folder holds.
 
     Raises:
         UnavailableError: It can't be read.
     """
-    return {frame.bundle.name: frame.bundle for frame in _frames(folder / JOURNAL)}
+    return {frame.texts["name"] for frame in _frames(folder / JOURNAL)}
+
+
+def bundles(folder: Path, suffix: str) -> dict[str, Bundle]:
+    """Return what the journal of a folder holds with such names, by name; the latest of a name counts.
+
+    Raises:
+        UnavailableError: It can't be read.
+    """
+    path = folder / JOURNAL
+    frames = {frame.texts["name"]: frame for frame in _frames(path) if frame.texts["name"].endswith(suffix)}
+    return {name: bundle for name, frame in frames.items() if (bundle := _bundle(path, frame)) is not None}
+
+
+def _bundle(path: Path, frame: Frame) -> Bundle | None:
+    texts = frame.texts
+    try:
+        header = json.loads(texts["header"])
+    except (RecursionError, ValueError):
+        return None
+    load = partial(_load, path, texts, frame.data_first, frame.data_length)
+    return Bundle(path, texts["name"], header, texts["checksum"], load)
 
 
 def drop(folder: Path, names: Iterable[str]) -> None:
@@ -85,7 +110,7 @@ def drop(folder: Path, names: Iterable[str]) -> None:
         OSError: It can't be written.
     """
     path, unwanted = folder / JOURNAL, set(names)
-    kept = [frame for frame in _frames(path) if frame.bundle.name not in unwanted]
+    kept = [frame for frame in _frames(path) if frame.texts["name"] not in unwanted]
     with open(path, "rb") as old, written_whole(path) as temporary, open(temporary, "wb") as new:
         for frame in kept:
             old.seek(frame.first)
@@ -149,12 +174,11 @@ def _frame_at(path: Path, file: BinaryIO, first: int, size: int) -> Frame | None
     if hashlib.sha256(lengths + head).digest() != prefix[-_DIGEST:]:
         return None
     try:
-        texts = {name: str(json.loads(head)[name]) for name in _TEXTS}
-        header = json.loads(texts["header"])
+        found = json.loads(head)
+        texts = {name: str(found[name]) for name in _TEXTS}
     except (KeyError, RecursionError, TypeError, ValueError):
         return None
-    load = partial(_load, path, texts, data_first, data_length)
-    return Frame(first, last, Bundle(path, texts["name"], header, texts["checksum"], load))
+    return Frame(first, last, data_first, data_length, texts)
 
 
 def _next_mark(file: BinaryIO, start: int) -> int | None:

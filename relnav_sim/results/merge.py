@@ -80,7 +80,7 @@ def merge_pieces(
         with store.create_file(temporary) as file:
             write_header(file, header, provenance)
             file.attrs[seal.ATTRIBUTE] = seal.NOTICE
-            file.attrs[MERGED_FROM] = merged_from(header, pieces, bounds)
+            file.attrs[MERGED_FROM] = merged_from(header, pieces, map(bound_digest, bounds))
             if layout.CASES in file:
                 _write_stacks(file, len(header.cases), cases)
             else:
@@ -89,15 +89,21 @@ def merge_pieces(
         seal.seal(temporary)
 
 
-def merged_from(header: ResultHeader, pieces: Iterable[Piece], bounds: Iterable[BoundResult]) -> str:
-    """Return a digest of what a results file is merged from, in whatever order; the same digest means the same file."""
+def merged_from(header: ResultHeader, pieces: Iterable[Piece], bounds: Iterable[str]) -> str:
+    """Return a digest of what a results file is merged from, in whatever order; the same digest means the same file.
+
+    Args:
+        header: The campaign.
+        pieces: The pieces.
+        bounds: The checksums of the bounds.
+    """
     cases = [[case.id, case.label, list(case.filters), dict(case.filter_ids)] for case in header.cases]
     facts = [header.campaign_name, header.text, header.content, header.hash, header.seed, header.runs, header.only]
     told = [*facts, cases, dict(header.constants), dict(header.stopping)]
     digest = hashlib.sha256(json.dumps([layout.FORMAT_VERSION, *told], sort_keys=True).encode())
     for text in sorted({piece.checksum or str(piece.info) for piece in pieces}):
         digest.update(text.encode())
-    for text in sorted({bound_digest(bound) for bound in bounds}):
+    for text in sorted(set(bounds)):
         digest.update(text.encode())
     return digest.hexdigest()
 

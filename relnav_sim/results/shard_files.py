@@ -22,7 +22,7 @@ LARGEST_PACKED = 4 << 20
 
 def holds_shards(folder: Path) -> bool:
     """Return whether a folder holds any shard, sound or not."""
-    return any(folder.glob(f"*{SHARD}")) or any(name.endswith(SHARD) for name in journal.bundles(folder))
+    return any(folder.glob(f"*{SHARD}")) or any(name.endswith(SHARD) for name in journal.names(folder))
 
 
 def newest_shard_s(folder: Path) -> float:
@@ -42,7 +42,7 @@ def held_bounds(folder: Path) -> tuple[dict[str, Bundle], dict[str, ResultsError
 
 
 def _held(folder: Path, suffix: str) -> tuple[dict[str, Bundle], dict[str, ResultsError]]:
-    found = {name: bundle for name, bundle in journal.bundles(folder).items() if name.endswith(suffix)}
+    found = journal.bundles(folder, suffix)
     damaged: dict[str, ResultsError] = {}
     opened = open_shard if suffix == SHARD else open_bound
     for path in folder.glob(f"*{suffix}"):
@@ -50,7 +50,7 @@ def _held(folder: Path, suffix: str) -> tuple[dict[str, Bundle], dict[str, Resul
             found[path.name] = _wherever(folder, opened(path))
         except ResultsError as error:
             if not path.exists():  # taken over by the journal meanwhile
-                found |= {n: b for n, b in journal.bundles(folder).items() if n == path.name}
+                found |= journal.bundles(folder, path.name)
             elif path.name not in found:
                 damaged[path.name] = error
     return dict(sorted(found.items())), damaged
@@ -63,7 +63,7 @@ def _wherever(folder: Path, bundle: Bundle) -> Bundle:
         try:
             return bundle.load()
         except ResultsError:
-            if bundle.path.exists() or (packed := journal.bundles(folder).get(bundle.name)) is None:
+            if bundle.path.exists() or (packed := journal.bundles(folder, bundle.name).get(bundle.name)) is None:
                 raise
             return packed.load()
 
@@ -79,7 +79,7 @@ def remove(folder: Path, names: Iterable[str]) -> None:
     names = list(names)
     for name in names:
         (folder / name).unlink(missing_ok=True)
-    if not set(names).isdisjoint(journal.bundles(folder)):
+    if not set(names).isdisjoint(journal.names(folder)):
         journal.drop(folder, names)
 
 

@@ -14,7 +14,7 @@ from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
 from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.results.shard_files import MOST_LOOSE, held_shards, pack
+from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
@@ -105,17 +105,18 @@ class Job:
         if self.in_session:
             end_session(self.folder)
         self._say_what_is_left_out()
-        found = finished_bounds(bound_tasks(self.campaign, self.folder), self.say)
-        bounds = [bound for bound in found if bound is not None]
-        shards, _ = held_shards(self.folder)
+        tasks = bound_tasks(self.campaign, self.folder)
+        shards, bounds = held_shards(self.folder)[0], held_bounds(self.folder)[0]
         pieces = [bundle_piece(shards[name]) for name in self.finished.shards]
-        if self.in_session or not is_merged(self.out, merged_from(self.header, pieces, bounds)):
-            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=bounds)
-        labels = {case.id: case.label for case in self.campaign.cases}
-        for bound in bounds:
-            if bound.reason:
-                again = "; the same command tries again" if bound.retry else ""
-                self.say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}{again}")
+        checksums = [bounds[task.name].checksum for task in tasks if task.name in bounds]
+        if self.in_session or not is_merged(self.out, merged_from(self.header, pieces, checksums)):
+            found = [bound for bound in finished_bounds(tasks, self.say) if bound is not None]
+            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=found)
+        for task in tasks:
+            header = bounds[task.name].header if task.name in bounds else {}
+            if reason := header.get("reason"):
+                again = "; the same command tries again" if header.get("retry") else ""
+                self.say(f"case {task.case.label} lacks a Cramér-Rao bound: {reason}{again}")
         if lacking := sum(len(piece.info.runs) for piece in pieces if piece.info.retry):
             self.say(f"{lacking_in_words(lacking)}, and fewer --workers leave more memory to each")
         return not lacking

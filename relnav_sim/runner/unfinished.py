@@ -13,13 +13,13 @@ from pathlib import Path
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import ResultHeader, ResultsError
-from relnav_sim.results.bound import BoundResult, result_bounds
+from relnav_sim.results.bound import BoundResult, bound_name, result_bounds
 from relnav_sim.results.bundle import Bundle
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
-from relnav_sim.results.shard_files import held_shards, holds_shards
+from relnav_sim.results.shard_files import held_bounds, held_shards, holds_shards
 from relnav_sim.results.shards import ShardInfo, shard_info
 from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.sessions import past_sessions, provenance_of
@@ -68,13 +68,14 @@ def _holds_all(out: Path, folder: Path, campaign: ResultHeader) -> bool:
     known = {case.id for case in campaign.cases}
     pieces = [bundle_piece(bundle) for bundle in held_shards(folder)[0].values()]
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == campaign.seed]
-    return digest == merged_from(campaign, mine, _asked_for(campaign, sound_bounds(folder)))
+    return digest == merged_from(campaign, mine, _asked_for(campaign, held_bounds(folder)[0].values()))
 
 
-def _asked_for(campaign: ResultHeader, bounds: Iterable[BoundResult]) -> list[BoundResult]:
-    """Return the bounds that a campaign asks for."""
-    ids = {case.id: case.filter_ids for case in campaign.cases} if campaign.content.get("bound", True) else {}
-    return [bound for bound in bounds if bound.seed == campaign.seed and ids.get(bound.case_id) == bound.filter_ids]
+def _asked_for(campaign: ResultHeader, bounds: Iterable[Bundle]) -> list[str]:
+    """Return the checksums of the bounds that a campaign asks for."""
+    cases = campaign.cases if campaign.content.get("bound", True) else ()
+    names = {bound_name(campaign.seed, case.id, case.filter_ids) for case in cases}
+    return [bound.checksum for bound in bounds if bound.name in names]
 
 
 def _stored_header(out: Path) -> ResultHeader:
