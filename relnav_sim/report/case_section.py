@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -56,6 +56,14 @@ def compose_case(
             return ranking, replace(section, notes=(*section.notes, note))
         pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
         return ranking, replace(section, pictures=tuple(pictures))
+
+
+def rank_cases(result_path: Path, indices: Sequence[int], axes: Axes) -> list[Ranking]:
+    """Return the order of the filters in some cases of a result, by their numbers from 0."""
+    from relnav_sim.results.read import open_results
+
+    with open_results(result_path) as results:
+        return [rank(case_facts(results, index, axes)) for index in indices]
 
 
 def _section(ranking: Ranking, cases: int) -> CaseSection:

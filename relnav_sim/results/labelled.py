@@ -70,7 +70,7 @@ def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> 
         coordinates[name] = (name, store.read(group, rows), _meaning(dimension))
     variables = {}
     for spec in specs:
-        if spec.dtype == "str":
+        if spec.dtype in layout.TEXTS:
             values: Any = store.read(group, spec)
         else:
             values = indexing.LazilyIndexedArray(_Stored(path, group.name, spec, store.checked(group, spec).shape))

@@ -26,6 +26,10 @@ LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
 PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
 THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
+FIXED = "text"
+"""The type of texts of one length in the file, which are read at once however many there are."""
+TEXTS = ("str", FIXED)
+
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
@@ -298,9 +302,9 @@ OBSERVABILITY = (
 observable) and ``weakest`` (the direction in words) of the group go with it."""
 
 OBSERVED_FACTS = (
-    Dataset("sensors", ("observed_case",), "str", "", "sensors whose readings count, JSON"),
+    Dataset("sensors", ("observed_case",), FIXED, "", "sensors whose readings count, JSON"),
     Dataset("blind", ("observed_case",), "<i8", "1", "number of directions that are not observable"),
-    Dataset("weakest", ("observed_case",), "str", "", "the weakest direction in words"),
+    Dataset("weakest", ("observed_case",), FIXED, "", "the weakest direction in words"),
 )
 """The same in a stack, where a group has no attributes of one case."""
 
@@ -338,7 +342,7 @@ STACKED_CASES = 50
 CASES = "cases"
 """The group that says what the cases are, where they have no groups of their own."""
 CASE_TABLE = tuple(
-    Dataset(name, ("case",), "str", "", words)
+    Dataset(name, ("case",), FIXED, "", words)
     for name, words in (
         ("id", "hash of the case's content without its filters"),
         ("label", "its values in words"),

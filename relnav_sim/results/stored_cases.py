@@ -226,7 +226,7 @@ class _Stack:
     def read(self, spec: Dataset | Dimension, index: Any) -> AnyArray:
         if isinstance(spec, Dimension):
             return self._coordinate(spec, index)
-        if spec.dtype == "str":
+        if spec.dtype in layout.TEXTS:
             return np.asarray(self.column(spec)[index])
         dataset = self._checked.get(spec)
         if dataset is None:
