@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from relnav_sim.printable import printable
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
 from relnav_sim.results.header import read_header
@@ -280,18 +280,18 @@ def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) 
     """Write the limits of the cases of a stack, by their numbers; states are alike in all that observe a filter."""
     for spec, name in dict.fromkeys(place for limits in of_cases.values() for place in limits.arrays):
         rows = {i: limits.arrays[spec, name] for i, limits in of_cases.items() if (spec, name) in limits.arrays}
-        place, whole = group[name] if name else group, layout.stacked(spec)
+        place, whole = group[name] if name else group, stacks.stacked(spec)
         store.write_dimensions(place, [whole], **{whole.dims[0]: list(rows)})
         store.write(place, whole, np.stack(list(rows.values())))
     for name in dict.fromkeys(name for limits in of_cases.values() for name in limits.observed):
         found = {i: limits.observed[name] for i, limits in of_cases.items() if name in limits.observed}
-        specs, facts = [layout.stacked(spec) for spec in layout.OBSERVABILITY], list(found.values())
+        specs, facts = [stacks.stacked(spec) for spec in layout.OBSERVABILITY], list(found.values())
         axes = {"state": facts[0].states, specs[0].dims[0]: list(found)}
-        store.write_dimensions(group[name], [*specs, *layout.OBSERVED_FACTS], **axes)
+        store.write_dimensions(group[name], [*specs, *stacks.OBSERVED_FACTS], **axes)
         for place_of, spec in enumerate(specs):
             store.write(group[name], spec, np.stack([one.arrays[place_of] for one in facts]))
         words = [json.dumps(one.sensors) for one in facts], [one.blind for one in facts], [one.weakest for one in facts]
-        for spec, values in zip(layout.OBSERVED_FACTS, words, strict=True):
+        for spec, values in zip(stacks.OBSERVED_FACTS, words, strict=True):
             store.write(group[name], spec, values)
 
 

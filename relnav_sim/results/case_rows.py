@@ -101,7 +101,7 @@ def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors)
 
 
-def stacks(cases: Sequence[CaseRows]) -> list[list[CaseRows]]:
+def groups_alike(cases: Sequence[CaseRows]) -> list[list[CaseRows]]:
     """Return cases in groups of those alike, each in order, which share datasets in the file."""
     alike: dict[Hashable, list[CaseRows]] = {}
     for rows in cases:

@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import CaseHeader, ReplayHeader, ResultHeader, ResultsError
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
 from relnav_sim.results.sound import odd_header
@@ -23,7 +23,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     file.attrs.update(
         {
             "format": layout.FORMAT,
-            "format_version": layout.result_version(len(header.cases)),
+            "format_version": stacks.result_version(len(header.cases)),
             "campaign_name": header.campaign_name,
             "campaign_text": header.text,
             "campaign_content": json.dumps(header.content),
@@ -41,7 +41,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     for name, value in asdict(provenance).items():
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
-    if len(header.cases) > layout.STACKED_CASES:
+    if len(header.cases) > stacks.STACKED_CASES:
         _write_cases(file, header.cases)
         return
     for index, case in enumerate(header.cases):
@@ -62,10 +62,10 @@ def _texts_of(case: CaseHeader) -> dict[str, str]:
 
 def _write_cases(file: h5py.File, cases: Sequence[CaseHeader]) -> None:
     """Write what the cases are as a table: a group for each would take longer than their numbers."""
-    group = file.create_group(layout.CASES)
-    store.write_dimensions(group, layout.CASE_TABLE, case=range(len(cases)))
+    group = file.create_group(stacks.CASES)
+    store.write_dimensions(group, stacks.CASE_TABLE, case=range(len(cases)))
     rows = [_texts_of(case) for case in cases]
-    for spec in layout.CASE_TABLE:
+    for spec in stacks.CASE_TABLE:
         store.write(group, spec, [row[spec.name] for row in rows])
 
 
@@ -139,9 +139,9 @@ def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
 
 
 def _read_cases(file: h5py.File) -> tuple[CaseHeader, ...]:
-    if layout.CASES in store.names(file):
-        table = store.subgroup(file, layout.CASES)
-        columns = [store.read(table, spec) for spec in layout.CASE_TABLE]
+    if stacks.CASES in store.names(file):
+        table = store.subgroup(file, stacks.CASES)
+        columns = [store.read(table, spec) for spec in stacks.CASE_TABLE]
         return tuple(_case(f"{file.filename}: {table.name}", *map(str, row)) for row in zip(*columns, strict=True))
     groups = [store.subgroup(file, name) for name in store.names(file) if name.startswith("case_")]
     ordered = sorted(groups, key=_number)
@@ -151,7 +151,7 @@ def _read_cases(file: h5py.File) -> tuple[CaseHeader, ...]:
 
 
 def _read_case(group: h5py.Group) -> CaseHeader:
-    names = [spec.name for spec in layout.CASE_TABLE if spec.name in group.attrs or spec.name != "channels"]
+    names = [spec.name for spec in stacks.CASE_TABLE if spec.name in group.attrs or spec.name != "channels"]
     texts = {name: store.text(group, name) for name in names}
     return _case(f"{group.file.filename}: {group.name}", **{"channels": "{}", **texts})
 

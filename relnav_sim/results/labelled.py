@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.stored_cases import columns_of
 
 
@@ -29,9 +29,9 @@ def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
         file: The same file, open.
     """
     nodes = {"/": xarray.Dataset(attrs=store.attributes(file))}
-    if layout.CASES in store.names(file):
-        table = store.subgroup(file, layout.CASES)
-        nodes[layout.CASES] = _dataset(path, table, (*layout.CASE_TABLE, layout.STACK))
+    if stacks.CASES in store.names(file):
+        table = store.subgroup(file, stacks.CASES)
+        nodes[stacks.CASES] = _dataset(path, table, (*stacks.CASE_TABLE, stacks.STACK))
     for name in [name for name in store.names(file) if name.startswith(("case_", "stack_"))]:
         case = store.subgroup(file, name)
         held = "failures" in store.names(case)
@@ -51,22 +51,22 @@ def _limits(group: h5py.Group) -> tuple[layout.Dataset, ...]:
     limits = tuple(spec for spec in layout.LIMITS if spec.name in held)
     if "case" not in held:
         return limits
-    facts = [spec for spec in layout.OBSERVED_FACTS if spec.name in held]
-    return (*map(layout.stacked, limits), *facts)
+    facts = [spec for spec in stacks.OBSERVED_FACTS if spec.name in held]
+    return (*map(stacks.stacked, limits), *facts)
 
 
 def _owners(group: h5py.Group) -> tuple[layout.Dataset, ...]:
     """Return what says in a stack whose the rows are."""
     held = store.names(group)
     axis = next((axis for axis in ("run", "trajectory", "failure") if axis in held), "")
-    return (layout.row_of_case("failure" if "reason" in held else axis),) if "case" in held else ()
+    return (stacks.row_of_case("failure" if "reason" in held else axis),) if "case" in held else ()
 
 
 def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> xarray.Dataset:
     coordinates = {}
     for name in dict.fromkeys(dim for spec in specs for dim in spec.dims):
         dimension = layout.DIMENSIONS[name]
-        rows = layout.rows_of(name) if name in ("run", "trajectory") and "case" in store.names(group) else dimension
+        rows = stacks.rows_of(name) if name in ("run", "trajectory") and "case" in store.names(group) else dimension
         coordinates[name] = (name, store.read(group, rows), _meaning(dimension))
     variables = {}
     for spec in specs:

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.results import layout, seal, store
+from relnav_sim.results import layout, seal, stacks, store
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import (
     RefusedError,
@@ -19,7 +19,7 @@ from relnav_sim.results.block import (
     ResultsError,
 )
 from relnav_sim.results.bound import BoundResult, bound_digest, bounds_of
-from relnav_sim.results.case_rows import CaseRows, stacks
+from relnav_sim.results.case_rows import CaseRows, groups_alike
 from relnav_sim.results.header import write_header
 from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.provenance import Provenance
@@ -81,7 +81,7 @@ def merge_pieces(
             write_header(file, header, provenance)
             file.attrs[seal.ATTRIBUTE] = seal.NOTICE
             file.attrs[MERGED_FROM] = merged_from(header, pieces, map(bound_digest, bounds))
-            if layout.CASES in file:
+            if stacks.CASES in file:
                 _write_stacks(file, len(header.cases), cases)
             else:
                 for rows in cases:
@@ -119,12 +119,12 @@ def is_merged(out: Path, digest: str) -> bool:
 
 def _write_stacks(file: h5py.File, cases: int, held: Sequence[CaseRows]) -> None:
     of_case = [-1] * cases
-    for number, alike in enumerate(stacks(held)):
-        group = file.create_group(layout.stack_group(number))
+    for number, alike in enumerate(groups_alike(held)):
+        group = file.create_group(stacks.stack_group(number))
         StackWriter(group, alike, many=True).write()
         for rows in alike:
             of_case[rows.index] = number
-    store.write(file[layout.CASES], layout.STACK, of_case)
+    store.write(file[stacks.CASES], stacks.STACK, of_case)
 
 
 def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -> list[str]:

@@ -113,7 +113,7 @@ class Results:
         self.constants = dict(header.constants)
         self.headers = header.cases
         self.cases = tuple(case.label for case in header.cases)
-        self._places: dict[int | str, int] = {}
+        self._places: dict[int | str, int] = {index: index for index in range(len(self.headers))}
         for index, one in enumerate(self.headers):
             self._places.setdefault(one.label, index)
             self._places.setdefault(one.id, index)
@@ -157,8 +157,6 @@ class Results:
         Raises:
             RefusedError: There is none.
         """
-        if isinstance(case, int) and 0 <= case < len(self.headers):
-            return case
         if case in self._places:
             return self._places[case]
         raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, BlockResult, Failure, RefusedError
 from relnav_sim.results.bound import write_limits, write_stacked_limits
 from relnav_sim.results.case_rows import CaseRows, offsets
@@ -101,7 +101,7 @@ class StackWriter:
         store.write_dimensions(group, [layout.Dataset(axis, (axis,), "<i8", "", "")], **{axis: rows})
         if self._many:
             owners = np.repeat(list(values), [len(own) for own in values.values()])
-            store.write(group, layout.row_of_case(axis), owners)
+            store.write(group, stacks.row_of_case(axis), owners)
 
     def _fill(self, case: _Case, info: ShardInfo, block: BlockResult) -> None:
         rows, where = case.rows, f"case {case.rows.case.label}"
@@ -145,7 +145,7 @@ class StackWriter:
         for spec in layout.FAILURES:
             store.write(group, spec, [getattr(failure, spec.name) for _, failure in self._failures])
         if self._many:
-            store.write(group, layout.row_of_case("failure"), [index for index, _ in self._failures])
+            store.write(group, stacks.row_of_case("failure"), [index for index, _ in self._failures])
 
 
 class _Case:

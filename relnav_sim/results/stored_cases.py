@@ -11,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, Failure, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.observability import Observability
@@ -31,8 +31,8 @@ class StoredCases:
     def __init__(self, file: h5py.File) -> None:
         self._file = file
         self._stacks: AnyArray | None = None
-        if layout.CASES in store.names(file):
-            self._stacks = store.read(store.subgroup(file, layout.CASES), layout.STACK)
+        if stacks.CASES in store.names(file):
+            self._stacks = store.read(store.subgroup(file, stacks.CASES), stacks.STACK)
         self._groups: dict[str, _Stack] = {}
 
     def case(self, index: int) -> StoredPart | None:
@@ -41,7 +41,7 @@ class StoredCases:
             group = store.subgroup(self._file, layout.case_group(index))
             return StoredPart(group) if "failures" in store.names(group) else None
         number = int(self._stacks[index])
-        return None if number < 0 else StoredPart(*self._stack(layout.stack_group(number), index))
+        return None if number < 0 else StoredPart(*self._stack(stacks.stack_group(number), index))
 
     def filter(self, index: int, name: str) -> StoredPart | None:
         """Return what the file holds of a filter of a case; None where no run has been computed yet."""
@@ -128,8 +128,8 @@ class StoredPart:
             return None
         if self.stack is None:
             return store.read(self.group, spec)
-        row = self.stack.row_of(layout.stacked(spec).dims[0], self.case)
-        return None if row is None else self.stack.read(layout.stacked(spec), row)
+        row = self.stack.row_of(stacks.stacked(spec).dims[0], self.case)
+        return None if row is None else self.stack.read(stacks.stacked(spec), row)
 
     def observability(self) -> Observability | None:
         """Return the observability of a filter in this case; None where it is not known."""
@@ -142,13 +142,13 @@ class StoredPart:
             blind, weakest = store.whole_number(self.group, "blind"), store.text(self.group, "weakest")
             sensors = store.json_value(self.group, "sensors", list)
         else:
-            row = self.stack.row_of(layout.stacked(first).dims[0], self.case)
+            row = self.stack.row_of(stacks.stacked(first).dims[0], self.case)
             if row is None:
                 return None
             ratio, direction, sigma_ratio = (
-                self.stack.read(layout.stacked(spec), row) for spec in layout.OBSERVABILITY
+                self.stack.read(stacks.stacked(spec), row) for spec in layout.OBSERVABILITY
             )
-            words, number, which = (self.stack.column(spec)[row] for spec in layout.OBSERVED_FACTS)
+            words, number, which = (self.stack.column(spec)[row] for spec in stacks.OBSERVED_FACTS)
             sensors, blind, weakest = store.plain(str(words), list), int(number), str(which)
             if sensors is None:
                 raise ResultsError(f"{self.group.file.filename}: {self.group.name}/sensors is damaged")
@@ -210,7 +210,7 @@ class _Stack:
         return found
 
     def rows(self, axis: str, case: int) -> slice:
-        owners = self.column(layout.row_of_case(axis))
+        owners = self.column(stacks.row_of_case(axis))
         if (axis, "sorted") not in self._kept:
             if (np.diff(owners) < 0).any():
                 raise ResultsError(f"{self.group.file.filename}: {self.group.name}/case does not ascend")
@@ -235,7 +235,7 @@ class _Stack:
 
     def _coordinate(self, dimension: Dimension, index: Any) -> AnyArray:
         """Return numbers of runs, which ascend within a case only."""
-        values = np.asarray(self.column(layout.rows_of(dimension.name))[index])
+        values = np.asarray(self.column(stacks.rows_of(dimension.name))[index])
         if odd := odd_coordinate(dimension, values):
             raise ResultsError(f"{self.group.file.filename}: {self.group.name}/{dimension.name} {odd}")
         return values
