@@ -5,6 +5,8 @@ BENCH := .venv-bench
 BENCHMARKS := filters filters_particle filters_alpha learned propagation real_field scaling machine campaigns
 # Small matrices are slower on many BLAS threads, and two workers share the cores.
 export OPENBLAS_NUM_THREADS ?= 1
+# Tests start many processes, which need not compile the same modules each time.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench scale schema clean
 

@@ -24,6 +24,8 @@ _HOME = {
     "load_ephemeris": "recorded",
     "Ephemeris": "recorded",
     "EphemerisError": "recorded",
+    "regret": "statistics.regret",
+    "Regret": "statistics.regret",
     "propagate": "truth",
     "ForceModel": "truth",
     "ExponentialAtmosphere": "truth",

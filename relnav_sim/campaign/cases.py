@@ -13,7 +13,6 @@ from relnav_sim.campaign.file_model import DEFAULTS, SECTIONS, PartValidator, ch
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.problems import SHOWN, Problem, did_you_mean, listed
 from relnav_sim.sensors import Sensors, sensor_kinds
-from relnav_sim.sensors.conformity import TriedSensors
 
 _CASES_WITH_PROBLEMS = 8
 """Enough to tell a problem of one value from a problem of the whole file."""
@@ -40,10 +39,10 @@ def validated_points(
     base = {key: data[key] for key in (*SECTIONS, "filters") if key in data}
     cases: list[ValidatedPoint] = []
     found: dict[Problem, list[Point]] = {}
-    seen, tried = 0, TriedSensors()
+    seen = 0
     for point in points(base, variables):
         seen += 1
-        case, problems = _validated(point, validator, tried)
+        case, problems = _validated(point, validator)
         for problem in problems:
             found.setdefault(point.written(problem), []).append(point)
         cases.append(case)
@@ -89,7 +88,7 @@ def _of_cases(problem: Problem, found: list[Point], seen: int) -> Problem:
     return Problem(problem.path, f"{problem.sentence} (in the case {label})")
 
 
-def _validated(point: Point, validator: PartValidator, tried: TriedSensors) -> tuple[ValidatedPoint, list[Problem]]:
+def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, list[Problem]]:
     parts: dict[str, Any] = {}
     filters: dict[str, Any] = {}
     problems: list[Problem] = []
@@ -122,7 +121,7 @@ def _validated(point: Point, validator: PartValidator, tried: TriedSensors) -> t
         if len(problems) > SHOWN:
             break
     together = Parts(**parts, filters=filters)
-    return ValidatedPoint(point, together), [*problems, *check_together(together, tried)]
+    return ValidatedPoint(point, together), [*problems, *check_together(together, validator.tried)]
 
 
 def _sensors(section: Any, validator: PartValidator) -> tuple[dict[str, Any] | None, list[Problem]]:

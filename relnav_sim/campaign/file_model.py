@@ -37,6 +37,7 @@ from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorOptions, sensor_kinds
+from relnav_sim.sensors.conformity import TriedSensors
 from relnav_sim.truth import TruthSection
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
@@ -112,13 +113,15 @@ DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": Statisti
 FILTERS = "The filters to compare, by names of your choice"
 GRID = "Paths with lists of values: a case for every combination"
 ZIP = "Paths with equally long lists of values: a case for each position, all lists moving together"
+STRESS = "Truths that no filter is told of, by names of your choice: paths with values; flown by `relnav run --stress`"
 
-TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip")
+TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip", "stress")
 
 
 def file_model() -> type[Options]:
     """Return the model of a whole campaign file over everything that is registered now."""
     lists = dict[str, Annotated[list[Any], Field(min_length=1)]]
+    overrides = dict[Name, Annotated[dict[str, Any], Field(min_length=1)]]
     sections: dict[str, Any] = {
         key: (kind, Field(default=DEFAULTS[key], description=words) if key in DEFAULTS else Field(description=words))
         for key, (kind, words) in SECTIONS.items()
@@ -134,6 +137,7 @@ def file_model() -> type[Options]:
         filters=(dict[Name, entry], Field(min_length=1, description=FILTERS)),
         grid=(lists, Field(default={}, description=GRID)),
         zip=(lists, Field(default={}, description=ZIP)),
+        stress=(overrides, Field(default={}, description=STRESS)),
     )
     return cast(type[Options], made)
 
@@ -191,12 +195,16 @@ class PartValidator:
     Args:
         folder: Where the file is; the files that it names are looked for from there. None: the data are no file's,
             but were validated before, with the content of such files filled in.
+
+    Attributes:
+        tried: Tries the sensors of all cases.
     """
 
     def __init__(self, folder: FilePath | None = FilePath()) -> None:
         self._context = {} if folder is None else {"folder": folder}
         self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
         self._whole: Shape | None = None
+        self.tried = TriedSensors()
 
     def settings(self, data: dict[str, Any]) -> tuple[Settings | None, list[Problem]]:
         """Return the keys that hold for all cases."""

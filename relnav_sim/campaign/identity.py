@@ -14,7 +14,7 @@ from relnav_sim.same_object import remembered
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
-OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements"})
+OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements", "stress"})
 """Keys that change how much is computed and in which pieces, but no number that is."""
 
 
@@ -64,6 +64,11 @@ def _sensor_text(entry: Any, name: str) -> str:
 def _joined(texts: Mapping[str, str]) -> str:
     """Return the text of a section from those of its parts, the same that `_text` makes of the whole."""
     return "{" + ",".join(f"{json.dumps(key)}:{texts[key]}" for key in sorted(texts)) + "}"
+
+
+def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
+    """Return the id of a case under a stress, from the id of the case and what happens there, as plain data."""
+    return _digest({"case": nominal, "flown": in_first_spelling(flown)})[:12]
 
 
 @remembered

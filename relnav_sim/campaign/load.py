@@ -6,16 +6,16 @@ import itertools
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
 from relnav_sim.campaign.blocks import block_size
 from relnav_sim.campaign.cases import ValidatedPoint, in_one_spelling, validated_points
-from relnav_sim.campaign.expand import read_variables
+from relnav_sim.campaign.expand import BASE_LABEL, read_variables
 from relnav_sim.campaign.file_model import SECTIONS, TOP_KEYS, PartValidator, Settings
 from relnav_sim.campaign.former import present_path
-from relnav_sim.campaign.identity import campaign_hash, case_id, filter_id
+from relnav_sim.campaign.identity import campaign_hash, case_id, filter_id, stressed_id
 from relnav_sim.campaign.loader import MOST_BYTES, load_document, read_text
 from relnav_sim.campaign.messages import unknown_key
 from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
@@ -23,6 +23,7 @@ from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
 from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement, NisRequirement
+from relnav_sim.campaign.stress import Stress, read_stress, stressed
 from relnav_sim.kernels.compiling import interpreted
 from relnav_sim.options import Options
 from relnav_sim.same_object import remembered
@@ -39,12 +40,16 @@ class Case:
         label: The case's values in words.
         variables: The values of the varied paths, with their defaults filled in.
         config: The validated sections.
+        stress: Name of the stress under which it is flown; empty: none.
+        nominal: Id of the same case without the stress; empty where there is none.
     """
 
     id: str
     label: str
     variables: Mapping[str, Any]
     config: CaseConfig
+    stress: str = ""
+    nominal: str = ""
 
     @property
     def filter_ids(self) -> dict[str, str]:
@@ -71,6 +76,7 @@ class Campaign:
         bound: Whether to compute the Cramér-Rao bound of each case.
         tune: How `relnav tune` searches; None: nothing is said.
         requirements: What the filters must achieve, by name.
+        stressed: Its cases under truths that no filter is told of; `with_stress` adds them to the cases.
     """
 
     name: str
@@ -86,6 +92,16 @@ class Campaign:
     bound: bool = True
     tune: TuneOptions | None = None
     requirements: Mapping[str, AnyRequirement] = field(default_factory=dict)
+    stressed: tuple[Case, ...] = ()
+
+    def with_stress(self) -> Campaign:
+        """Return the campaign with its stressed cases behind the others, as `relnav run --stress` flies it."""
+        return replace(self, cases=(*self.nominal_cases, *self.stressed))
+
+    @property
+    def nominal_cases(self) -> tuple[Case, ...]:
+        """The cases in which filters are told of what happens."""
+        return tuple(case for case in self.cases if not case.stress)
 
 
 def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Campaign:
@@ -145,6 +161,8 @@ def _validated(text: str, overrides: Sequence[str], path: FilePath | None, valid
     problems += found
     variables, unvaried = read_variables(data, (*SECTIONS, "filters"))
     problems += unvaried
+    stresses, unstressed = read_stress(data)
+    problems += unstressed
     problems += source.swept_overrides(variables)
     valid, found = validated_points(data, variables if not unvaried else (), validator)
     problems += found
@@ -162,7 +180,15 @@ def _validated(text: str, overrides: Sequence[str], path: FilePath | None, valid
         raise _error([Problem(("stop", "filter"), no_such("filter", settings.stop.filter or "", names))], source)
     if unmeant := [*_unknown_filters(settings, names), *_too_late(settings, cases)]:
         raise _error(unmeant, source)
+    under, found = stressed(stresses, [(v, case.config) for v, case in zip(valid, cases, strict=True)], validator)
+    if found:
+        raise _error(found, source)
+    stressed_cases = tuple(_stressed(cases[number], stress, config) for number, stress, config in under)
+    if repeated := _same_cases([*cases, *stressed_cases]):
+        raise _error(repeated, source)
     content = _content(settings, valid, cases)
+    if stresses:
+        content["stress"] = {stress.name: stress.content(config) for number, stress, config in under if number == 0}
     if unknown := _unknown_sensors(settings, content):
         raise _error(unknown, source)
     return Campaign(
@@ -179,6 +205,7 @@ def _validated(text: str, overrides: Sequence[str], path: FilePath | None, valid
         bound=settings.bound,
         tune=settings.tune,
         requirements=settings.requirements,
+        stressed=stressed_cases,
     )
 
 
@@ -216,6 +243,13 @@ def _plain(part: Options) -> dict[str, Any]:
     return part.model_dump(mode="json")
 
 
+def _stressed(case: Case, stress: Stress, config: CaseConfig) -> Case:
+    assert config.untold is not None  # it is a stress
+    label = f"stress={stress.name}" if case.label == BASE_LABEL else f"{case.label}, stress={stress.name}"
+    own = stressed_id(case.id, config.untold.model_dump(mode="json"))
+    return replace(case, id=own, label=label, config=config, stress=stress.name, nominal=case.id)
+
+
 def _same_cases(cases: Sequence[Case]) -> list[Problem]:
     """Return the cases that differ in spelling only, or not at all."""
     seen: dict[str, int] = {}
@@ -225,7 +259,8 @@ def _same_cases(cases: Sequence[Case]) -> list[Problem]:
         if first != index:
             labels = dict.fromkeys((cases[first].label, case.label))
             which = " and ".join(labels) if len(labels) > 1 else f"{first + 1} and {index + 1}, both {case.label},"
-            problems.append(Problem((), f"the cases {which} mean the same; keep one"))
+            place = ("stress", case.stress) if case.stress else ()
+            problems.append(Problem(place, f"the cases {which} mean the same; keep one"))
     return problems
 
 

@@ -210,8 +210,19 @@ class TuneOptions(Options):
     )
 
 
+class Untold(Options):
+    """What happens in a stressed case and no filter is told of: its truth, its sensors, its error at the start."""
+
+    truth: TruthSection
+    sensors: dict[str, SerializeAsAny[SensorOptions]]
+    start: StartOptions
+
+
 class CaseConfig(Options):
-    """One point of a campaign's grid: everything that a run needs but its number and the seed."""
+    """One point of a campaign's grid: everything that a run needs but its number and the seed.
+
+    Its sections are what filters are told of. What is simulated is `flown`, which is the same but in a stressed case.
+    """
 
     name: str = Field(description="The campaign's name")
     clock: Clock
@@ -220,3 +231,19 @@ class CaseConfig(Options):
     start: StartOptions = FirstFixStart()
     filters: dict[str, SerializeAsAny[FilterEntry]]
     statistics: StatisticsOptions = StatisticsOptions()
+    untold: Untold | None = Field(
+        default=None, exclude=True, description="What is simulated instead in a stressed case; no part of its identity"
+    )
+
+    @property
+    def flown(self) -> CaseConfig:
+        """The case with what really happens in place of what filters are told of."""
+        if self.untold is None:
+            return self
+        parts = {name: getattr(self.untold, name) for name in type(self.untold).model_fields}
+        return self.model_copy(update={**parts, "untold": None})
+
+    @property
+    def told(self) -> CaseConfig:
+        """The case as filters are told of it, and as if that were all that happens."""
+        return self.model_copy(update={"untold": None})

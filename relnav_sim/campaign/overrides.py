@@ -74,8 +74,13 @@ def apply_overrides(data: Any, overrides: Sequence[str], source: Source) -> tupl
 
 
 def _override_path(name: str, data: Any) -> Path:
-    """Return the path of an override; below `grid` and `zip` the rest is one key."""
+    """Return the path of an override; below `grid`, `zip` and a stress's name the rest is one key."""
     section, _, rest = name.partition(".")
     if section in ("grid", "zip") and rest:
         return (section, rest)
+    if section == "stress" and rest:
+        known = [key for key in data.get("stress") or () if rest.startswith(f"{key}.")]
+        stress = max(known, key=len, default=rest.partition(".")[0])
+        below = rest.removeprefix(stress).removeprefix(".")
+        return (section, stress, below) if below else (section, stress)
     return parse_path(name, data)

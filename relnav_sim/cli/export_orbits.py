@@ -57,7 +57,7 @@ def export_orbits(
     if filter is not None and filter not in names:
         raise UserError(f"the case has no filter {filter!r}; its filters are {', '.join(names)}")
     campaign = stored_campaign(results)
-    if campaign.cases[index].config.truth.start_epoch is None:
+    if campaign.cases[index].config.flown.truth.start_epoch is None:
         raise UserError(
             "an OEM holds calendar dates, and the campaign has none; give it a truth.epoch, as 2010-07-27T00:00:00 UTC"
         )
@@ -124,7 +124,7 @@ def _orbit(
     from relnav_sim.recorded.oem_writing import OemOrbit
 
     whole = campaign.cases[case]
-    epoch = whole.config.truth.start_epoch
+    epoch = whole.config.flown.truth.start_epoch
     assert epoch is not None  # or nothing is written
     stored = np.arange(0, len(times_s), whole.config.clock.store_every)
     sound: Mask = np.asarray(np.isfinite(states[stored]).all(axis=1))

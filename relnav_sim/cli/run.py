@@ -72,6 +72,9 @@ def run(
         typer.Option(metavar="CASE:RUN", help="Only one run of one case, as 0:17, into a file of its own."),
     ] = None,
     trace: Annotated[bool, typer.Option("--trace", help="With --only: store every step.")] = False,
+    stress: Annotated[
+        bool, typer.Option("--stress", help="Fly the truths of `stress:` too, which no filter is told of.")
+    ] = False,
 ) -> None:
     """Simulate a campaign, run its filters and store the result.
 
@@ -88,6 +91,8 @@ def run(
 
         changed = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
         campaign = load_campaign(existing(file, CAMPAIGNS), changed)
+        if stress:
+            campaign = _with_stress(campaign, file)
 
         from relnav_sim.runner.single import case_number, run_single, single_out
 
@@ -124,6 +129,17 @@ def run(
         except RefusedError as error:
             raise UserError(str(error)) from None
         _say_what_came_of_it(path, part)
+
+
+def _with_stress(campaign: Campaign, file: Path) -> Campaign:
+    """Return the campaign with its stressed cases.
+
+    Raises:
+        UserError: It has none.
+    """
+    if not campaign.stressed:
+        raise UserError(f"{file} has no section 'stress:' to fly; leave out --stress, or see docs/regret.md")
+    return campaign.with_stress()
 
 
 def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:

@@ -41,6 +41,7 @@ def validate(
             ("name", campaign.name),
             ("hash", campaign.hash[:12]),
             ("cases", "\n".join([str(len(labels)), *labels[:CASES_SHOWN], *more])),
+            *_stress_rows(campaign),
             ("filters", ", ".join(dict.fromkeys(name for case in campaign.cases for name in case.config.filters))),
             ("runs", f"{campaign.runs} of each case, seed {campaign.seed}"),
             ("time", f"{config.clock.duration_s:g} s in steps of {config.clock.step_s:g} s"),
@@ -48,12 +49,34 @@ def validate(
             ("", f"{plan.filter_steps:.3g} filter steps, about {in_words(plan.cpu_s + START_S)} of CPU time"),
             ("disk", f"about {size_in_words(plan.disk_bytes)}"),
             ("memory", f"about {size_in_words(plan.memory_bytes)} for each worker"),
+            *_with_stress_rows(campaign),
         ]
     )
     for sentence in recorded_orbits(campaign):
         say(sentence)
     for sentence in warnings_before(campaign):
         say(f"warning: {sentence}", err=True)
+
+
+def _stress_rows(campaign: Campaign) -> list[tuple[str, str]]:
+    """Return how many stressed cases there are, and under which names; nothing without any."""
+    names = list(dict.fromkeys(case.stress for case in campaign.stressed))
+    if not names:
+        return []
+    each = "" if len(campaign.cases) == 1 else f", {len(names)} of each case"
+    return [("stressed", "\n".join([f"{len(campaign.stressed)}{each}; relnav run --stress flies them too", *names]))]
+
+
+def _with_stress_rows(campaign: Campaign) -> list[tuple[str, str]]:
+    """Return what the campaign takes with its stressed cases."""
+    from relnav_sim.campaign import plan_campaign
+    from relnav_sim.campaign.plan import START_S
+
+    if not campaign.stressed:
+        return []
+    plan = plan_campaign(campaign.with_stress())
+    time, disk = in_words(plan.cpu_s + START_S), size_in_words(plan.disk_bytes)
+    return [("with --stress", f"{plan.filter_steps:.3g} filter steps, about {time} of CPU time, {disk} of disk")]
 
 
 def check_tuning(campaign: Campaign) -> None:

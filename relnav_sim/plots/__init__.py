@@ -13,6 +13,7 @@ from relnav_sim.plots.errors import axis_errors, errors_with_envelope
 from relnav_sim.plots.geometry import error_ellipses, plane, trajectory
 from relnav_sim.plots.over_time import consistency_over_time, covariance_against_error, rms_over_time
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
+from relnav_sim.plots.regret import regret_by_case
 from relnav_sim.plots.spread import box_plots, violin_plots
 from relnav_sim.plots.sweeps import accuracy_by_case, heat_map, sweep_boxes, sweep_trend
 
@@ -34,6 +35,7 @@ __all__ = [
     "figure",
     "heat_map",
     "plane",
+    "regret_by_case",
     "rms_over_time",
     "sweep_boxes",
     "sweep_trend",

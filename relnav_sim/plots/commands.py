@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 _CHANGING = ("--set", "--runs")
-_SWITCHES = ("--fresh", "--fail-fast", "--trace")
+_SWITCHES = ("--fresh", "--fail-fast", "--trace", "--stress")
 
 
 def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:
@@ -22,8 +22,9 @@ def reproduce_commands(results: Results, axes: Axes) -> tuple[str, ...]:
     if _recorded_words(recorded) or results.replay is not None:
         return (recorded, report)
     file = shlex.quote(f"{results.campaign_name}.yaml")
+    stress = " --stress" if any(header.stress for header in results.headers) else ""
     return (
-        f"relnav run {file} --runs {results.planned_runs}   # the campaign file below, saved as {file}",
+        f"relnav run {file} --runs {results.planned_runs}{stress}   # the campaign file below, saved as {file}",
         report,
     )
 

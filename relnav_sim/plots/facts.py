@@ -322,7 +322,7 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
     header = results.headers[index]
     held = [name for name in header.filters if len(results.case_runs(index, name))]
     label = header.label
-    if len(results.headers) == 1 and label == _ONLY_CASE:
+    if results.nominal == (index,) and label == _ONLY_CASE:
         label = "all runs"
     settle_s = float(case_setting(results, index, "statistics.settle_s", 0.0))
     times_s = results.time_s(index) if held else np.empty(0)
@@ -344,7 +344,7 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             FailedRun(failure.run, failure.filter, failure.epoch, failure.reason)
             for _, failure in results.failures(index)
         ),
-        command=run_command(results),
+        command=run_command(results) + (" --stress" if header.stress else ""),
     )
 
 

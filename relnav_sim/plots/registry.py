@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, spread, sweeps
+from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, regret, spread, sweeps
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.words import FigureWords
@@ -91,6 +91,8 @@ _KINDS = (
                sweeps.heat_map, words=sweeps.heat_map_words),
     FigureKind("cases", "position RMS of every filter in every case, with intervals", sweeps.accuracy_by_case,
                words=sweeps.accuracy_words),
+    FigureKind("regret", "position RMS over the smallest of any filter, in the nominal case and under each stress",
+               regret.regret_by_case),
     FigureKind("trajectory", "relative trajectory with the estimate, in space and in the three planes",
                geometry.trajectory, words=geometry.trajectory_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",

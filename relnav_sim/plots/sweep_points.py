@@ -39,7 +39,7 @@ def varied_paths(results: Results) -> dict[str, list[Leaf]]:
 
     Where a case varies a whole section, its leaves count: ``sensors.radar.noise.fraction``.
     """
-    leaves = [_case_leaves(header.variables) for header in results.headers]
+    leaves = [_case_leaves(results.headers[index].variables) for index in results.nominal]
     return _differing(leaves)
 
 
@@ -105,7 +105,7 @@ def _over_cases(
     others = [other for other in varied if other != path and other not in together]
     cases = [
         case_facts(results, index)
-        for index in range(len(results.headers))
+        for index in results.nominal
         if all(varied[other][index] == varied[other][kept] for other in others)
     ]
     found = []
@@ -155,7 +155,7 @@ def _named(end: str, paths: Mapping[str, Any]) -> str:
 
 
 def _first(results: Results) -> CaseFacts:
-    for index in range(len(results.headers)):
+    for index in results.nominal:
         if (facts := case_facts(results, index)).filters:
             return facts
     raise FigureError("no run has been computed yet")

@@ -60,12 +60,12 @@ def accuracy_by_case(
 
     Args:
         results: An opened result.
-        cases: The cases; default: all.
+        cases: The cases; default: all but stressed ones.
         filters: The filters; default: all.
     """
     from matplotlib.ticker import MaxNLocator
 
-    facts = [case_facts(results, case) for case in (range(len(results.headers)) if cases is None else cases)]
+    facts = [case_facts(results, case) for case in (results.nominal if cases is None else cases)]
     names = tuple(results.filters if filters is None else filters)
     styles = line_styles(results.filters)
     numbers = np.array([case.number for case in facts], dtype=float)
@@ -260,7 +260,7 @@ def heat_map(
     columns, rows = (_in_order(varied[path]) for path in (across, up))
     values = np.full((len(rows), len(columns)), np.nan)
     names = [[""] * len(columns) for _ in rows]
-    for case in range(len(results.headers)) if cases is None else cases:
+    for case in results.nominal if cases is None else cases:
         facts = case_facts(results, case)
         index = facts.index
         row, column = rows.index(varied[up][index]), columns.index(varied[across][index])

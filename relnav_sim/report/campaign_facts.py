@@ -24,9 +24,11 @@ _HASH_SHOWN = 16
 def headline_facts(results: Results) -> tuple[str, ...]:
     """Return the few facts that stand under the report's title."""
     clock = results.campaign_content.get("clock", {})
+    stressed = len(results.headers) - len(results.nominal)
     facts = [
         counted(results.planned_runs, "run"),
-        counted(len(results.headers), "case"),
+        counted(len(results.nominal), "case"),
+        *([counted(stressed, "stressed case")] if stressed else []),
         f"{counted(len(results.filters), 'filter')}: {', '.join(results.filters)}",
     ]
     if {"duration_s", "step_s"} <= clock.keys():
@@ -62,7 +64,7 @@ def geometry(results: Results) -> tuple[str, ...]:
                 results.truth(index),
                 {name: results.named_sensors(index, name) for name in header.filters},
             )
-            for index, header in enumerate(results.headers)
+            for index, header in ((index, results.headers[index]) for index in results.nominal)
             if any(len(results.case_runs(index, name)) for name in header.filters)
         ),
     )
@@ -74,7 +76,7 @@ def shared_field(results: Results) -> tuple[str, ...]:
         results.campaign_content,
         (
             (header.label, header.variables, [name for name in header.filters if len(results.case_runs(index, name))])
-            for index, header in enumerate(results.headers)
+            for index, header in ((index, results.headers[index]) for index in results.nominal)
         ),
     )
 

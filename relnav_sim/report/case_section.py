@@ -25,6 +25,7 @@ _NOT_DRAWN = (
     "The figures of this case were left out to keep the report small; its time series are in the chart above. "
     "A figure: relnav figure {result} errors --case {case}"
 )
+_STRESSED = "Flown under the stress {stress}, of which no filter is told; the section on regret compares its cases."
 
 
 def compose_case(
@@ -46,6 +47,8 @@ def compose_case(
     with open_results(result_path) as results:
         ranking = rank(case_facts(results, index, axes))
         section = _section(ranking, len(results.headers))
+        if stress := results.headers[index].stress:
+            section = replace(section, notes=(_STRESSED.format(stress=stress), *section.notes))
         if not ranking.case.filters:
             return ranking, section
         missing = list(section.missing)

@@ -20,6 +20,7 @@ from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
+from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
@@ -72,15 +73,21 @@ def compose(
     """
     closely = _closely(results, shown)
     parts = _cases(results, closely, figure_folder, axes, most_figures, workers)
+    # Stressed cases have sections of their own; what is said of all cases is said of the others.
     rankings = _rankings(results, {ranking.case.index: ranking for ranking, _ in parts}, axes, workers)
     page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
     left = _LARGEST_HTML - len(html.render(page).encode())
     top, left = within(overall_pictures(results, rankings, figure_folder), left)
+    regret = regret_section(results, figure_folder)
+    if regret is not None:
+        pictures, left = within(regret.pictures, left)
+        regret = replace(regret, pictures=pictures)
     sections = []
     for _, section in parts:
         pictures, left = within(section.pictures, left)
         sections.append(replace(section, pictures=pictures))
-    return replace(page, pictures=top, cases=tuple(sections))
+    summary = page.summary if regret is None else (*page.summary, *regret.sentences)
+    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections))
 
 
 def _closely(results: Results, shown: Sequence[int] | None) -> list[int]:
@@ -91,8 +98,8 @@ def _closely(results: Results, shown: Sequence[int] | None) -> list[int]:
 
 
 def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, workers: int) -> list[Ranking]:
-    """Return the rankings of all cases; those that are not known by several processes, each of which opens the file."""
-    left = [index for index in range(len(results.headers)) if index not in known]
+    """Return the rankings of the nominal cases, those that are not known by several processes at once."""
+    left = [index for index in results.nominal if index not in known]
     found = dict(known)
     if left:
         import joblib
@@ -103,7 +110,7 @@ def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, worker
                 joblib.delayed(rank_cases)(results.path, part, axes) for part in parts
             )
         found |= {ranking.case.index: ranking for part in made for ranking in part}
-    return [found[index] for index in range(len(results.headers))]
+    return [found[index] for index in results.nominal]
 
 
 def _cases(
@@ -113,7 +120,7 @@ def _cases(
     figures_left = most_figures
     for index in closely:
         figures_left -= FIGURES_OF_A_CASE + len(results.headers[index].filters)
-        drawn.append(not drawn or (figures_left >= 0 and drawn[-1]))
+        drawn.append(not drawn or (not results.headers[index].stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(closely), len(results.filters))
     todo = [
         (results.path, index, axes, figure_folder, draw_it, *chart)

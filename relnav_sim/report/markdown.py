@@ -17,6 +17,10 @@ def render(page: Page) -> str:
     parts += [plain_markdown(sentence) for sentence in page.missing]
     parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
     parts += ["## Overview", *_tables(page.overview), *_pictures(page.pictures)]
+    if page.regret is not None:
+        parts.append("## Regret")
+        parts += [plain_markdown(sentence) for sentence in (*page.regret.sentences, *page.regret.missing)]
+        parts += [*_pictures(page.regret.pictures), *_tables(*page.regret.tables)]
     for case in page.cases:
         parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")
         parts += [plain_markdown(note) for note in (*case.notes, *case.missing)]

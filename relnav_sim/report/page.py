@@ -29,6 +29,17 @@ class CaseSection:
 
 
 @dataclass(frozen=True)
+class RegretSection:
+    """Filters under truths that they are not told of: what follows, tables, figures, and what could not be made."""
+
+    sentences: tuple[str, ...]
+    tables: tuple[Table, ...]
+    pictures: tuple[Picture, ...]
+    file_tables: tuple[Table, ...] = ()
+    missing: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Page:
     """A whole report; ``missing`` says of each part outside the cases that could not be made why.
 
@@ -49,6 +60,7 @@ class Page:
     reading: tuple[str, ...]
     footer: str
     requirements: Table | None = None
+    regret: RegretSection | None = None
     curves: str = ""
     filter_names: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
@@ -58,13 +70,17 @@ class Page:
     def all_missing(self) -> tuple[str, ...]:
         """What could not be made anywhere in the report, a sentence each."""
         pictures = [*self.pictures, *(picture for case in self.cases for picture in case.pictures)]
+        pictures += self.regret.pictures if self.regret is not None else ()
+        about_regret = self.regret.missing if self.regret is not None else ()
         parts = [f"Case {case.number}: {sentence}" for case in self.cases for sentence in case.missing]
-        return (*self.missing, *parts, *(picture.missing for picture in pictures if picture.missing))
+        return (*self.missing, *about_regret, *parts, *(picture.missing for picture in pictures if picture.missing))
 
 
 def page_tables(page: Page) -> Sequence[Table]:
     """Return every table of a report, each of which is a CSV file too."""
     tables = [page.overview, page.requirements]
+    if page.regret is not None:
+        tables += [*page.regret.tables, *page.regret.file_tables]
     for case in page.cases:
         tables += [case.table, *case.more_tables, *case.file_tables]
     return [table for table in (*tables, page.filters, page.all_settings) if table is not None]

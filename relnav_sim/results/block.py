@@ -252,6 +252,8 @@ class CaseHeader:
         filters: Names of its filters, in order.
         filter_ids: A hash of each filter's settings, by its name.
         channels: What a reading of each sensor consists of, by the sensor's name; empty in files of relnav 0.1.
+        stress: Name of the stress under which it was flown, of which no filter is told; empty: none.
+        nominal: Id of the same case without the stress; empty where there is none.
     """
 
     id: str
@@ -260,6 +262,8 @@ class CaseHeader:
     filters: tuple[str, ...]
     filter_ids: Mapping[str, str]
     channels: Mapping[str, tuple[Channel, ...]] = field(default_factory=dict)
+    stress: str = ""
+    nominal: str = ""
 
 
 @dataclass(frozen=True)

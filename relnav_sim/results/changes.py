@@ -7,7 +7,7 @@ from typing import Any
 
 from relnav_sim.campaign.identity import in_first_spelling
 
-EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "requirements", "grid", "zip")
+EXTENSIONS = ("runs", "block_runs", "stop", "bound", "tune", "requirements", "grid", "zip", "stress")
 """Top-level keys that add to a result, runs or cases, or change none. A case is known by its own id, so the grid may
 grow."""
 

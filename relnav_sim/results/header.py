@@ -57,6 +57,7 @@ def _texts_of(case: CaseHeader) -> dict[str, str]:
         "channels": json.dumps(
             {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
         ),
+        **({"stress": case.stress, "nominal": case.nominal} if case.stress else {}),
     }
 
 
@@ -66,7 +67,7 @@ def _write_cases(file: h5py.File, cases: Sequence[CaseHeader]) -> None:
     store.write_dimensions(group, stacks.CASE_TABLE, case=range(len(cases)))
     rows = [_texts_of(case) for case in cases]
     for spec in stacks.CASE_TABLE:
-        store.write(group, spec, [row[spec.name] for row in rows])
+        store.write(group, spec, [row.get(spec.name, "") for row in rows])
 
 
 def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
@@ -151,12 +152,15 @@ def _read_cases(file: h5py.File) -> tuple[CaseHeader, ...]:
 
 
 def _read_case(group: h5py.Group) -> CaseHeader:
-    names = [spec.name for spec in stacks.CASE_TABLE if spec.name in group.attrs or spec.name != "channels"]
+    later = {"channels": "{}", "stress": "", "nominal": ""}
+    names = [spec.name for spec in stacks.CASE_TABLE if spec.name in group.attrs or spec.name not in later]
     texts = {name: store.text(group, name) for name in names}
-    return _case(f"{group.file.filename}: {group.name}", **{"channels": "{}", **texts})
+    return _case(f"{group.file.filename}: {group.name}", **{**later, **texts})
 
 
-def _case(where: str, id: str, label: str, variables: str, filters: str, channels: str) -> CaseHeader:
+def _case(
+    where: str, id: str, label: str, variables: str, filters: str, channels: str, stress: str, nominal: str
+) -> CaseHeader:
     found = {}
     for name, text in (("filters", filters), ("variables", variables)):
         found[name] = store.plain(text, dict)
@@ -167,7 +171,7 @@ def _case(where: str, id: str, label: str, variables: str, filters: str, channel
         read = _channels(channels)
     except (TypeError, ValueError):
         raise ResultsError(f"{where}: its channels are damaged") from None
-    return CaseHeader(id, label, found["variables"], tuple(ids), ids, read)
+    return CaseHeader(id, label, found["variables"], tuple(ids), ids, read, stress, nominal)
 
 
 @functools.lru_cache(maxsize=64)

@@ -147,6 +147,17 @@ class Results:
                     found |= dict.fromkeys(self._filter_part(index, name).columns().sensors)
         return tuple(found)
 
+    @property
+    def nominal(self) -> tuple[int, ...]:
+        """Numbers of the cases without a stress; all where no other is held, as by a single run of a stressed case."""
+        everything = range(len(self.headers))
+        return tuple(index for index in everything if not self.headers[index].stress) or tuple(everything)
+
+    def stressed(self, case: int | str) -> dict[str, int]:
+        """Return the numbers of the stressed cases of a case, by the name of the stress."""
+        own = self.headers[self.case_index(case)].id
+        return {header.stress: index for index, header in enumerate(self.headers) if header.nominal == own}
+
     def variables(self, case: int | str) -> dict[str, Any]:
         """Return the swept values of a case, by their path in the campaign."""
         return dict(self.headers[self.case_index(case)].variables)
@@ -193,14 +204,19 @@ class Results:
 
         Rows are case x filter x run in order. Columns: ``case`` (number), ``case_label``, ``filter``, ``run``,
         ``failed``, ``failed_epoch``, then those of docs/results-file.md, for example ``r_rms_m``,
-        ``settled_x_mean_m``, ``convergence_s``, ``anees``, ``coverage_95``, ``cpu_us_per_step``.
+        ``settled_x_mean_m``, ``convergence_s``, ``anees``, ``coverage_95``, ``cpu_us_per_step``. Where cases are
+        stressed, ``stress`` names what each was flown under, empty for none.
         """
-        columns: dict[str, list[NDArray[Any]]] = {name: [] for name in ("case", "case_label", "filter", "run")}
+        stress = ("stress",) if any(header.stress for header in self.headers) else ()
+        names = ("case", "case_label", *stress, "filter", "run")
+        columns: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
         for index, case in enumerate(self.headers):
             for name in case.filters:
                 runs = self.case_runs(index, name)
                 columns["case"].append(np.full(len(runs), index))
                 columns["case_label"].append(np.full(len(runs), case.label))
+                for column in stress:
+                    columns[column].append(np.full(len(runs), case.stress))
                 columns["filter"].append(np.full(len(runs), name))
                 columns["run"].append(runs)
                 for spec in layout.SUMMARY:

@@ -22,7 +22,7 @@ MOST_FILTERS = 1000
 DEEPEST = 32
 """Most settings inside each other."""
 
-_SECTIONS = ("clock", "filters", "grid", "zip", "requirements", "truth", "sensors", "start", "statistics")
+_SECTIONS = ("clock", "filters", "grid", "zip", "requirements", "stress", "truth", "sensors", "start", "statistics")
 _NUMBERS = (
     *(f"clock.{name}" for name in ("duration_s", "step_s", "store_every_s")),
     *(f"statistics.{name}" for name in ("settle_s", "convergence_m", "convergence_hold_s")),
@@ -74,6 +74,9 @@ def odd_header(header: ResultHeader) -> str:
             return f"its case {case.label!r:.80} {odd}"
     if len({case.id for case in header.cases}) < len(header.cases):
         return "two of its cases have the same id"
+    nominal = {case.id for case in header.cases if not case.stress}
+    if header.only is None and any(case.nominal not in nominal for case in header.cases if case.stress):
+        return "one of its stressed cases is of no case in it"
     if not all(isinstance(value, str | int | float) for value in header.constants.values()):
         return "its constants are damaged"
     return "its stopping rule is damaged" if header.stopping and not _is_stopping(header.stopping) else ""
@@ -107,7 +110,9 @@ def _inside(value: Any) -> Iterator[Any]:
 
 
 def _odd_case(case: CaseHeader) -> str:
-    if not _are_texts(case.id, case.label, *case.filters, *case.filter_ids, *case.filter_ids.values()):
+    if not _are_texts(
+        case.id, case.label, case.stress, case.nominal, *case.filters, *case.filter_ids, *case.filter_ids.values()
+    ):
         return "has an id, a label or filters that are no text"
     if not 1 <= len(case.filters) <= MOST_FILTERS or set(case.filters) - set(case.filter_ids):
         return f"has {len(case.filters)} filters"

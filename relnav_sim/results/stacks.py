@@ -19,6 +19,8 @@ CASE_TABLE = tuple(
         ("variables", "its values by their paths, JSON"),
         ("filters", "its filters with a hash of the settings of each, JSON"),
         ("channels", "what a reading of each sensor consists of, JSON"),
+        ("stress", "the stress under which it was flown; empty: none"),
+        ("nominal", "id of the same case without the stress; empty: it has none"),
     )
 )
 STACK = Dataset("stack", ("case",), "<i8", "1", "number of the stack that holds the case; -1: nothing is computed yet")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.load import parse_content
@@ -25,6 +26,11 @@ def stored_campaign(results: Results) -> Campaign:
         problem = error.problems[0].removeprefix("campaign:1: ")
         said = _varied_file(results) or problem
         raise RefusedError(f"{results.path}: its campaign can't be run again: {said}") from None
+    if any(header.stress for header in results.headers):
+        campaign = campaign.with_stress()
+    if results.header.only is not None:
+        held = {header.id for header in results.headers}
+        campaign = replace(campaign, cases=tuple(case for case in campaign.cases if case.id in held))
     if [case.id for case in campaign.cases] != [header.id for header in results.headers]:
         if said := _varied_file(results):
             raise RefusedError(f"{results.path}: its campaign can't be run again: {said}")
@@ -38,7 +44,8 @@ def stored_campaign(results: Results) -> Campaign:
 def _varied_file(results: Results) -> str:
     """Return why a campaign that varies the name of a file is not whole in its results; empty: it varies none."""
     content = results.campaign_content
-    for path in (path for section in ("grid", "zip") for path in content.get(section, {})):
+    stressed = (path for overrides in content.get("stress", {}).values() for path in overrides)
+    for path in (*(path for section in ("grid", "zip") for path in content.get(section, {})), *stressed):
         if _NAMES_A_FILE.fullmatch(path):
             whole = path.rpartition(".")[0]
             return f"it varies {path}, and what stood in the files of all cases is not kept; vary {whole} as a whole"

@@ -53,12 +53,15 @@ Task = Block | BoundTask
 
 
 def bound_tasks(campaign: Campaign, folder: Path, part: tuple[int, int] = (1, 1)) -> list[BoundTask]:
-    """Return the bounds that a campaign asks for; of several parts the one with a case's first runs has its bound."""
+    """Return the bounds that a campaign asks for; of several parts the one with a case's first runs has its bound.
+
+    A stressed case has none: that of the stressed truth would be one for filters that are told of it.
+    """
     if not campaign.bound:
         return []
     number, parts = part
     blocks = ceil(campaign.runs / campaign.block_runs)
-    cases = [case for index, case in enumerate(campaign.cases) if (index * blocks + 1 - number) % parts == 0]
+    cases = [case for index, case in enumerate(campaign.nominal_cases) if (index * blocks + 1 - number) % parts == 0]
     return [BoundTask(campaign.seed, case, folder) for case in cases]
 
 

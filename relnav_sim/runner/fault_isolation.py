@@ -110,14 +110,14 @@ def failed_block(
         relative=truth,
         filters={name: FilterResult.all_failed(len(runs), len(times), epoch) for name in case.config.filters},
         failures=tuple(Failure(run, filter, epoch, reason) for run in runs),
-        shared_truth=not case.config.truth.is_dispersed,
+        shared_truth=not case.config.flown.truth.is_dispersed,
         retry=retry,
     )
 
 
 def unknown_truth(case: Case, runs: Sequence[int]) -> Array:
     """Return the relative states of a truth that may be what hangs, or what kills its process: NaN."""
-    trajectories = len(runs) if case.config.truth.is_dispersed else 1
+    trajectories = len(runs) if case.config.flown.truth.is_dispersed else 1
     return np.full((trajectories, len(scoring_rules(case.config).stored_s), len(layout.COMPONENTS)), np.nan)
 
 
@@ -125,7 +125,7 @@ def _truth(case: Case, seed: int, runs: Sequence[int]) -> Array:
     """Return the true relative states at the stored epochs; NaN where the truth itself is what fails."""
     config = case.config
     try:
-        trajectory = truth_trajectory(config.truth, config.clock.duration_s, RandomSource(seed, tuple(runs)))
+        trajectory = truth_trajectory(config.flown.truth, config.clock.duration_s, RandomSource(seed, tuple(runs)))
         return trajectory.at(scoring_rules(config).stored_s).relative
     except Exception:  # the failure is recorded with its reason already
         return unknown_truth(case, runs)

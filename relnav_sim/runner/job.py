@@ -136,9 +136,12 @@ class Job:
             return
         stored = before[0]
         wanted = {(case.id, name) for case in self.header.cases for name in case.filters}
-        held = [(case, name) for case in stored.cases for name in case.filters]
+        kept = {case.id for case in self.header.cases}
+        stressed = sum(bool(case.stress) and case.id not in kept for case in stored.cases)
+        held = [(case, name) for case in stored.cases if case.id in kept or not case.stress for name in case.filters]
         gone = [f"filter {name} of case {case.label}" for case, name in held if (case.id, name) not in wanted]
         left_out = [f"runs from {self.header.runs} on"] if stored.runs > self.header.runs else []
+        left_out += [f"{stressed} stressed cases (--stress keeps them)"] if stressed else []
         left_out += gone if len(gone) <= 3 else [f"{len(gone)} filters of its cases"]
         if left_out:
             self.say(
@@ -187,6 +190,8 @@ def result_header(campaign: Campaign) -> ResultHeader:
                 tuple(case.config.filters),
                 case.filter_ids,
                 {name: each.channels for name, each in relative_sensors(case.config.sensors).items()},
+                case.stress,
+                case.nominal,
             )
             for case in campaign.cases
         ),

@@ -149,7 +149,8 @@ def _shapes(tasks: Iterable[Task]) -> dict[str, Task]:
 
 
 def _content(config: CaseConfig) -> dict[str, Any]:
-    return config.model_dump(mode="json", exclude={"name"})
+    content = config.model_dump(mode="json", exclude={"name"})
+    return content if config.untold is None else {**content, "untold": config.untold.model_dump(mode="json")}
 
 
 def _shape(content: Any) -> str:

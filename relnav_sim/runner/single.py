@@ -60,6 +60,9 @@ def run_single(
     out = Path(out) if out is not None else single_out(default_out(campaign), index, run)
     chosen = _traced(campaign.cases[index]) if trace else campaign.cases[index]
     content = {**campaign.content, **chosen.config.model_dump(mode="json", exclude={"name"}), "grid": {}, "zip": {}}
+    stresses = content.pop("stress", {})
+    if chosen.stress:
+        content["stress"] = {chosen.stress: stresses[chosen.stress]}
     alone = replace(campaign, cases=(chosen,), content=content, hash=campaign_hash(content))
     for sentence in warnings_before(alone):
         say(f"warning: {sentence}")
@@ -94,6 +97,8 @@ def case_number(campaign: Campaign, case: int | str) -> int:
         if case in (index, str(index), case_group(index), known.id, known.label):
             return index
     last = len(campaign.cases) - 1
+    if any(case in (known.id, known.label) for known in campaign.stressed):
+        raise RefusedError(f"{case!r} is a stressed case; add --stress")
     raise RefusedError(f"the campaign has no case {case!r}; its cases are 0 to {last}, as `relnav validate` lists them")
 
 

@@ -38,7 +38,7 @@ def looks(campaign: Campaign, part: tuple[int, int]) -> Sequence[int]:
 
 
 def look_at(header: ResultHeader, campaign: Campaign, finished: Finished, runs: int) -> tuple[ResultHeader, bool]:
-    """Return the header with what the look found, and whether the campaign may stop.
+    """Return the header with what the look found, and whether the campaign may stop; stressed cases have no say.
 
     Args:
         header: Of the result.
@@ -49,7 +49,7 @@ def look_at(header: ResultHeader, campaign: Campaign, finished: Finished, runs: 
     rule = campaign.stop
     if rule is None:
         return header, False
-    ids = {(case.id, *item) for case in campaign.cases for item in case.filter_ids.items()}
+    ids = {(case.id, *item) for case in campaign.nominal_cases for item in case.filter_ids.items()}
     wanted = {key for key in ids if rule.filter in (None, key[1])}
     figures = _figures(finished, rule, wanted, runs)
     widest = max(half_width(figures.get(key, {})) for key in wanted)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.shared_field import shared_field_warnings
 from relnav_sim.campaign.warnings import campaign_warnings, together
@@ -15,7 +17,8 @@ MOST_CASES = 12
 
 
 def warnings_before(campaign: Campaign) -> tuple[str, ...]:
-    """Return the warnings of a campaign, a sentence each; none where all is well."""
+    """Return the warnings of a campaign, a sentence each; none where all is well. Stressed cases are not looked at."""
+    campaign = replace(campaign, cases=campaign.nominal_cases or campaign.cases)
     with interpreted():
         return (
             *campaign_warnings(campaign),

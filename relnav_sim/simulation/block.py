@@ -109,7 +109,8 @@ def filter_block(
         times.append(chunk.truth.times_s[stored])
         relative.append(chunk.truth.relative[:, stored])
     ended = dict(chunk.ended)
-    if not config.truth.is_dispersed and ended:
+    is_dispersed = config.flown.truth.is_dispersed
+    if not is_dispersed and ended:
         ended = dict.fromkeys(range(len(runs)), ended[0])
     assert prior is not None  # there is a chunk at least
     no_fix = np.flatnonzero(np.isnan(prior.mean).any(axis=1))
@@ -123,7 +124,7 @@ def filter_block(
         relative=np.concatenate(relative, axis=1),
         filters={track.name: track.result() for track in sound if chunk.truth_is_known},
         failures=tuple(failure for track in sound for failure in _explained(track.failures(runs), runs, reasons)),
-        shared_truth=not config.truth.is_dispersed,
+        shared_truth=not is_dispersed,
     )
     return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
 
@@ -216,7 +217,7 @@ class FilterTrack:
             self._thrust = made.thrust
             if made.extension is not None:
                 self._prior = extended_prior(prior, made.extension, config)
-                self._augmented = AugmentedTrack(made.extension, entry, config, self._errors.rules, source)
+                self._augmented = AugmentedTrack(made.extension, entry, config.flown, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
             self._belief = self._filter.start(own, source)

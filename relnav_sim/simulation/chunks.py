@@ -78,15 +78,17 @@ class Simulation:
 def chunks(config: CaseConfig, source: RandomSource, streams: StreamsMaker = streams_of) -> Iterator[Chunk]:
     """Yield the truth and measurements of a block, a chunk of epochs at a time.
 
+    What happens is `CaseConfig.flown`; what craft know of their sensors and orbits is what the case tells.
+
     Args:
         config: The case.
         source: Seed and numbers of the runs.
         streams: Makes the random numbers of each sensor; default: those of the seed and the runs.
     """
-    clock = config.clock
-    trajectory = truth_trajectory(config.truth, clock.duration_s, source)
-    suite = SensorSuite(config.sensors, source, clock.step_s, streams)
-    force = own_sensor(config.sensors, "force")
+    clock, flown = config.clock, config.flown
+    trajectory = truth_trajectory(flown.truth, clock.duration_s, source)
+    suite = SensorSuite(flown.sensors, source, clock.step_s, streams)
+    force = own_sensor(flown.sensors, "force")
     front_end = FrontEnd(config, len(source.runs))
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart
+from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, GivenStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import Chunk
@@ -15,6 +15,8 @@ from relnav_sim.truth import nominal_chief
 def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> Gaussian:
     """Return the prior of every run at epoch 0, mean (runs, 6) and covariance (runs, 6, 6).
 
+    In a stressed case the mean errs as the flown start says, the covariance stays the one that filters are told.
+
     Args:
         config: The case.
         first: The first chunk of the block. The truth is used only to disperse a start around it.
@@ -22,8 +24,9 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
 
     A run without a reading at epoch 0 gets NaN for a start at the first fix.
     """
-    start, B = config.start, len(source.runs)
+    start, flown, B = config.start, config.flown.start, len(source.runs)
     if isinstance(start, FirstFixStart):
+        assert isinstance(flown, FirstFixStart)  # no stress changes the kind of a start
         name = fix_sensor(config)
         options = relative_sensors(config.sensors)[name]
         orbit, step_s = nominal_chief(config.truth), config.clock.step_s
@@ -31,16 +34,18 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
         fix = options.first_fix(model, first.inputs[name][options.forms[0]][:, 0])
         assert fix is not None  # the sensor is one that gives fixes
         position, position_covariance = fix
-        mean = np.concatenate([position, np.broadcast_to(start.velocity_m_s, (B, 3))], axis=1)
+        mean = np.concatenate([position, np.broadcast_to(flown.velocity_m_s, (B, 3))], axis=1)
         covariance = np.zeros((B, 6, 6))
         covariance[:, :3, :3] = position_covariance
         covariance[:, 3:, 3:] = np.diag(np.square(start.velocity_sigma_m_s))
         return Gaussian(mean, covariance)
     sigma = np.array([*start.position_sigma_m, *start.velocity_sigma_m_s])
     covariance = np.broadcast_to(np.diag(sigma**2), (B, 6, 6)).copy()
-    if isinstance(start, DispersedStart):
-        return Gaussian(first.truth.relative[:, 0] + sigma * source.streams("start").normal(6), covariance)
-    state = np.array([*start.position_m, *start.velocity_m_s])
+    if isinstance(flown, DispersedStart):
+        errs = np.array([*flown.position_sigma_m, *flown.velocity_sigma_m_s])
+        return Gaussian(first.truth.relative[:, 0] + errs * source.streams("start").normal(6), covariance)
+    assert isinstance(flown, GivenStart)
+    state = np.array([*flown.position_m, *flown.velocity_m_s])
     return Gaussian(np.broadcast_to(state, (B, 6)).copy(), covariance)
 
 

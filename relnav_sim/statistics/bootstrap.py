@@ -133,6 +133,13 @@ def _counts(n: int, resamples: int, seed: int) -> Array:
     return counts
 
 
+def drawn_counts(n: int, resamples: int, seed: int) -> Iterator[Array]:
+    """Yield how often each run stands in each resample, in pieces (rows, n) that bound the memory."""
+    for rows in _resamples(n, resamples, seed):
+        places = rows + n * np.arange(len(rows))[:, None]
+        yield np.bincount(places.ravel(), minlength=n * len(rows)).reshape(len(rows), n).astype(np.float64)
+
+
 def _resamples(n: int, resamples: int, seed: int) -> Iterator[Integers]:
     """Yield the resamples, pieces of (rows, n) run indices; the pieces change no number."""
     rng = np.random.default_rng(seed)

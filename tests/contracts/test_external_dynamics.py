@@ -92,6 +92,7 @@ def test_a_campaign_runs_them_on_two_workers(installed, tmp_path):
     assert told["bounds"] == {"cw": True, "cw_drag": True}
 
 
+@pytest.mark.slow
 def test_the_command_line_knows_them(installed, tmp_path):
     code = (
         "import sys\n"

@@ -23,6 +23,7 @@ def test_it_is_unknown_until_it_is_installed():
     assert NAME not in done.stdout.split()
 
 
+@pytest.mark.slow
 def test_it_passes_the_contract_tests(installed):
     done = python(installed, "-m", "pytest", *CONTRACTS, "-k", NAME, "-p", "no:cacheprovider")
     assert done.returncode == 0, done.stdout[-3000:]

@@ -44,6 +44,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_campaign_runs_it_on_two_workers(installed, tmp_path):
     """The workers are processes of their own, which find it by themselves; there is a bound; it does its job."""
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -55,6 +56,7 @@ def test_a_campaign_runs_it_on_two_workers(installed, tmp_path):
     assert told["bounds"] == {"radar_alone": True, "both": True}
 
 
+@pytest.mark.slow
 def test_the_command_line_knows_it(installed, tmp_path):
     code = (
         "from typer.testing import CliRunner\n"
@@ -97,22 +99,26 @@ class Odd(RelativeSensorOptions):
     ("sample", "says"),
     [
         ("np.zeros((2, 3))", "sensors.odd: sample of the odd sensor returned shape (2, 3); expected (runs, K, 2)"),
-        (
+        pytest.param(
             "np.zeros((2, 3, 2))",
             "sensors.odd: first_fix's position of the odd sensor returned shape (2, 2); expected (2, 3)",
+            marks=pytest.mark.slow,
         ),
         ("truth.nothing", "sensors.odd: the odd sensor raises AttributeError: "),
-        (
+        pytest.param(
             "np.zeros((2, 3, 2))\n    def in_reach(self, truth):\n        return np.ones(4, bool)",
             "sensors.odd: in_reach of the odd sensor returned shape (4,); expected (2, 3) or (1, 3)",
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             "np.zeros((2, 3, 2))\n    def needs_direction(self):\n        return True",
             "sensors.odd: needs_direction of the odd sensor returned shape (); expected (2,)",
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             "np.zeros((2, 3, 2))\n    def inputs(self, z, frame):\n        return {'mine': z}",
             "sensors.odd: inputs of the odd sensor returned no 'spherical', the usual form",
+            marks=pytest.mark.slow,
         ),
     ],
 )

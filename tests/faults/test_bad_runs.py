@@ -138,8 +138,9 @@ def test_exceptions_and_divergence(with_plugin):
 @pytest.mark.parametrize("workers", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_a_run_that_kills_its_worker_is_isolated(with_plugin, workers):
     here = with_plugin("kills")
-    # Smaller blocks, as each time that one is cut costs a new worker; the long check cuts those of four.
-    code, _, stderr = here.run("run", "small.yaml", "--workers", workers, "--set", f"block_runs={4 // int(workers)}")
+    # Blocks of one run, as each time that one is cut costs a new worker; the long check cuts those of four.
+    block = 4 if workers == "1" else 1
+    code, _, stderr = here.run("run", "small.yaml", "--workers", workers, "--set", f"block_runs={block}")
     assert code == 1, stderr
     assert "1 run of a filter failed" in stderr and "Traceback" not in stderr
     assert failures(here.out) == {
@@ -227,6 +228,7 @@ def test_workers_die_with_their_parent_whatever_they_are_at(with_plugin):
     assert wait_until(lambda: not workers(process.pid), 20)
 
 
+@pytest.mark.slow
 def test_fail_fast_keeps_what_is_finished_and_a_later_command_goes_on(with_plugin):
     here = with_plugin("raises")
     sequential = ("--backend", "sequential", "--set", "block_runs=1")

@@ -17,7 +17,7 @@ LONG = (("runs: 6", "runs: 8"), ("duration_s: 40", "duration_s: 4000"))
     "number, to_all, code, options",
     [
         (signal.SIGINT, True, 130, ()),
-        (signal.SIGTERM, False, 143, ("--backend", "sequential")),
+        pytest.param(signal.SIGTERM, False, 143, ("--backend", "sequential"), marks=pytest.mark.slow),
         pytest.param(signal.SIGINT, True, 130, ("--workers", "1"), marks=pytest.mark.slow),
         pytest.param(signal.SIGTERM, True, 143, (), marks=pytest.mark.slow),
     ],
@@ -40,6 +40,7 @@ def test_ends_within_two_seconds_and_says_how_to_resume(relnav, number, to_all, 
     assert not here.out.exists()
 
 
+@pytest.mark.slow
 def test_goes_on_where_it_stopped(relnav):
     small = (("runs: 6", "runs: 8"), ("block_runs: 4", "block_runs: 1"), ("duration_s: 40", "duration_s: 100"))
     whole, here = relnav(*small, folder="whole"), relnav(*small)

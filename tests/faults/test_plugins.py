@@ -224,6 +224,7 @@ def test_threads_that_a_filter_leaves_in_workers_do_not_keep_the_command(with_wa
     assert here.run("run", "small.yaml", "--only", "0:1")[0] == 0
 
 
+@pytest.mark.slow
 def test_the_log_of_a_single_run_lies_beside_it(with_ways):
     here = with_ways("nul")
     _, stderr, _ = run(here, 1, "--only", "0:3", *SEQUENTIAL)

@@ -111,6 +111,7 @@ def test_a_changed_function_of_another_file_is_noticed(copy):
     assert copy.doubles() == (6.0, 0)
 
 
+@pytest.mark.slow
 def test_code_for_another_processor_is_not_used(copy):
     one_folder = "from relnav_sim.kernels import code_folder\ncode_folder.digest = lambda: 'same'\n"
     assert copy.doubles(one_folder, NUMBA_CPU_NAME="generic") == (6.0, 1)
@@ -126,6 +127,7 @@ def damaged(code: bytes) -> list[bytes]:
     return [b"", code[:20], code[:half], code[:half] + bytes(len(code) - half), code[:-1] + b"?", sound]
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_compiled_anew(copy):
     assert copy.doubles() == (6.0, 1)
     for content in damaged(copy.code.read_bytes()):
@@ -170,8 +172,8 @@ pathlib.Path.write_bytes = full
     "before, folder, reason",
     [
         pytest.param("", "/dev/null/here", "Not a directory", id="no folder"),
-        pytest.param("", "/proc/here", "No such file or directory", id="not writable"),
-        pytest.param(FULL, None, "No space left on device", id="full"),
+        pytest.param("", "/proc/here", "No such file or directory", id="not writable", marks=pytest.mark.slow),
+        pytest.param(FULL, None, "No space left on device", id="full", marks=pytest.mark.slow),
     ],
 )
 def test_without_a_folder_kernels_work_and_it_is_said_once(copy, before, folder, reason):
@@ -197,6 +199,7 @@ def test_a_folder_that_can_only_be_read_is_read(copy):
     assert copy.doubles(read_only) == (6.0, 0)
 
 
+@pytest.mark.slow
 def test_numba_of_the_user_is_left_as_it_is(copy):
     program = (
         "import os\nfrom relnav_sim import kernels\nkernels.doubling.double(3.0)\nimport numba\n"
@@ -206,6 +209,7 @@ def test_numba_of_the_user_is_left_as_it_is(copy):
     assert copy.run("-c", program, NUMBA_DISABLE_INTEL_SVML="0", NUMBA_CACHE_DIR="x") == (0, "x 0 False\n", "")
 
 
+@pytest.mark.slow
 def test_a_numba_that_is_not_known_compiles_in_its_own_way(copy):
     program = (
         "from relnav_sim.kernels import compiler\ncompiler.LATEST_KNOWN = (0, 1)\n"
@@ -229,6 +233,7 @@ def test_a_numba_that_can_not_be_imported_is_a_sentence(copy):
     assert code == 0 and stdout.startswith("relnav needs numba, which can't be imported: ") and stdout.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_all_kernels_are_compiled_by_a_command(copy):
     code, stdout, stderr = copy.run("-m", "relnav_sim.kernels")
     assert (code, stderr) == (0, "")

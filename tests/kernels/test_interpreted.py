@@ -20,7 +20,7 @@ def last_line(program, *arguments):
 
 
 SHIPPED = sorted(path.stem for path in CAMPAIGNS.glob("*.yaml"))
-SOME = ["angles_only", "demo", "gnss_to_radar"]
+SOME = ["angles_only"]
 
 
 @pytest.mark.parametrize("names", [SOME, pytest.param(SHIPPED, marks=pytest.mark.slow)], ids=["some", "all"])
@@ -60,10 +60,10 @@ print(json.dumps([np.abs(p - c).max() / np.abs(c).max() for p, c in zip(plain, c
 """
 
 
-LONGER = [pytest.param(name, marks=pytest.mark.slow) for name in ("crosslink", "rendezvous")]
+LONGER = [pytest.param(name, marks=pytest.mark.slow) for name in ("crosslink", "gnss_to_radar", "rendezvous")]
 
 
-@pytest.mark.parametrize("name", ["angles_only", "gnss_to_radar", *LONGER])
+@pytest.mark.parametrize("name", ["angles_only", *LONGER])
 def test_plain_python_agrees_with_compiled_code(name):
     chief, deputy, *ratios = json.loads(last_line(AGREE, CAMPAIGNS / f"{name}.yaml"))
     # Steps are the same where an error estimate is not within its rounding of the tolerance.

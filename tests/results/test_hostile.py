@@ -173,7 +173,14 @@ def little_memory(monkeypatch: pytest.MonkeyPatch) -> Any:
     resource.setrlimit(resource.RLIMIT_AS, limits)
 
 
-@pytest.mark.parametrize("make", HOSTILE.values(), ids=HOSTILE)
+# Each is read by several commands: every third of them here, the others in the long check.
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(make, id=name, marks=[] if number % 3 == 0 else pytest.mark.slow)
+        for number, (name, make) in enumerate(HOSTILE.items())
+    ],
+)
 def test_a_hostile_file_is_refused_in_a_sentence(
     old_result: Path, tmp_path: Path, make: Callable[[h5py.File], None], little_memory: None
 ) -> None:
