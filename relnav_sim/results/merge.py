@@ -43,6 +43,7 @@ def merge_pieces(
     out: Path,
     complete: bool = True,
     bounds: Iterable[BoundResult] = (),
+    mark: bool = False,
 ) -> None:
     """Unite pieces by case, filter and run into the results file.
 
@@ -57,6 +58,7 @@ def merge_pieces(
         out: The results file; replaced as a whole or left as it was.
         complete: Refuse to write while runs are missing; else write what there is.
         bounds: Bounds of the cases, as far as there are any.
+        mark: Whether the file says from which pieces it was merged, so that it need not be merged again.
 
     Raises:
         ResultsError: A piece is damaged.
@@ -80,7 +82,8 @@ def merge_pieces(
         with store.create_file(temporary) as file:
             write_header(file, header, provenance)
             file.attrs[seal.ATTRIBUTE] = seal.NOTICE
-            file.attrs[MERGED_FROM] = merged_from(header, pieces, map(bound_digest, bounds))
+            if mark:
+                file.attrs[MERGED_FROM] = merged_from(header, pieces, map(bound_digest, bounds))
             if stacks.CASES in file:
                 _write_stacks(file, len(header.cases), cases)
             else:

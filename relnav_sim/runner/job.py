@@ -111,7 +111,7 @@ class Job:
         checksums = [bounds[task.name].checksum for task in tasks if task.name in bounds]
         if self.in_session or not is_merged(self.out, merged_from(self.header, pieces, checksums)):
             found = [bound for bound in finished_bounds(tasks, self.say) if bound is not None]
-            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=found)
+            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=found, mark=True)
         for task in tasks:
             header = bounds[task.name].header if task.name in bounds else {}
             if reason := header.get("reason"):
