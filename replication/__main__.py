@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
 from relnav_sim.cli.failures import UserError, guarded
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import print_table, say
@@ -45,7 +46,10 @@ def reproduce(
             show_default="results/reproduce-full",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
+    workers: WorkersOption = None,
+    backend: BackendOption = BackendName.LOKY,
+    scheduler: SchedulerOption = None,
+    local_cluster: LocalClusterOption = None,
 ) -> None:
     """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
 
@@ -59,6 +63,7 @@ def reproduce(
         raise UserError(f"{in_full} is no folder that make reproduce-full has written: it has no folder campaigns")
     if not campaigns.is_dir():
         raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
+    place = where(backend, workers, scheduler, local_cluster)
     size: Size = "full" if full else "trial" if trial else "usual"
     folder = out or Path("results") / ("reproduce" if size == "usual" else f"reproduce-{size}")
     if folder.exists() and not folder.is_dir():
@@ -68,7 +73,9 @@ def reproduce(
         from replication.reproduce import SUMMARY_FILE, reproduce
 
         larger = (in_full or Path("results/reproduce-full")) if size == "usual" else None
-        summary = reproduce(size, campaigns, folder, workers, docs, larger, progress=True, say=_say)
+        summary = reproduce(
+            size, campaigns, folder, place.workers, docs, larger, True, _say, place.backend, place.scheduler
+        )
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
         say(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 from relnav_sim.campaign import Campaign, load_campaign
 from relnav_sim.results.read import open_results
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.several import run_campaigns
 
 Size = Literal["trial", "usual", "full"]
@@ -141,7 +142,16 @@ def complete_in_full(campaigns: Path, results: Path, say: Say = lambda sentence:
     return found
 
 
-def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: bool, say: Say) -> dict[str, Path]:
+def run_plan(
+    size: Size,
+    campaigns: Path,
+    out: Path,
+    workers: int,
+    progress: bool,
+    say: Say,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
+) -> dict[str, Path]:
     """Run every campaign of the plan; what is finished is taken as it is. Return the results files by name.
 
     Args:
@@ -151,6 +161,8 @@ def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: boo
         workers: Processes.
         progress: Show progress.
         say: Told what a user should know, a sentence at a time.
+        backend: As in `run_campaign`.
+        scheduler: As in `run_campaign`.
 
     Raises:
         CampaignError: A campaign file is missing or wrong.
@@ -161,5 +173,5 @@ def run_plan(size: Size, campaigns: Path, out: Path, workers: int, progress: boo
     for number, (name, campaign) in enumerate(loaded, start=1):
         cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"
         say(f"campaign {number} of {len(loaded)}: {name}, {cases} of {campaign.runs} runs")
-    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, progress, say)
+    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, progress, say, backend, scheduler)
     return paths

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from relnav_sim.results.atomic import written_whole
+from relnav_sim.runner.executors.interface import Backend
 from replication.compose import summarised
 from replication.measured import Measured
 from replication.pages import html_page, markdown_page
@@ -26,6 +27,8 @@ def reproduce(
     in_full: Path | None = None,
     progress: bool = False,
     say: Callable[[str], None] = lambda sentence: None,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
 ) -> Summary:
     """Replicate the papers; return the summary. What an earlier call has finished is taken as it is.
 
@@ -42,13 +45,15 @@ def reproduce(
             takes the place of the usual one in the docs, and in nothing else.
         progress: Show progress.
         say: Told what a user should know, a sentence at a time.
+        backend: Where the campaigns are computed; the summary does not depend on it.
+        scheduler: As in `run_campaign`.
 
     Raises:
         CampaignError: A campaign file is missing or wrong.
         OSError: The output can't be written.
     """
     (out / "campaigns").mkdir(parents=True, exist_ok=True)
-    paths = run_plan(size, campaigns, out / "campaigns", workers, progress, say)
+    paths = run_plan(size, campaigns, out / "campaigns", workers, progress, say, backend, scheduler)
     with Measured(paths) as measured:
         summary = as_stored(summarised(measured, size, out / "figures"))
         for line in timing_lines(measured):

@@ -48,7 +48,7 @@ def test_parameters_keep_their_names_and_order(name, parameters):
 def test_importing_the_package_loads_nothing_heavy():
     code = (
         "import sys, relnav_sim; "
-        "heavy = ('numpy', 'scipy', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'pydantic', 'numba'); "
+        "heavy = ('numpy', 'scipy', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'pydantic', 'numba', 'distributed'); "
         "print([name for name in heavy if name in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -9,7 +9,10 @@ from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.former import former_content, former_filter, former_variables
+from relnav_sim.campaign.models import Clock, StatisticsOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.options import Options
 from relnav_sim.same_object import remembered
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
@@ -21,7 +24,8 @@ OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requir
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return a campaign's content as it would have been spelt at first, so that no rename tells two campaigns apart."""
     truth = EphemerisTruthOptions if "ephemeris" in content.get("truth", {}) else TruthOptions
-    return former_content(content, truth, sensor_kinds(), FilterEntry, dynamics_kinds())
+    sections = {"truth": truth, "clock": Clock, "statistics": StatisticsOptions}
+    return former_content(content, sections, sensor_kinds(), FilterEntry, _options(), dynamics_kinds())
 
 
 def campaign_hash(content: Mapping[str, Any]) -> str:
@@ -41,7 +45,7 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
         variables: The values of the varied paths.
     """
     varied = {path: [value] for path, value in variables.items() if path.split(".")[0] == "filters"}
-    first = former_variables(varied, content, TruthOptions, sensor_kinds(), FilterEntry)
+    first = former_variables(varied, content, {}, sensor_kinds(), FilterEntry)
     texts = {key: _section_text(value, key) for key, value in content.items() if key not in ("filters", "sensors")}
     texts["filters"] = _text({path: values[0] for path, values in first.items()})
     if "sensors" in content:
@@ -74,7 +78,11 @@ def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
 @remembered
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
-    return _digest(former_filter(FilterEntry, dynamics_kinds(), entry.model_dump(mode="json")))[:12]
+    return _digest(former_filter(FilterEntry, _options(), dynamics_kinds(), entry.model_dump(mode="json")))[:12]
+
+
+def _options() -> dict[str, type[Options]]:
+    return {name: kind.options_model for name, kind in filter_kinds().items()}
 
 
 def _digest(content: Any) -> str:

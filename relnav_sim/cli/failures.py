@@ -34,7 +34,8 @@ EXIT_CODES = {
     "0": "all is well",
     "1": "some runs failed, which the report counts, or lacked memory, which the same command tries again",
     "2": "the campaign or the arguments can't be used",
-    "3": "a file can't be read or written, no worker can start, numba can't be imported, or there is too little memory",
+    "3": "a file can't be read or written, no worker can start or the scheduler is gone, numba can't be imported, or "
+    "there is too little memory",
     "4, 5": "only of relnav report --check: a requirement is missed, or undecided",
     "70": "an error of relnav itself; please report it",
     "129, 130, 143": "ended by a closed terminal, Ctrl-C or SIGTERM; the same command continues",

@@ -70,8 +70,11 @@ def _show(results: Results) -> None:
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]
+    if provenance.machines:
+        blocks = [f"{name}: {count_in_words(n, 'block', 'blocks')}" for name, n in provenance.machines.items()]
+        rows.append(("computed on", "\n".join(blocks)))
     if lacking:
-        rows.insert(7, ("lacked memory", count_in_words(lacking, "run of a filter", "runs of a filter")))
+        rows.insert(7, ("lacked memory or a worker", count_in_words(lacking, "run of a filter", "runs of a filter")))
     if len(provenance.sessions) > 1:
         began = [
             f"{session.started[:19]}, {in_words(session.wall_time_s)}, relnav {session.relnav}: {session.command_line}"

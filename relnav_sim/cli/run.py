@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
 from relnav_sim.cli.failures import Exit, UserError
 from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
@@ -17,13 +17,6 @@ from relnav_sim.cli.output import command, count_in_words, say
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
-
-
-class Backend(StrEnum):
-    """Where the work is done."""
-
-    LOKY = "loky"
-    SEQUENTIAL = "sequential"
 
 
 def run(
@@ -41,13 +34,10 @@ def run(
         list[str] | None,
         typer.Option("--set", metavar="PATH=VALUE", help="Change a value, as clock.step_s=1; may be repeated."),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes; the results do not depend on it.")] = 2,
-    backend: Annotated[
-        Backend,
-        typer.Option(
-            case_sensitive=False, help="loky: in worker processes; sequential: in this process, for debugging."
-        ),
-    ] = Backend.LOKY,
+    workers: WorkersOption = None,
+    backend: BackendOption = BackendName.LOKY,
+    scheduler: SchedulerOption = None,
+    local_cluster: LocalClusterOption = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Start over: an existing result is moved aside, never deleted.")
     ] = False,
@@ -82,7 +72,8 @@ def run(
     """
     with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
         _check_options(only, trace, shard, fresh, fail_fast, max_failures)
-        if backend is Backend.SEQUENTIAL and timeout_s is not None:
+        place = where(backend, workers, scheduler, local_cluster)
+        if backend is BackendName.SEQUENTIAL and timeout_s is not None:
             raise UserError("--timeout-s needs worker processes, which can be ended; leave out --backend sequential")
         part = _part(shard)
         case, number = _case_and_run(only)
@@ -112,17 +103,20 @@ def run(
         try:
             if only is not None:
                 target = _single_target(campaign, result, case, number)
-                path = run_single(campaign, case, number, target, trace, backend.value, timeout_s, to_user)
+                path = run_single(
+                    campaign, case, number, target, trace, place.backend, timeout_s, to_user, place.scheduler
+                )
             else:
                 path = run_campaign(
                     campaign,
                     result,
-                    workers=workers,
-                    backend=backend.value,
+                    workers=place.workers,
+                    backend=place.backend,
                     fresh=fresh,
                     part=part,
                     max_failures=0 if fail_fast else max_failures,
                     timeout_s=timeout_s,
+                    scheduler=place.scheduler,
                     progress=True,
                     say=to_user,
                 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
 from relnav_sim.cli.failures import Exit, UserError
 from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
@@ -26,6 +27,7 @@ class Objective(StrEnum):
     VELOCITY = "velocity"
     CONSISTENCY = "consistency"
     BOTH = "both"
+    IN_BAND = "in_band"
 
 
 class Span(StrEnum):
@@ -94,7 +96,10 @@ def tune(
             show_default="NAME_tuned.yaml beside FILE",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes; the result does not depend on it.")] = 2,
+    workers: WorkersOption = None,
+    backend: BackendOption = BackendName.LOKY,
+    scheduler: SchedulerOption = None,
+    local_cluster: LocalClusterOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
 ) -> None:
     """Find the free numbers of the filters, such as process noise, on random numbers that the campaign never uses.
@@ -103,6 +108,7 @@ def tune(
     and is otherwise left as it is. The options not given here come from the campaign's `tune:` section.
     """
     with ending_promptly("interrupted; nothing was written"):
+        place = where(backend, workers, scheduler, local_cluster)
         existing(file, CAMPAIGNS)
         name = f"{file.stem}_tuned.yaml"
         target = target_file(out, name) if out is not None else file.with_name(name)
@@ -153,7 +159,9 @@ def tune(
                 options,
                 tuple(dict.fromkeys(filters or [])),
                 tuple(dict.fromkeys(cases or [])),
-                workers,
+                place.workers,
+                backend=place.backend,
+                scheduler=place.scheduler,
                 progress=True,
                 say=lambda sentence: say(sentence, err=True),
             )

@@ -7,17 +7,24 @@ names the axes in the same way.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Indices, Integers, Mask
+from relnav_sim.filters.operations import Operations
 from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
 from relnav_sim.plots.commands import run_command
+from relnav_sim.plots.in_full import InFull, covariances_in_full
+from relnav_sim.plots.manoeuvres import manoeuvre_times
+from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
-from relnav_sim.results.block import AugmentedStates, BySensor
+from relnav_sim.results.afterwards import known_when
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, ResultsError
+from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
@@ -75,6 +82,13 @@ class FilterFacts:
             NIS is known.
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
+        known_when: When its estimates are known, in words; empty where that is at their own epoch, as in flight.
+        editing: What came of the editing of its readings; None where there is none.
+        false_rejections: Share of the tests of its editing that fail where the filter is right; NaN where it is not
+            known.
+        operations: What one of its epochs costs by formula; None where it states none.
+        by_channel: What its residuals say by channel; None where the campaign did not ask.
+        in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
     name: str
@@ -98,6 +112,12 @@ class FilterFacts:
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
+    known_when: str = ""
+    editing: Editing | None = None
+    false_rejections: float = np.nan
+    operations: Operations | None = None
+    by_channel: ByChannel | None = None
+    in_full: InFull | None = None
 
     @property
     def observable(self) -> bool:
@@ -224,6 +244,7 @@ class CaseFacts:
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+        manoeuvres_s: When manoeuvres begin, s; empty where the file's are damaged.
     """
 
     number: int
@@ -241,6 +262,7 @@ class CaseFacts:
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
+    manoeuvres_s: tuple[float, ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -280,11 +302,11 @@ class CaseFacts:
 
     @property
     def by_accuracy(self) -> tuple[FilterFacts, ...]:
-        """The filters with a completed run, the smallest position RMS first."""
+        """The filters with a completed run, the smallest position RMS first; last those that are known only later."""
         span = self.span
-        held = [(item.mean_rms(span), item) for item in self.filters if item.completed]
+        held = [(bool(item.known_when), item.mean_rms(span), item) for item in self.filters if item.completed]
         # A mean over runs of a diverged filter can overflow; such a filter goes last, not first.
-        return tuple(item for size, item in sorted(held, key=lambda pair: (not np.isfinite(pair[0]), pair[0])))
+        return tuple(item for *_, item in sorted(held, key=lambda each: (each[0], not np.isfinite(each[1]), each[1])))
 
     @property
     def when(self) -> str:
@@ -345,12 +367,19 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results) + (" --stress" if header.stress else ""),
+        manoeuvres_s=_manoeuvres(results, index, times_s),
     )
 
 
 def span_index(span: Span) -> int:
     """Return where a span stands along the layout's dimension of that name."""
     return _SPANS[span]
+
+
+def _manoeuvres(results: Results, index: int, times_s: Array) -> tuple[float, ...]:
+    with suppress(ResultsError):  # the figure about them says so
+        return tuple(manoeuvre_times(results, index, times_s)) if len(times_s) else ()
+    return ()
 
 
 def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: Mask) -> FilterFacts:
@@ -367,7 +396,7 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
     if any(bound is not None for bound in bounds):
         r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
     spans: dict[Span, Mask] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
-    return FilterFacts(
+    facts = FilterFacts(
         name=name,
         runs=results.case_runs(index, name),
         ok=ok,
@@ -393,7 +422,24 @@ def _filter_facts(results: Results, index: int, name: str, axes: Axes, settled: 
         mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
+        known_when=known_when(results, index, name),
+        editing=results.editing(index, name),
+        false_rejections=_false_rejections(results, index, name),
+        by_channel=results.by_channel(index, name),
+        in_full=covariances_in_full(results, index, name, axes, spans),
     )
+    states = 0 if facts.augmented is None else len(facts.augmented.names)
+    return replace(facts, operations=stated_operations(results, index, name, states, facts.dimensions()))
+
+
+def _false_rejections(results: Results, index: int, name: str) -> float:
+    """Return the share of tests that fail where a filter is right: 1 less the probability of its editing."""
+    path = f"filters.{name}.editing"
+    varied = results.headers[index].variables
+    editing = varied.get(path) or filter_settings(results, index, name).get("editing")
+    probability = editing.get("probability") if isinstance(editing, Mapping) else None
+    probability = varied.get(f"{path}.probability", probability)
+    return 1 - probability if isinstance(probability, float) else np.nan
 
 
 def _mixture_sensors(results: Results, index: int, name: str, used: Sequence[str] | None) -> tuple[str, ...]:

@@ -103,6 +103,7 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "checksum": "" if results.sealed else NO_SEAL,
         "versions": ", ".join(f"{name} {version}" for name, version in origin.versions.items()),
         "machine": ", ".join(f"{name} {value}" for name, value in origin.machine.items()),
+        "computed on": ", ".join(f"{name}: {count} blocks" for name, count in origin.machines.items()),
     }
     return tuple((name, value) for name, value in facts.items() if value)
 

@@ -12,6 +12,8 @@ from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
 from relnav_sim.report.augmented_table import augmented_table
+from relnav_sim.report.editing_table import editing_table
+from relnav_sim.report.in_full_tables import by_part_table, correlations_table
 from relnav_sim.report.layouts import INTERVALS, worst_runs_table
 from relnav_sim.report.metrics import (
     NIS_PER_DOF,
@@ -20,11 +22,14 @@ from relnav_sim.report.metrics import (
     TIMES_BOUND,
     VELOCITY_RMS,
     nis_metric,
+    nis_ratio,
     numbers,
     ratio_cells,
 )
+from relnav_sim.report.observability_table import observability_table
 from relnav_sim.report.ranking import Pair, Ranking
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
+from relnav_sim.report.whiteness_table import whiteness_table
 from relnav_sim.results import layout
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE
 from relnav_sim.statistics.intervals import (
@@ -40,13 +45,13 @@ from relnav_sim.statistics.intervals import (
     sum_band,
     wilson_interval,
 )
-from relnav_sim.statistics.verdicts import ratio_of_means
 from relnav_sim.wording import MISSING, counted, listed, significant
 
 _MANY_RUNS = 100_000
 _AVAILABILITY_NOTE = " Epochs with a reading: share of the epochs of the headline span."
 _KNOWN = {
-    "rejected": "measurements that the gate refused (share)",
+    "rejected": "readings that were rejected (share)",
+    "underweighted": "updates that were underweighted (share)",
     "ess": "effective sample size",
     "resampled": "updates that resampled (share)",
     "alpha": "alpha in use",
@@ -165,7 +170,7 @@ def _sensor_rows(case: CaseFacts) -> list[Row]:
 
 def _sensor_nis(case: CaseFacts, sensor: str, item: FilterFacts) -> Interval:
     total, dof = (item.of_sensor(sensor, name, case.span) for name in ("nis_sum", "dof_sum"))
-    return ratio_of_means(total, dof)
+    return nis_ratio(total, dof, sensor not in item.mixture_sensors)
 
 
 def _sensor_band(case: CaseFacts, sensor: str, item: FilterFacts) -> Band | None:
@@ -196,7 +201,7 @@ def no_band_note(case: CaseFacts) -> str:
         return ""
     return (
         f" {listed(names)}: noise assumed as a mixture, so the mean NIS is the dimension where the model is right, but "
-        "there is no chi-square band; judge by the interval of the mean over runs."
+        "there is no chi-square band; judge by the interval of the mean, by the bootstrap over runs (Efron 1987)."
     )
 
 
@@ -442,8 +447,13 @@ def case_table_makers(ranking: Ranking) -> dict[str, Callable[[], Table | None]]
         **comparison,
         "worst runs": partial(worst_runs_table, case),
         "consistency": partial(consistency_table, case),
+        "consistency by axis and plane": partial(by_part_table, case),
+        "formal and actual covariance": partial(correlations_table, case),
+        "residuals by channel": partial(whiteness_table, case),
+        "observability": partial(observability_table, case),
         "convergence": partial(convergence_table, case),
         "spread": partial(spread_table, case),
         "augmented states": partial(augmented_table, case),
+        "measurement editing": partial(editing_table, case),
         "reliability": partial(reliability_table, case),
     }

@@ -16,6 +16,7 @@ from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_section import compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.drawing import within
+from relnav_sim.report.error_budget import budgeted_cases
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
@@ -47,7 +48,9 @@ _READING = (
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
     "more where it is overconfident, less where it is conservative.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
-    "CPU time is measured while blocks of runs are filtered together; it depends on the machine.",
+    "CPU time is measured while blocks of runs are filtered together; it depends on the machine. Operations and bytes "
+    "are those of one epoch of one run by the filter's formula, without what its models compute and with all the "
+    "iterations that it may take.",
 )
 _NO_SUMMARY = "The summary could not be made; the reason stands below."
 _WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep this page small."
@@ -122,9 +125,10 @@ def _cases(
         figures_left -= FIGURES_OF_A_CASE + len(results.headers[index].filters)
         drawn.append(not drawn or (not results.headers[index].stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(closely), len(results.filters))
+    budgeted = budgeted_cases(results, closely)
     todo = [
-        (results.path, index, axes, figure_folder, draw_it, *chart)
-        for index, draw_it in zip(closely, drawn, strict=True)
+        (results.path, index, axes, figure_folder, draw_it, *chart, draw_it and budget_it)
+        for index, draw_it, budget_it in zip(closely, drawn, budgeted, strict=True)
     ]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
         return [compose_case(*arguments) for arguments in todo]

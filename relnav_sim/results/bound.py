@@ -17,7 +17,7 @@ from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
 from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
 from relnav_sim.results.header import read_header
-from relnav_sim.results.observability import Observability
+from relnav_sim.results.observability import Observability, course_of
 from relnav_sim.results.shards import checksum
 from relnav_sim.results.stored_cases import StoredCases
 
@@ -91,7 +91,13 @@ def _parts(bound: BoundResult) -> tuple[dict[str, Any], dict[str, AnyArray]]:
         "filters": dict(bound.filter_ids),
         "stored": sorted(arrays),
         "observability": {
-            name: {"sensors": found.sensors, "states": found.states, "blind": found.blind, "weakest": found.weakest}
+            name: {
+                "sensors": found.sensors,
+                "states": found.states,
+                "blind": found.blind,
+                "weakest": found.weakest,
+                "course": found.course,
+            }
             for name, found in bound.observability.items()
         },
         "reason": bound.reason,
@@ -179,6 +185,7 @@ def _observed(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> dict
             arrays[f"sigma_ratio/{name}"],
             int(words["blind"]),
             str(words["weakest"]),
+            course_of(words.get("course", ())),
         )
         for name, words in header.items()
     }
@@ -274,6 +281,7 @@ def write_limits(group: h5py.Group, limits: CaseLimits) -> None:
             store.write(place, spec, values)
         place.attrs["sensors"] = json.dumps(one.sensors)
         place.attrs["blind"], place.attrs["weakest"] = one.blind, one.weakest
+        place.attrs["course"] = json.dumps(one.course)
 
 
 def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) -> None:
@@ -290,8 +298,8 @@ def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) 
         store.write_dimensions(group[name], [*specs, *stacks.OBSERVED_FACTS], **axes)
         for place_of, spec in enumerate(specs):
             store.write(group[name], spec, np.stack([one.arrays[place_of] for one in facts]))
-        words = [json.dumps(one.sensors) for one in facts], [one.blind for one in facts], [one.weakest for one in facts]
-        for spec, values in zip(stacks.OBSERVED_FACTS, words, strict=True):
+        words = [(json.dumps(one.sensors), one.blind, one.weakest, json.dumps(one.course)) for one in facts]
+        for spec, values in zip(stacks.OBSERVED_FACTS, zip(*words, strict=True), strict=True):
             store.write(group[name], spec, values)
 
 

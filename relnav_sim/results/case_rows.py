@@ -98,7 +98,12 @@ def united_columns(parts: Sequence[layout.Columns]) -> layout.Columns:
     diagnostics = sorted({name for part in parts for name in part.diagnostics})
     augmented = next((part for part in parts if part.augmented), layout.NO_COLUMNS)
     sensors = next((part.sensors for part in parts if part.sensors), ())
-    return replace(augmented, diagnostics=tuple(diagnostics), sensors=sensors)
+    edited = next((part.edited for part in parts if part.edited), ())
+    factor = next((part.factor for part in parts if part.factor), ())
+    channels = next((part.channels for part in parts if part.channels), ())
+    return replace(
+        augmented, diagnostics=tuple(diagnostics), sensors=sensors, edited=edited, factor=factor, channels=channels
+    )
 
 
 def groups_alike(cases: Sequence[CaseRows]) -> list[list[CaseRows]]:

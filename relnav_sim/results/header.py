@@ -39,6 +39,8 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     if header.replay is not None:
         file.attrs["replay"] = json.dumps(asdict(header.replay))
     for name, value in asdict(provenance).items():
+        if name == "machines" and not value:
+            continue
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
     if len(header.cases) > stacks.STACKED_CASES:
@@ -106,6 +108,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
         finished=_moment(file, "finished"),
         wall_time_s=store.number(file, "wall_time_s"),
         sessions=_read_sessions(file),
+        machines=_counts(file, "machines") if "machines" in file.attrs else {},
     )
     return header, provenance
 
@@ -121,6 +124,13 @@ def _read_replay(file: h5py.File) -> ReplayHeader | None:
 
 def _texts(file: h5py.File, name: str) -> dict[str, str]:
     return {str(key): str(value) for key, value in store.json_value(file, name, dict).items()}
+
+
+def _counts(file: h5py.File, name: str) -> dict[str, int]:
+    try:
+        return {str(key): int(value) for key, value in store.json_value(file, name, dict).items()}
+    except (TypeError, ValueError, OverflowError):
+        raise ResultsError(f"{file.filename}: attribute {name!r} is damaged") from None
 
 
 def _moment(file: h5py.File, name: str) -> str:

@@ -9,8 +9,8 @@ import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ def stored_session(stored: Any) -> Session:
     Raises:
         ValueError: It is none.
     """
-    if not isinstance(stored, dict) or stored.keys() != {field.name for field in fields(Session)}:
+    if not isinstance(stored, dict) or stored.keys() != {each.name for each in fields(Session)}:
         raise ValueError("no session")
     session = Session(**stored)
     if not all(isinstance(text, str) for text in (session.command_line, session.finished, session.relnav)):
@@ -93,6 +93,8 @@ class Provenance:
         wall_time_s: Seconds of wall time that the simulation took, over all sessions.
         sessions: Every command that computed a part of the result, in order; interrupted campaigns have several.
             Versions, commit and machine above are those of the last.
+        machines: How many blocks of runs each machine of a cluster has computed, by its name and processor; empty where
+            all were computed on the machine above.
     """
 
     versions: dict[str, str]
@@ -104,6 +106,7 @@ class Provenance:
     finished: str
     wall_time_s: float
     sessions: tuple[Session, ...] = ()
+    machines: Mapping[str, int] = field(default_factory=dict)
 
 
 def collect_provenance(
@@ -112,6 +115,7 @@ def collect_provenance(
     wall_time_s: float,
     command: Sequence[str] | None = None,
     sessions: Sequence[Session] = (),
+    machines: Mapping[str, int] | None = None,
 ) -> Provenance:
     """Return the provenance of a campaign that ran here.
 
@@ -121,6 +125,7 @@ def collect_provenance(
         wall_time_s: Seconds of wall time.
         command: The command line; default: this process' own.
         sessions: The commands that computed it, where there were several.
+        machines: The machines of a cluster that computed it, with the number of their blocks.
     """
     commit, dirty = source_revision(Path(__file__).resolve().parents[1])
     return Provenance(
@@ -133,6 +138,7 @@ def collect_provenance(
         finished=finished.astimezone(UTC).isoformat(timespec="seconds"),
         wall_time_s=wall_time_s,
         sessions=tuple(sessions),
+        machines=dict(machines or {}),
     )
 
 
@@ -188,10 +194,11 @@ def _versions() -> dict[str, str]:
 
 
 def _machine() -> dict[str, str]:
-    return {"system": platform.platform(), "processor": _processor(), "cores": str(os.cpu_count() or 0)}
+    return {"system": platform.platform(), "processor": processor(), "cores": str(os.cpu_count() or 0)}
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Return the name of this machine's processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

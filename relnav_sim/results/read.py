@@ -6,6 +6,7 @@ import importlib.util
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,10 @@ from numpy.typing import NDArray
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import AugmentedStates, BySensor, Failure, RefusedError, ResultsError
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, Failure, RefusedError, ResultsError
+from relnav_sim.results.by_channel import ByChannel
+from relnav_sim.results.covariance_root import covariances
+from relnav_sim.results.editing_columns import editing_columns
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.settings import filter_settings
@@ -43,6 +47,7 @@ class Series:
         nis: Normalised innovation squared (K,); NaN without a measurement.
         nees: Normalised estimation error squared (K,).
         truth: True relative state, RTN, (K, 6).
+        covariance: Formal covariance of position and velocity, RTN, (K, 6, 6); None where the file holds none.
         nis_by: NIS of each sensor's readings (K,), by its name; empty where the file does not tell them apart.
         dof_by: Its degrees of freedom (K,); 0 without a reading.
     """
@@ -58,6 +63,7 @@ class Series:
     truth: Array
     nis_by: Mapping[str, Array] = field(default_factory=dict)
     dof_by: Mapping[str, Array] = field(default_factory=dict)
+    covariance: Array | None = None
 
 
 class Results:
@@ -136,6 +142,16 @@ class Results:
         """Numbers of the runs that any case and filter holds."""
         held = {run for i, case in enumerate(self.headers) for name in case.filters for run in self.case_runs(i, name)}
         return tuple(sorted(held))
+
+    @cached_property
+    def holds_covariances(self) -> bool:
+        """Whether `covariance` returns any: the campaign asked for them (``clock.store_covariance``)."""
+        return any(
+            bool(self._filter_part(index, name).columns().factor)
+            for index, case in enumerate(self.headers)
+            for name in case.filters
+            if len(self.case_runs(index, name))
+        )
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -227,6 +243,14 @@ class Results:
                         columns.setdefault(column, []).append(part)
         summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
         summary |= self._diagnostic_columns() | self._sensor_columns()
+        summary |= editing_columns(
+            [
+                (len(runs), self.editing(index, name))
+                for index, case in enumerate(self.headers)
+                for name in case.filters
+                if len(runs := self.case_runs(index, name))
+            ]
+        )
         if "failed" in summary:
             summary["failed"] = summary["failed"].astype(bool)
         return summary
@@ -274,7 +298,7 @@ class Results:
     def diagnostics(self, case: int | str, filter: str) -> dict[str, Array]:
         """Return what a filter reports of its own working, by name: mean over updates of each run (runs,).
 
-        For example ``rejected`` (share of measurements that the gate refused), ``ess`` or ``alpha``; empty where the
+        For example ``rejected`` (share of readings that were rejected), ``ess`` or ``alpha``; empty where the
         filter reports nothing. NaN: never reported in that run.
         """
         index = self._check(case, filter)
@@ -308,6 +332,20 @@ class Results:
         columns = self._filter_part(index, filter).columns()
         specs = layout.BY_SENSOR if columns.sensors else ()
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def editing(self, case: int | str, filter: str) -> Editing | None:
+        """Return what came of the editing of a filter's readings; None where there is none."""
+        index = self._check(case, filter)
+        columns = self._filter_part(index, filter).columns()
+        specs = layout.EDITING if columns.edited else ()
+        return Editing.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
+
+    def by_channel(self, case: int | str, filter: str) -> ByChannel | None:
+        """Return what a filter's residuals say by channel; None where the campaign has no ``statistics.whiteness``."""
+        index = self._check(case, filter)
+        columns = self._filter_part(index, filter).columns()
+        specs = layout.BY_CHANNEL if columns.channels else ()
+        return ByChannel.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def nis_sum(self, case: int | str, filter: str) -> Array:
         """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""
@@ -360,6 +398,36 @@ class Results:
         """Return the standard deviations that the filter states, (runs, K, 6), m and m/s."""
         return self._series(case, filter, "sigma")
 
+    def covariance(
+        self, case: int | str, filter: str, rows: slice = slice(None), epochs: slice = slice(None)
+    ) -> Array | None:
+        """Return the formal covariances of position and velocity, RTN, (runs, K, 6, 6), m and m/s.
+
+        They are the filter's own, augmented states left out; of filters with particles or several components those of
+        the whole estimate. NaN once a run failed.
+
+        Args:
+            case: The case.
+            filter: The filter.
+            rows: Which of the runs, by their place; all together may be large.
+            epochs: Which of the stored epochs, by their place.
+
+        Returns:
+            None where the file holds none: its campaign did not ask for them (``clock.store_covariance``).
+
+        Example:
+            The correlation of radial position with along-track velocity at the last stored epoch, one number per run::
+
+                P = results.covariance(0, "ekf")[:, -1]
+                P[:, 0, 4] / np.sqrt(P[:, 0, 0] * P[:, 4, 4])
+        """
+        return self._covariances(self._check(case, filter), filter, (rows, epochs))
+
+    def _covariances(self, index: int, filter: str, rows: Any = ...) -> Array | None:
+        if not self._filter_part(index, filter).columns().factor:
+            return None
+        return covariances(self._filter_data(index, filter, layout.COVARIANCE, rows).astype(np.float64))
+
     def nis(self, case: int | str, filter: str) -> Array:
         """Return the NIS (runs, K); NaN without a measurement."""
         return self._series(case, filter, "nis")
@@ -389,6 +457,7 @@ class Results:
             self.cases[index], filter, run, self.time_s(index), **parts, truth=truth,
             nis_by=self._by_sensor_in(index, filter, row, "sensor_nis"),
             dof_by=self._by_sensor_in(index, filter, row, "sensor_dof"),
+            covariance=self._covariances(index, filter, row),
         )  # fmt: skip
 
     def _by_sensor_in(self, index: int, filter: str, row: int, name: str) -> dict[str, Array]:

@@ -31,6 +31,12 @@ def newest_shard_s(folder: Path) -> float:
     return max((path.stat().st_mtime for path in files), default=0.0)
 
 
+def names_of(folder: Path) -> set[str]:
+    """Return the names of the shards and bounds of a folder, sound or not."""
+    loose = {path.name for suffix in (SHARD, BOUND) for path in folder.glob(f"*{suffix}")}
+    return loose | journal.names(folder)
+
+
 def held_shards(folder: Path) -> tuple[dict[str, Bundle], dict[str, ResultsError]]:
     """Return the shards of a folder by name, and of those that can't be opened why."""
     return _held(folder, SHARD)

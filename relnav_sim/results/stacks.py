@@ -29,6 +29,7 @@ OBSERVED_FACTS = (
     Dataset("sensors", ("observed_case",), FIXED, "", "sensors whose readings count, JSON"),
     Dataset("blind", ("observed_case",), "<i8", "1", "number of directions that are not observable"),
     Dataset("weakest", ("observed_case",), FIXED, "", "the weakest direction in words"),
+    Dataset("course", ("observed_case",), FIXED, "", "from when on, s, which direction is the weakest, JSON"),
 )
 """The same in a stack, where a group has no attributes of one case."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, Failure, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
-from relnav_sim.results.observability import Observability
+from relnav_sim.results.observability import Observability, course_of
 from relnav_sim.results.sound import odd_coordinate
 
 _OWN_AXES = ("run", "trajectory", "failure")
@@ -110,7 +110,8 @@ class StoredPart:
 
         Args:
             spec: The dataset.
-            index: Along its first axis: a row, a slice or ascending rows, counted within the case.
+            index: Along its first axis a row, a slice or ascending rows, counted within the case; or a tuple of this
+                and indices along the next axes.
 
         Raises:
             ResultsError: It is missing or damaged.
@@ -141,6 +142,8 @@ class StoredPart:
             ratio, direction, sigma_ratio = (store.read(self.group, spec) for spec in layout.OBSERVABILITY)
             blind, weakest = store.whole_number(self.group, "blind"), store.text(self.group, "weakest")
             sensors = store.json_value(self.group, "sensors", list)
+            # Earlier versions say nothing of the course.
+            course = store.json_value(self.group, "course", list) if "course" in self.group.attrs else []
         else:
             row = self.stack.row_of(stacks.stacked(first).dims[0], self.case)
             if row is None:
@@ -148,11 +151,17 @@ class StoredPart:
             ratio, direction, sigma_ratio = (
                 self.stack.read(stacks.stacked(spec), row) for spec in layout.OBSERVABILITY
             )
-            words, number, which = (self.stack.column(spec)[row] for spec in stacks.OBSERVED_FACTS)
+            words, number, which, times = (self.stack.column(spec)[row] for spec in stacks.OBSERVED_FACTS)
             sensors, blind, weakest = store.plain(str(words), list), int(number), str(which)
-            if sensors is None:
-                raise ResultsError(f"{self.group.file.filename}: {self.group.name}/sensors is damaged")
-        return Observability(tuple(map(str, sensors)), ratio, states, direction, sigma_ratio, blind, weakest)
+            course = store.plain(str(times), list)
+        file, name = self.group.file.filename, self.group.name
+        if sensors is None:
+            raise ResultsError(f"{file}: {name}/sensors is damaged")
+        try:
+            over_time = course_of(course)
+        except (TypeError, ValueError):
+            raise ResultsError(f"{file}: the course of {name} is damaged") from None
+        return Observability(tuple(map(str, sensors)), ratio, states, direction, sigma_ratio, blind, weakest, over_time)
 
     def columns(self) -> layout.Columns:
         """Return what a filter's group holds beyond what all of them hold.
@@ -177,7 +186,9 @@ def columns_of(group: h5py.Group) -> layout.Columns:
     extra, units = labels(dimensions["extra"]), labels(layout.AUGMENTED_UNIT)
     if len(extra) != len(units):
         raise ResultsError(f"{group.file.filename}: {group.name} lacks units of its augmented states")
-    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, labels(dimensions["sensor"]))
+    names = ("sensor", "edited", "factor", "channel")
+    sensors, edited, factor, channels = (labels(dimensions[name]) for name in names)
+    return layout.Columns(labels(dimensions["diagnostic"]), extra, units, sensors, edited, factor, channels)
 
 
 @dataclass
@@ -245,7 +256,9 @@ def _within(rows: slice, index: Any) -> Any:
     """Return an index within some rows as one of the whole dataset."""
     if index is ...:
         return rows
+    if isinstance(index, tuple):
+        return _within(rows, index[0]), *index[1:]
     if isinstance(index, slice):
         first, last, step = index.indices(rows.stop - rows.start)
         return slice(rows.start + first, rows.start + last, step)
-    return rows.start + index
+    return np.arange(rows.start, rows.stop)[index]

@@ -35,7 +35,17 @@ def log_failure(folder: Path, heading: str, traceback: str) -> None:
         heading: Whose failure it is.
         traceback: The traceback.
     """
-    entry = f"{heading}\n{traceback.rstrip()}\n\n".encode(errors="backslashreplace")
+    add_to_log(folder, f"{heading}\n{traceback.rstrip()}\n\n")
+
+
+def add_to_log(folder: Path, text: str) -> None:
+    """Add entries to the log; workers may do so at the same time.
+
+    Args:
+        folder: The shards' folder.
+        text: The entries.
+    """
+    entry = text.encode(errors="backslashreplace")
     with contextlib.suppress(OSError):  # the failure is in the results; a log that can't be written must not end them
         log = os.open(folder / NAME, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
         try:

@@ -16,6 +16,7 @@ from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
+from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import START_OVER, check_same_campaign, working_folder, write_folder_header
@@ -127,7 +128,7 @@ class Job:
             stored, provenance = before
             if (stored.runs, stored.cases) == (self.header.runs, self.header.cases):
                 return provenance
-        return provenance_of(past_sessions(self.folder))
+        return provenance_of(past_sessions(self.folder), machines_of(self.folder))
 
     def _say_what_is_left_out(self) -> None:
         """Tell of runs, filters and cases that the file held and this campaign does not ask for; their shards stay."""

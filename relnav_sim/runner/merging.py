@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -18,6 +19,7 @@ from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shard_files import held_shards
 from relnav_sim.runner.bound_task import sound_bounds
+from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
 
@@ -64,7 +66,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
             raise error
         found = [bundle_piece(shard) for shard in shards.values()]
         known = {case.id for case in header.cases}
-        history = provenance_of(past_sessions(path))
+        history = provenance_of(past_sessions(path), machines_of(path))
         found = [piece for piece in found if piece.info.case_id in known and piece.info.seed == header.seed]
         return header, found, sound_bounds(path), history
     with store.open_checked(path, layout.FORMAT, whole=True) as file:
@@ -93,4 +95,5 @@ def _united(histories: Sequence[Provenance]) -> Provenance:
         datetime.fromisoformat(max(part.finished for part in histories)),
         sum(part.wall_time_s for part in histories),
         sessions=[session for part in histories for session in part.sessions],
+        machines=sum((Counter(part.machines) for part in histories), Counter()),
     )

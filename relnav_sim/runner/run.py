@@ -8,10 +8,10 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.recorded_orbits import recorded_orbits
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.job import Say, job_of
-from relnav_sim.runner.pool import Backend, Pool
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
-from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.shard_folder import move_aside, shard_folder
 from relnav_sim.runner.stopping import look_at, looks
 from relnav_sim.runner.tally import Tally
@@ -30,6 +30,7 @@ def run_campaign(
     timeout_s: float | None = None,
     progress: bool = False,
     say: Say = lambda sentence: None,
+    scheduler: str | None = None,
 ) -> Path:
     """Simulate, filter and store a campaign; return the results file.
 
@@ -41,7 +42,7 @@ def run_campaign(
         campaign: From `load_campaign`.
         out: The results file; default ``results/<name>.h5`` below the current folder.
         workers: Processes; the results do not depend on it.
-        backend: ``loky`` (worker processes) or ``sequential`` (this process).
+        backend: ``loky`` (worker processes), ``sequential`` (this process) or ``dask`` (workers of a Dask scheduler).
         fresh: Start over: an existing result is moved aside, never deleted.
         part: (i, n): compute the i-th of n parts only, for several machines; merge the parts afterwards.
         max_failures: Stop once more runs than this have failed; the results file then holds what is finished.
@@ -49,18 +50,22 @@ def run_campaign(
             cut until the runs and filters that do stand alone, and these count as failed. Not with ``sequential``.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        scheduler: With ``dask``, the scheduler's address, as ``tcp://host:8786``; None: a cluster of so many workers on
+            this machine, for this campaign alone.
 
     Raises:
-        RefusedError: The results file belongs to another campaign, or to other settings of this one.
+        RefusedError: The results file belongs to another campaign, or to other settings of this one; with ``dask``: the
+            package distributed is not installed, or every worker has another relnav.
         ResultsError: What stands there is damaged.
-        WorkersError: No worker process can be started, an `OSError`; what is finished is kept.
+        WorkersError: No worker process can be started, or the scheduler is gone, an `OSError`; what is finished is
+            kept.
         OSError: The output can't be written.
         ValueError: A time limit with ``sequential``: nothing could end what hangs.
     """
     out = Path(out) if out is not None else default_out(campaign, part)
     if fresh:
         move_aside(out, say)
-    with job_of(campaign, out, say, part) as job, Pool(workers, backend, timeout_s) as pool:
+    with job_of(campaign, out, say, part) as job, Pool(workers, backend, timeout_s, scheduler, say) as pool:
         job.take_stock()
         for sentence in recorded_orbits(campaign):
             say(sentence)
@@ -72,7 +77,7 @@ def run_campaign(
             blocks = [task for task in tasks if isinstance(task, Block)]
             if goes_on and blocks:
                 say(f"{goes_on} finished blocks found; {len(blocks)} left to compute")
-            compile_kernels(tasks, say)
+            pool.make_ready(tasks, say)
             tally = Tally(blocks, job.figures())
             with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
                 for done in done_tasks:

@@ -7,7 +7,7 @@ this is only history: nothing in it, or none, keeps a campaign from going on.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
@@ -56,16 +56,17 @@ def other_versions(folder: Path) -> list[str]:
     return sorted({session.relnav.partition(" ")[0] for session in _read(folder)} - {__version__, ""})
 
 
-def provenance_of(sessions: Sequence[Session]) -> Provenance:
-    """Return the provenance of what these sessions have computed and this command writes."""
+def provenance_of(sessions: Sequence[Session], machines: Mapping[str, int] | None = None) -> Provenance:
+    """Return the provenance of what these sessions, on these machines, have computed and this command writes."""
     if not sessions:
         now = datetime.now(UTC)
-        return collect_provenance(now, now, 0.0)
+        return collect_provenance(now, now, 0.0, machines=machines)
     return collect_provenance(
         min(datetime.fromisoformat(session.started) for session in sessions),
         max(datetime.fromisoformat(session.finished) for session in sessions),
         sum(session.wall_time_s for session in sessions),
         sessions=sessions,
+        machines=machines,
     )
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.runner.bound_task import BoundTask, Task
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.job import Job, Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
-from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.tally import Tally
 from relnav_sim.runner.work import Block
@@ -44,6 +44,8 @@ def run_campaigns(
     workers: int = 2,
     progress: bool = False,
     say: Say = lambda sentence: None,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
 ) -> None:
     """Simulate, filter and store campaigns, in this order; as `run_campaign` does one after the other, but sooner.
 
@@ -55,6 +57,8 @@ def run_campaigns(
         workers: Processes; the results do not depend on it.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        backend: Where the work is done; the results do not depend on it.
+        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
 
     Raises:
         RefusedError: A results file belongs to another campaign, or to other settings of this one.
@@ -68,7 +72,7 @@ def run_campaigns(
             hold.enter_context(job_of(campaign, out, _named_in(say, campaign), remedy=_remedy(out)))
             for (campaign, out), hold in zip(jobs, holds, strict=True)
         ]
-        pool = held.enter_context(Pool(workers))
+        pool = held.enter_context(Pool(workers, backend, None, scheduler, say))
         shares, tasks = {}, []
         for job, hold in zip(found, holds, strict=True):
             job.take_stock()
@@ -77,7 +81,7 @@ def run_campaigns(
             shares[job.folder] = _Share(job, hold, {unit for task in left for unit in _units(task)})
             if not left:
                 shares[job.folder].write(say)
-        compile_kernels(tasks, say)
+        pool.make_ready(tasks, say)
         tally = Tally([_named(task, shares[task.folder].job) for task in tasks if isinstance(task, Block)], {})
         with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
             for done in done_tasks:

@@ -18,10 +18,10 @@ from relnav_sim.results.layout import case_group
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.read import open_results
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.failure_log import keep_log
 from relnav_sim.runner.job import Say, result_header
-from relnav_sim.runner.pool import Backend, Pool
-from relnav_sim.runner.rehearsal import compile_kernels
+from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.run import default_out
 from relnav_sim.runner.warnings import warnings_before
 from relnav_sim.runner.work import Block
@@ -37,6 +37,7 @@ def run_single(
     backend: Backend = "loky",
     timeout_s: float | None = None,
     say: Say = lambda sentence: None,
+    scheduler: str | None = None,
 ) -> Path:
     """Compute one run of one case; return its results file, which holds that case and run only.
 
@@ -46,9 +47,11 @@ def run_single(
         run: Number of the run.
         out: The file; default ``results/<name>.case_000.run_17.h5``, or beside the campaign's result.
         trace: Store every epoch.
-        backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one.
+        backend: ``loky``: in a process of its own, which a run that kills takes down; ``sequential``: in this one;
+            ``dask``: on a worker.
         timeout_s: Most seconds for the run.
         say: Told what a user should know, a sentence at a time.
+        scheduler: With ``dask``, the scheduler's address; None: a worker of this machine.
 
     Raises:
         RefusedError: There is no such case or run.
@@ -70,8 +73,8 @@ def run_single(
     started, clock = datetime.now(UTC), time.monotonic()
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent.absolute()) as folder:
         block = Block(campaign.seed, 0, chosen, (run,), Path(folder))
-        compile_kernels([block], say)
-        with Pool(1, backend, timeout_s) as pool:
+        with Pool(1, backend, timeout_s, scheduler, say) as pool:
+            pool.make_ready([block], say)
             shards = [done.block.path for done in pool.computed([block])]
         provenance = collect_provenance(started, datetime.now(UTC), time.monotonic() - clock)
         merge_shards(shards, replace(result_header(alone), only=run), provenance, out, complete=False)

@@ -22,6 +22,7 @@ from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.shard_files import held_bounds, held_shards, holds_shards
 from relnav_sim.results.shards import ShardInfo, shard_info
 from relnav_sim.runner.bound_task import sound_bounds
+from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
 
@@ -150,7 +151,7 @@ def results_so_far(out: Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
         sessions = past_sessions(folder)
-        provenance = provenance_of(sessions)
+        provenance = provenance_of(sessions, machines_of(folder))
         if sessions:  # the command at work here is only looking
             provenance = replace(provenance, command_line=sessions[-1].command_line)
         merge_pieces(mine, header, provenance, path, complete=False, bounds=bounds)

@@ -120,7 +120,7 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
             finished.add(name, info.case_id, info.filter_ids, info.runs, headline_figures(block))
     remove(folder, [*damaged, *again])
     if lacked_memory:
-        say(f"{lacked_memory} of the runs of filters lacked memory the last time; trying them again")
+        say(f"{lacked_memory} of the runs of filters lacked memory or a worker the last time; trying them again")
     return finished
 
 

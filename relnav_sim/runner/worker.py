@@ -44,7 +44,7 @@ class Worker:
     def __init__(self) -> None:
         from joblib.externals.loky import ProcessPoolExecutor
 
-        with _started_apart():
+        with started_apart():
             self._executor: Any = ProcessPoolExecutor(
                 max_workers=1, initializer=_end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
             )
@@ -88,7 +88,7 @@ class Worker:
 
 
 @contextmanager
-def _started_apart() -> Iterator[None]:
+def started_apart() -> Iterator[None]:
     """Start processes that import nothing from the working folder, and that the terminal does not end.
 
     A Ctrl-C, or the terminal's own end, goes to all its processes; the parent ends its workers itself.

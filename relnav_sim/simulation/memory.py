@@ -23,10 +23,10 @@ def lacks_memory(error: BaseException) -> bool:
 
 
 def lacking_in_words(count: int) -> str:
-    """Return what became of so many runs of filters for which there was too little memory."""
+    """Return what became of so many runs of filters for which there was too little memory, or whose workers went."""
     return (
-        f"{count} of the runs of filters lacked memory: left out of the result, and no failure of a filter; the same "
-        "command tries again"
+        f"{count} of the runs of filters lacked memory or a worker: left out of the result, and no failure of a "
+        "filter; the same command tries again"
     )
 
 

@@ -13,17 +13,17 @@ import numpy as np
 from relnav_sim.arrays import Mask
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
+from relnav_sim.campaign.models import LARGEST_SEED, TuneObjective, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.pool import Pool
-from relnav_sim.runner.rehearsal import compile_kernels
 from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.statistics.intervals import paired_difference
 from relnav_sim.tuning.bench import Bench
 from relnav_sim.tuning.objective import Figures, Score, objective
 from relnav_sim.tuning.progress import progress_of
 from relnav_sim.tuning.result import Check, Evaluation, FilterTuning, Tuning
-from relnav_sim.tuning.scalars import Scalar, TuningError, free_scalars, value_of, with_values
+from relnav_sim.tuning.scalars import Scalar, TuningError, alike, free_scalars, value_of, with_values
 from relnav_sim.tuning.search import Point, Search, rounded, search
 
 SEARCH_WORD = "tune"
@@ -45,6 +45,8 @@ def tune_campaign(
     workers: int = 2,
     progress: bool = False,
     say: Callable[[str], None] = lambda sentence: None,
+    backend: Backend = "loky",
+    scheduler: str | None = None,
 ) -> Tuning:
     """Return the tuned free numbers of a campaign's filters, with everything that was tried.
 
@@ -56,6 +58,8 @@ def tune_campaign(
         workers: Processes; the result does not depend on it.
         progress: Show a progress bar, or plain lines where there is no terminal.
         say: Told what a user should know, a sentence at a time.
+        backend: Where the work is done; the result does not depend on it.
+        scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
 
     Raises:
         TuningError: The campaign cannot be tuned as asked.
@@ -71,13 +75,13 @@ def tune_campaign(
     seed, check_seed = derived_seed(campaign.seed, SEARCH_WORD), derived_seed(campaign.seed, CHECK_WORD)
     planned = len(plans) * len(chosen) * (options.budget * options.runs + 2 * options.check_runs)
     for_tuning = [with_filters(case, list(free)) for case in chosen]
-    compile_kernels([Block(seed, place, case, (0,), Path()) for place, case in enumerate(for_tuning)], say)
     with (
         TemporaryDirectory(prefix="relnav_tune_") as folder,
         # One worker is this process: a second one would only cost its start.
-        Pool(workers, "sequential" if workers == 1 else "loky") as pool,
+        Pool(workers, "sequential" if backend == "loky" and workers == 1 else backend, None, scheduler, say) as pool,
         progress_of(planned, progress) as tell,
     ):
+        pool.make_ready([Block(seed, place, case, (0,), Path()) for place, case in enumerate(for_tuning)], say)
 
         def bench(seed: int, runs: int) -> Bench:
             return Bench(chosen, seed, runs, options.span, pool, workers, Path(folder), tell)
@@ -110,7 +114,7 @@ class _Plan:
         self.evaluations: list[Evaluation] = []
         places = (scalar.place(value) for scalar, value in zip(self.scalars, self.own, strict=True))
         self._places = rounded(tuple(places))
-        self._search: Search = search(self._places, self.options.budget)
+        self._search: Search = search(self._places, self.options.budget, alike(self.scalars))
         self.waiting = self._values(next(self._search))
 
     def entries(self, values: Sequence[float]) -> list[FilterEntry]:
@@ -120,7 +124,8 @@ class _Plan:
 
     def take(self, round: int, figures: Sequence[Figures]) -> None:
         """Take what the waiting candidates gave, and ask the search for more."""
-        scores = [objective(f, self.options.objective, self.options.weight) for f in figures]
+        options = self.options
+        scores = [objective(f, options.objective, options.weight, options.anees_band) for f in figures]
         self.evaluations += [
             Evaluation(round, values, f, score) for values, f, score in zip(self.waiting, figures, scores, strict=True)
         ]
@@ -174,8 +179,11 @@ def _checked(
 def _check(start: Figures, tuned: Figures, options: TuneOptions) -> Check:
     both = ~(start.broken | tuned.broken)
 
+    # Within a band it is the position that is compared: how far the start is outside is not a gain.
+    kind: TuneObjective = "position" if options.objective == "in_band" else options.objective
+
     def score(figures: Figures) -> Score:
-        return objective(figures.of(both), options.objective, options.weight)
+        return objective(figures.of(both), kind, options.weight)
 
     if both.sum() < 2:
         return Check(start, tuned, None)

@@ -155,7 +155,6 @@ def test_what_is_not_in_it_is_named():
     assert error_budget(made, filter="ekf").not_covered == (
         "random outages of radar: its readings count as there",
         "the latency of radar, of which the filter is not told",
-        "errors of gnss in the orbit about which the filter predicts",
     )
 
 

@@ -70,6 +70,7 @@ def test_help_imports_nothing_heavy():
         "try: app(['--help'])\n"
         "except SystemExit: pass\n"
         "heavy = {'numpy', 'scipy', 'pydantic', 'h5py', 'matplotlib', 'sklearn', 'joblib', 'yaml', 'numba'}\n"
+        "heavy |= {'dask', 'distributed'}\n"
         "print('loaded', sorted(heavy & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -83,7 +84,7 @@ def test_what_needs_no_kernel_does_not_import_their_compiler(here):
         "for words in ['list', 'filters'], ['show', 'filter', 'ekf'], ['schema'], ['new', 'a.yaml']:\n"
         "    try: app(words)\n"
         "    except SystemExit as end: assert not end.code\n"
-        "print('loaded', sorted({'numba', 'llvmlite'} & set(sys.modules)))\n"
+        "print('loaded', sorted({'numba', 'llvmlite', 'distributed'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded []"

@@ -174,7 +174,7 @@ def test_want_of_memory_is_no_failure_of_the_filter_and_is_tried_again(with_plug
     assert (failure.run, failure.filter) == (3, "lacks")
     assert failure.reason.startswith("not enough memory: ") and "no room" in failure.reason
     (code, _, stderr), third = here.in_turn(again, one)
-    assert code == 1 and "1 of the runs of filters lacked memory the last time; trying them again" in stderr
+    assert code == 1 and "1 of the runs of filters lacked memory or a worker the last time; trying them again" in stderr
     code, stdout, stderr = third
     assert code == 1 and "1 of the runs of filters lacked memory" in stderr and "failed;" not in stderr
     assert "wrote results/small.case_000.run_3.h5" in stdout

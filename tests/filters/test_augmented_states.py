@@ -27,6 +27,7 @@ EXACT = {
     "ukf": {},
     "ckf": {},
     "sr_ukf": {},
+    "ud_ekf": {},
     "imm": {},
     "gaussian_sum": {},
     "huber": {"threshold": 1e6},

@@ -11,14 +11,16 @@ from scipy.stats import chi2
 from relnav_sim.plots import conditions
 from relnav_sim.plots.choice import pareto_front
 from relnav_sim.plots.data import drawn_step, window
+from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
-from relnav_sim.plots.geometry import ellipse
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, png, write_figure
 from relnav_sim.plots.sweep_points import grid_paths, trends
 from relnav_sim.plots.sweeps import axis_label
 from relnav_sim.report import FIGURE_KINDS, figure
-from relnav_sim.results import open_results
+from relnav_sim.results import layout, open_results
+from relnav_sim.results.by_channel import ByChannel
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.read import Results
 
 ResultMaker = Callable[..., Path]
@@ -50,7 +52,19 @@ def bounded(results: Results, monkeypatch: pytest.MonkeyPatch) -> Results:
     def bound(self: Results, case: int | str, filter: str | None = None) -> np.ndarray:
         return np.tile(levels * (1.5 if filter else 1.0), (len(self.time_s(case)), 1))
 
+    def observability(self: Results, case: int | str, filter: str) -> Observability:
+        ratio = np.linspace(1.0, 0.01, len(self.time_s(case)))
+        return Observability(("radar",), ratio, layout.COMPONENTS, np.ones(6), np.ones(6), 0, "radial position")
+
+    def by_channel(self: Results, case: int | str, filter: str) -> ByChannel:
+        shape = len(self.case_runs(case, filter)), 2, 1
+        product = np.zeros((*shape, len(layout.LAGS)))
+        product[..., 0] = 1.0
+        return ByChannel(("radar range",), np.full(shape, 500), np.zeros(shape), product)
+
     monkeypatch.setattr(Results, "bound", bound, raising=False)
+    monkeypatch.setattr(Results, "observability", observability)
+    monkeypatch.setattr(Results, "by_channel", by_channel)
     return results
 
 
@@ -344,7 +358,12 @@ def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, run
                 figure(results, kind).canvas.draw()
             except ValueError as error:
                 told = "varie" in str(error) or (failed and "completed" in str(error))
-                assert told or (kind == "availability" and "tell sensors apart" in str(error)), kind
+                lacking = {
+                    "availability": "tell sensors apart",
+                    "observability": "does not say what the filters can observe",
+                    "whiteness": "holds no residuals by channel",
+                }
+                assert told or (kind in lacking and lacking[kind] in str(error)), kind
 
 
 def test_a_campaign_without_runs_is_said(make_result: ResultMaker) -> None:

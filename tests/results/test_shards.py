@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import os
 from pathlib import Path
 
@@ -59,9 +60,13 @@ def test_a_torn_shard_is_detected_wherever_it_ends(tmp_path, make_block, write) 
 def test_a_changed_number_is_detected_anywhere(tmp_path, make_block, write) -> None:
     (path,) = write(tmp_path, [make_block(0, [0, 1])])
     with h5py.File(path) as file:
-        count = len(file["data"])
-    # Each dataset's first byte, and the very last.
-    for place in [*range(0, count, count // 60), count - 1]:
+        table = json.loads(file.attrs["table"])
+    # One of the two filters has augmented states, whose unit is in the header, and all else that a filter may have.
+    own = (*layout.AUGMENTED, *layout.BY_SENSOR, *layout.EDITING, *layout.BY_CHANNEL, layout.COVARIANCE)
+    assert len(table) == 3 + 2 * len(layout.FILTER) + 2 + len(own)
+    lengths = [math.prod(shape) * np.dtype(dtype).itemsize for _, dtype, shape in table]
+    # Each array's last byte, and the very first.
+    for place in [0, *(np.cumsum(lengths) - 1)]:
         with h5py.File(path, "r+") as file:
             file["data"][place] ^= 1
         with pytest.raises(ResultsError, match="checksum"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import h5py
@@ -14,7 +15,7 @@ from relnav_sim.results.bound import result_bounds
 from relnav_sim.results.comparable import same_numbers
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.pieces import result_pieces, shard_piece
-from relnav_sim.results.read import open_results
+from relnav_sim.results.read import Results, open_results
 
 CASES = 7
 
@@ -64,13 +65,29 @@ def test_a_stack_holds_the_numbers_of_groups_apart(both) -> None:
                     np.testing.assert_array_equal(getattr(one, read)(case, filter), getattr(other, read)(case, filter))
                 np.testing.assert_array_equal(one.perfect_bound(case, filter), other.perfect_bound(case, filter))
                 seen, again = one.observability(case, filter), other.observability(case, filter)
-                assert (seen is None) == (again is None) and (seen is None or seen.agrees(again))
+                assert (seen is None) == (again is None) and (seen is None or (seen.agrees(again) and again.course))
+                _compare_own(one, other, case, filter)
                 run = int(one.case_runs(case, filter)[-1])
                 for field in ("error", "truth", "nees"):
                     np.testing.assert_array_equal(
                         getattr(one.series(case, filter, run), field), getattr(other.series(case, filter, run), field)
                     )
     assert len(result_bounds(stacked)) == len(result_bounds(apart)) == 3
+
+
+def _compare_own(one: Results, other: Results, case: int, filter: str) -> None:
+    """Compare what only some filters hold: here the alpha filter holds all of it, the other none."""
+    assert one.holds_covariances and other.holds_covariances and one.sensors == other.sensors == ("radar", "camera")
+    for read in ("augmented", "by_sensor", "editing", "by_channel"):
+        first, second = getattr(one, read)(case, filter), getattr(other, read)(case, filter)
+        assert (first is None) == (second is None) == (filter == "ekf")
+        for field in dataclasses.fields(first) if first is not None else ():
+            np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
+    for rows in (slice(None), slice(0, 2), slice(-1, None)):
+        first, second = (file.covariance(case, filter, rows, slice(1, 4)) for file in (one, other))
+        assert (first is None) == (second is None) == (filter == "ekf")
+        if first is not None:
+            np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("most", [1, CASES])
@@ -87,6 +104,8 @@ def test_either_file_merges_again_to_the_same(tmp_path, both, make_header, facts
                     held = [case for case in range(CASES - 1) if len(other.case_runs(case, "ekf"))]
                     for case in held:
                         np.testing.assert_array_equal(one.error(case, "ekf"), other.error(case, "ekf"))
+                        if len(other.case_runs(case, "alpha_0.5")):
+                            _compare_own(one, other, case, "alpha_0.5")
                         assert (one.bound(case) is None) == (other.bound(case) is None)
 
 

@@ -10,8 +10,9 @@ from relnav_sim import open_results
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.runner.blame import TaskQueue
 from relnav_sim.runner.compute import compute
+from relnav_sim.runner.executors.interface import KILLED
 from relnav_sim.runner.job import result_header
-from relnav_sim.runner.pool import KILLED, Pool, failed_task
+from relnav_sim.runner.pool import Pool, failed_task
 from relnav_sim.runner.sessions import provenance_of
 from relnav_sim.runner.work import blocks_left, with_filters
 from relnav_sim.simulation.learned import Learned
@@ -45,16 +46,16 @@ def test_every_pair_of_filter_and_run_is_computed_or_blamed_once(block, wrong, k
 
 def test_what_died_beside_others_is_computed_alone_first(block):
     queue = TaskQueue([block, block])
-    assert not queue.suspecting
+    assert not queue.suspects
     assert not queue.killed(queue.take(), alone=False)
-    assert queue.suspecting and queue.take() is block and not queue.suspecting
+    assert queue.suspects and queue.take() is block and not queue.suspects
     one = block.pieces()[0].pieces()[0].pieces()[0]
     queue = TaskQueue([one])
     assert len(one.runs) == 1 and not one.pieces()
     assert not queue.killed(queue.take(), alone=True)
     assert queue.killed(queue.take(), alone=True)
     assert not queue.lacked_memory(one, alone=False)
-    assert queue.suspecting
+    assert queue.suspects
 
 
 def test_want_of_memory_is_known_by_the_first_cause():

@@ -102,7 +102,7 @@ def test_the_folder_is_held_until_the_file_is_written_and_lacking_bounds_are_tol
         return failed_bound(case, seed, "no room", retry=True)
 
     monkeypatch.setattr(job, "merge_pieces", refused)
-    monkeypatch.setattr(several, "Pool", lambda workers: Pool(backend="sequential"))
+    monkeypatch.setattr(several, "Pool", lambda *options: Pool(backend="sequential"))
     bounds = []
     monkeypatch.setattr(compute, "bound_surviving", lambda case, seed, _: bounds.append(seed) or no_memory(case, seed))
     said = []

@@ -1,0 +1,1 @@
+"""Who computes tasks: this process, worker processes, or a cluster, behind one protocol."""
