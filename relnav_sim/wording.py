@@ -34,6 +34,14 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{value:.2e}" if decimals > 7 else shown_number(value, decimals)
 
 
+def with_prefix(value: float, unit: str = "") -> str:
+    """Return a number of three digits with a decimal prefix before its unit: ``1.24 k``, ``1.49 kB``, ``744 B``."""
+    for size, prefix in ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= 0.9995 * size:
+            return f"{significant(value / size)} {prefix}{unit}"
+    return f"{significant(value)} {unit}".rstrip()
+
+
 def between(low: float, high: float) -> str:
     """Return an interval for a sentence, or nothing where there is none."""
     if not (math.isfinite(low) and math.isfinite(high)):

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.budget.linearised import linear_filter
+from relnav_sim.budget.linearised import asked_numbers, linear_filter
+from relnav_sim.budget.phases import Phase, phases
 from relnav_sim.budget.recursion import means, variances
 from relnav_sim.budget.sources import (
     INTERACTION,
     fixed_sources,
+    in_single,
     injections_of,
     not_covered,
     random_sources,
@@ -38,6 +40,9 @@ class Budget:
         formal: The variance that the filter itself states, (T, 6).
         times_s: Epochs (T,), s.
         not_covered: What of the campaign is not in it, in words.
+        sizes: How large each source is, its standard deviation or its absolute value, (S,), in `units`.
+        units: Unit of each size: m, deg and the like; ``sigma`` of numbers without a unit, ``whole`` of fixed errors.
+        phases: The phases of the flight, by what each ends with.
     """
 
     filter: str
@@ -48,17 +53,41 @@ class Budget:
     formal: Array
     times_s: Array
     not_covered: tuple[str, ...]
+    sizes: Array
+    units: tuple[str, ...]
+    phases: tuple[Phase, ...]
+
+    def sensitivity(self) -> Array:
+        """Return how the total's sigma grows with the size of each source, d sigma / d size, (S, T, 6).
+
+        In m or m/s for each of `units`. The interaction has no size: 0.
+        """
+        found: Array = self.slope() / (2 * np.sqrt(self.total) * self.sizes[:, None, None])
+        return found
+
+    def slope(self) -> Array:
+        """Return how the total grows with the relative size of each source, d total / d ln(size), (S, T, 6)."""
+        found = 2 * np.where(self._fixed()[:, None, None], self.means * self.means.sum(axis=0), self.variance)
+        if INTERACTION in self.sources:
+            found[self.sources.index(INTERACTION)] = 0.0
+        return np.asarray(found)
+
+    def at_phases(self) -> Array:
+        """Return the variances at the end of each phase, (S, P, 6), m^2 and m^2/s^2."""
+        return self.variance[:, [phase.epoch for phase in self.phases]]
+
+    def _fixed(self) -> Mask:
+        return np.asarray(self.means.any(axis=(1, 2)))
 
     def halved(self) -> Array:
         """Return the total with each source in turn halved, the others as they are, (S, T, 6).
 
         That of the interaction, which is no source by itself, is the total.
         """
-        fixed: Mask = np.asarray(self.means.any(axis=(1, 2)))
         sum_of_means = self.means.sum(axis=0)
         drawn = self.total - 0.75 * self.variance
         moved = self.total - np.square(sum_of_means) + np.square(sum_of_means - 0.5 * self.means)
-        halved: Array = np.where(fixed[:, None, None], moved, drawn)
+        halved: Array = np.where(self._fixed()[:, None, None], moved, drawn)
         if INTERACTION in self.sources:
             halved[self.sources.index(INTERACTION)] = self.total
         return halved
@@ -73,7 +102,13 @@ def _has_nominal_gain(entry: FilterEntry) -> bool:
     factory: object = filter_kinds()[entry.kind].factory
     nominal = isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
     # Process noise that is found from the readings makes the gain depend on them.
-    return nominal and entry.process_noise.adaptive is None
+    # A smoothed estimate depends on later readings, and a fitted start has no gain at all.
+    return nominal and entry.process_noise.adaptive is None and entry.smoother is None and entry.batch_start is None
+
+
+def _in_double(entry: FilterEntry) -> FilterEntry:
+    """Return a filter in float64: its gain is read off small differences of readings, which float32 rounds away."""
+    return entry.model_copy(update={"arithmetic": "float64"}) if in_single(entry) else entry
 
 
 def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -> Budget:
@@ -105,9 +140,10 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
     config = campaign.cases[case].config
     name = _chosen(config, filter)
     entry = config.filters[name]
-    injections, numbers = injections_of(config, entry), truth_numbers(config, entry)
+    asked = asked_numbers(config)
+    injections, numbers = injections_of(config, entry, asked), truth_numbers(config, entry)
     try:
-        linear = linear_filter(config, entry, campaign.seed, injections)
+        linear = linear_filter(config, _in_double(entry), campaign.seed, injections)
     except ValueError as error:
         raise ValueError(f"filter {name!r} has no error budget: {error}") from None
     linear = with_truth_errors(linear, config, numbers)
@@ -120,6 +156,8 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
         errors.append(np.zeros_like(parts[-1]))
         names.append(INTERACTION)
     by_source = np.concatenate(parts)
+    sizes = [*((one.size, one.unit) for one in drawn), *((one.size, one.unit) for one in fixed)]
+    sizes += [(1.0, "whole")] * (len(names) - len(sizes))
     return Budget(
         filter=name,
         sources=tuple(names),
@@ -128,7 +166,10 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
         total=variance.sum(axis=0) + np.square(mean.sum(axis=0)),
         formal=np.ascontiguousarray(np.einsum("kii->ki", linear.formal)[:, :6]),
         times_s=linear.times_s,
-        not_covered=tuple(not_covered(config, entry)),
+        not_covered=tuple(not_covered(config, entry, linear, asked.by_chance)),
+        sizes=np.array([size for size, _ in sizes]),
+        units=tuple(unit for _, unit in sizes),
+        phases=phases(config, linear.times_s, linear.read),
     )
 
 
@@ -147,4 +188,5 @@ def _chosen(config: CaseConfig, name: str | None) -> str:
 
 def _why(names: tuple[str, ...]) -> str:
     whose = "its gain depends" if len(names) == 1 else "their gains depend"
-    return f"{whose} on the readings, so that there is none along the nominal truth; trust the Monte Carlo"
+    told = "on the readings, or on later ones by a smoother or a fitted start"
+    return f"{whose} {told}, so that there is none along the nominal truth; trust the Monte Carlo"

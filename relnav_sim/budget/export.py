@@ -15,6 +15,7 @@ _HEADING = (
     "filter",
     "source",
     "time_s",
+    "ends",
     *(f"variance_{name}_m2" for name in "xyz"),
     *(f"variance_v{name}_m2_s2" for name in "xyz"),
 )
@@ -22,6 +23,8 @@ _HEADING = (
 
 def export_budgets(budgets: Sequence[Budget], store_every: int, path: Path) -> None:
     """Write the variances over time: one row per filter, source and stored epoch, with `total` and `formal` last.
+
+    The ends of phases are there too, stored or not: the column `ends` says of these what ends the phase.
 
     Args:
         budgets: The budgets.
@@ -35,7 +38,10 @@ def export_budgets(budgets: Sequence[Budget], store_every: int, path: Path) -> N
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_HEADING)
         for budget in budgets:
+            ends = {phase.epoch: phase.ends for phase in budget.phases}
+            epochs = sorted({*range(0, len(budget.times_s), store_every), *ends})
             series: dict[str, Array] = dict(zip(budget.sources, budget.variance, strict=True))
             for source, variance in (series | {"total": budget.total, "formal": budget.formal}).items():
-                for time_s, row in zip(budget.times_s[::store_every], variance[::store_every], strict=True):
-                    writer.writerow(map(csv_cell, (budget.filter, source, float(time_s), *row.tolist())))
+                for k in epochs:
+                    row = budget.filter, source, float(budget.times_s[k]), ends.get(k, ""), *variance[k].tolist()
+                    writer.writerow(map(csv_cell, row))

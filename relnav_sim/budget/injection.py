@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -41,12 +41,25 @@ class Injection:
     place: int
 
 
-def injecting(injections: Sequence[Injection], asked: list[Injection] | None = None) -> StreamsMaker:
+@dataclass
+class Asked:
+    """What sensors draw beside the noise of their channels, in the order in which they ask.
+
+    Attributes:
+        normal: Normal numbers, each of which may be injected.
+        by_chance: Sensor and word of uniform numbers and of jumps, which are injected as nothing.
+    """
+
+    normal: list[Injection] = field(default_factory=list)
+    by_chance: list[tuple[str, str]] = field(default_factory=list)
+
+
+def injecting(injections: Sequence[Injection], asked: Asked | None = None) -> StreamsMaker:
     """Return what makes streams of 1 + J runs: in run 0 nothing errs, in run j only injection j - 1, by `SIZE`.
 
     Args:
         injections: What is put in.
-        asked: Takes down the numbers that sensors ask for beside the noise of their channels.
+        asked: Takes down what sensors draw beside the noise of their channels.
     """
 
     def make(name: str, options: SensorOptions, host: Craft, source: RandomSource, step_s: float) -> SensorStreams:
@@ -66,7 +79,7 @@ class _InjectedStreams(SensorStreams):
         host: Craft,
         runs: int,
         injections: Mapping[int, Injection],
-        asked: list[Injection] | None,
+        asked: Asked | None,
     ) -> None:
         self._name, self._host, self._count = name, host, runs
         self._channels = len(options.channels)
@@ -91,21 +104,27 @@ class _InjectedStreams(SensorStreams):
 
     def uniform(self, word: str, epochs: int, *shape: int) -> Array:
         """Return numbers just below 1, so that nothing happens by chance."""
+        self._note(word)
         return np.full((self._count, epochs, *shape), np.nextafter(1.0, 0.0))
 
     def jumps(self, word: str, epochs: int, chance: float, held: int, channels: int) -> Array:
         """Return no jumps."""
+        self._note(word)
         return np.zeros((self._count, epochs, channels))
 
     def constant(self, word: str, *shape: int) -> Array:
         """Return the injected numbers that a run keeps, (runs, *shape)."""
         return self._put("constant", word, shape, (self._count,))
 
+    def _note(self, word: str) -> None:
+        if self._asked is not None and (self._name, word) not in self._asked.by_chance:
+            self._asked.by_chance.append((self._name, word))
+
     def _put(self, draw: Draw, word: str, shape: tuple[int, ...], leading: tuple[int, ...]) -> Array:
         size = int(np.prod(shape))
         if self._asked is not None and word:
             numbers = [Injection(self._name, self._host, draw, word, place) for place in range(size)]
-            self._asked.extend(one for one in numbers if one not in self._asked)
+            self._asked.normal.extend(one for one in numbers if one not in self._asked.normal)
         values = np.zeros((*leading, size))
         for run, one in self._injections.items():
             if (one.draw, one.word) == (draw, word):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
 
-from relnav_sim.arrays import Array
-from relnav_sim.budget.injection import SIZE, Injection, injecting
+from relnav_sim.arrays import Array, Mask
+from relnav_sim.budget.injection import SIZE, Asked, Injection, injecting
+from relnav_sim.budget.predictions import ChiefAlong, ChiefErrors, ThrustAlong
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, DispersedStart
 from relnav_sim.dynamics.context import FedDynamics
@@ -28,22 +29,28 @@ from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_truth
 
+CHIEF = range(6)
+"""The error of the chief's orbit: position and velocity, ECI."""
+
 
 @dataclass(frozen=True)
 class LinearFilter:
     """The error of a filter's estimate along the nominal truth, to first order.
 
     With e the estimate less the nominal state, augmented states counted from 0, and unit numbers s that sensors draw,
-    e_k = A_k (F_k e_{k-1} - d_k) + G_k s_k, A the product of the I - K H of the epoch's updates.
+    e_k = A_k (F_k e_{k-1} - d_k) + G_k s_k, A the product of the I - K H of the epoch's updates. Where the filter
+    estimates the chief's orbit by itself, that estimate's error stands behind the filter's own n states: N = n + 6.
 
     Attributes:
         times_s: Epochs (T,), s; at the first there is the start alone.
-        transition: A F, (T, n, n); of the first epoch I.
-        kept: A, (T, n, n); of the first epoch I.
-        left_out: d, what the filter's prediction from the true state lacks, (T, n).
-        response: G, (T, n, J), columns as the injections; of the first epoch what the start has of them.
-        offset: What the start's mean has of the truth when nothing errs, (n,); zero where it is drawn about the truth.
+        transition: A F, (T, N, N); of the first epoch I.
+        kept: A, (T, N, N); of the first epoch I.
+        left_out: d, what the filter's prediction from the true state lacks, (T, N).
+        response: G, (T, N, J), columns as the injections; of the first epoch what the start has of them.
+        offset: What the start's mean has of the truth when nothing errs, (N,); zero where it is drawn about the truth.
         formal: The filter's own covariance, (T, n, n).
+        read: Whether each sensor reads at an epoch, by its name, (T,).
+        follows_chief: Whether the error of the chief's orbit, as the filter estimates it, is in it.
     """
 
     times_s: Array
@@ -53,11 +60,13 @@ class LinearFilter:
     response: Array
     offset: Array
     formal: Array
+    read: Mapping[str, Mask] = field(default_factory=dict)
+    follows_chief: bool = False
 
 
-def asked_numbers(config: CaseConfig) -> list[Injection]:
+def asked_numbers(config: CaseConfig) -> Asked:
     """Return the numbers that the sensors of a case draw beside the noise of their channels."""
-    asked: list[Injection] = []
+    asked = Asked()
     next(iter(_nominal_chunks(config, [], asked)))
     return asked
 
@@ -82,9 +91,7 @@ def linear_filter(config: CaseConfig, entry: FilterEntry, seed: int, injections:
     return along.result()
 
 
-def _nominal_chunks(
-    config: CaseConfig, injections: Sequence[Injection], asked: list[Injection] | None = None
-) -> Iterator[Chunk]:
+def _nominal_chunks(config: CaseConfig, injections: Sequence[Injection], asked: Asked | None = None) -> Iterator[Chunk]:
     nominal = config.model_copy(update={"truth": nominal_truth(config.truth)})
     return chunks(nominal, RandomSource(0, tuple(range(1 + len(injections)))), injecting(injections, asked))
 
@@ -98,16 +105,23 @@ class _Along:
         self._step_s = config.clock.step_s
         self._context = dynamics_context(entry, config, seed, Learned(), 1)
         self._made: CampaignFilter = create_campaign_filter(entry, config, self._context, first.late)
-        assert isinstance(self._made.filter, GaussianFilter)  # as those with a nominal gain are
-        self._filter: GaussianFilter = self._made.filter
+        assert isinstance(self._made.algorithm, GaussianFilter)  # as those with a nominal gain are
+        self._filter: GaussianFilter = self._made.algorithm
         self._measurement = self._filter.measurement
         self._thrust_inputs = ThrustInputs(config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
+        self._chief_along = ChiefAlong(self._made.dynamics)
+        self._chief: ChiefErrors | None = None
+        self._thrust_along: ThrustAlong | None = None
+        if known_thrust(entry, config) == "measured":
+            self._thrust_along = ThrustAlong(self._made.dynamics, self._context.orbit, self._step_s)
+            self._thrust_errors = ThrustInputs(config)
         n, T = self._filter.dynamics.dimension, config.clock.epochs
-        self._n = n
-        self._times = np.empty(T)
-        self._transition, self._kept, self._formal = (np.empty((T, n, n)) for _ in range(3))
-        self._left_out, self._response = np.zeros((T, n)), np.zeros((T, n, count))
+        self._n, N = n, n + len(CHIEF)
+        self._times, self._formal = np.empty(T), np.empty((T, n, n))
+        self._transition, self._kept = np.zeros((T, N, N)), np.zeros((T, N, N))
+        self._left_out, self._response = np.zeros((T, N)), np.zeros((T, N, count))
+        self._read = {sensor.name: np.zeros(T, dtype=bool) for sensor in sensors_of(self._measurement)}
         self._source = RandomSource(0, (0,))
         self._start(first)
 
@@ -122,7 +136,7 @@ class _Along:
             prior = Gaussian(prior.mean[:1], prior.covariance[:1])
         if not np.isfinite(prior.mean).all():
             raise ValueError("no reading at 0 s that gives a position, where the start is the first fix")
-        self._offset = np.zeros(n)
+        self._offset = np.zeros(self._transition.shape[1])
         self._offset[:6] = prior.mean[0] - first.truth.relative[0, 0]
         if self._made.extension is not None:
             prior = extended_prior(prior, self._made.extension, config)
@@ -137,7 +151,14 @@ class _Along:
             known = known_thrust(self._entry, self._config)
             forces, noise = self._thrust_inputs.of(alone, known, self._carries_bias)
             self._made.thrust.take(forces, chunk.first_epoch, noise)
+        if self._thrust_along is not None:
+            every, _ = self._thrust_errors.of(chunk, "measured", self._carries_bias)
+            self._thrust_along.take(every, chunk.first_epoch)
         if (arrived := arrival(self._entry, self._context, alone, forces)) is not None:
+            if arrived.chief_fixes is not None and self._context.chief_fixes is not None:
+                fixes = chunk.z[self._context.chief_fixes.sensor]
+                errors = (fixes[1:] - fixes[:1]).transpose(1, 2, 0) / SIZE
+                self._chief = self._chief_along.errors(arrived, errors)
             cast(FedDynamics, self._made.dynamics).feed(arrived)
         truth = np.zeros((len(chunk.truth.times_s), self._n))
         truth[:, :6] = chunk.truth.relative[0]
@@ -145,8 +166,10 @@ class _Along:
         z = told(chunk, self._forms, self._config)
         skipped = 1 if chunk.first_epoch == 0 else 0
         if skipped:
-            self._transition[0] = self._kept[0] = np.eye(self._n)
+            self._transition[0] = self._kept[0] = np.eye(len(self._offset))
             self._formal[0], self._before = self._P[0], truth[:1]
+            if self._chief is not None:
+                self._response[0, self._n :] = self._chief.response[0]
         # Behind the runs with one error each, a perfect one for each channel, to ask the filter for its gain.
         m = self._measurement.dimension
         rows = {name: np.concatenate([one, np.repeat(one[:1], m, axis=0)])[:, skipped:] for name, one in z.items()}
@@ -169,13 +192,24 @@ class _Along:
         prior = self._filter.start(Gaussian(self._before, self._P), self._source)
         P = self._filter.predict(prior, step).covariance
         A, G = np.eye(n), np.zeros((n, self._count))
-        for place, one in enumerate(readings.sensors):
+        if self._thrust_along is not None:
+            G[:6] = self._thrust_along.effect(self._before[0, :6], step)
+        for place, (name, one) in enumerate(zip(self._read, readings.sensors, strict=True)):
             if one.read[0, k]:
                 gain, H, C, P = self._update(readings.attend(place, k), state, P, step)
                 kept = np.eye(n) - gain @ H
                 A, G = kept @ A, kept @ G + gain @ C
-        self._transition[epoch], self._kept[epoch], self._left_out[epoch] = A @ F, A, left_out
-        self._response[epoch], self._formal[epoch] = G, P[0]
+                self._read[name][epoch] = True
+        own, chief = slice(0, n), slice(n, None)
+        self._transition[epoch, own, own], self._kept[epoch, own, own] = A @ F, A
+        self._left_out[epoch, own], self._response[epoch, own], self._formal[epoch] = left_out, G, P[0]
+        self._kept[epoch, chief, chief] = np.eye(len(CHIEF))
+        if self._chief is not None:
+            place = epoch - self._chief.first_epoch
+            B = self._chief.effect(self._before[0, :6], step)
+            self._transition[epoch, own, chief] = A[:, :6] @ B
+            self._transition[epoch, chief, chief] = self._chief.transition[place]
+            self._response[epoch, chief] = self._chief.response[place]
         self._before, self._P = state, P
 
     def _update(self, z: Array, state: Array, P: Array, step: Step) -> tuple[Array, Array, Array, Array]:
@@ -192,7 +226,6 @@ class _Along:
         probed = z.copy()
         probed[errors:] += np.diag(probe)
         prior = filter.start(Gaussian(mean, np.repeat(P, len(z), axis=0)), self._source)
-        # `correct` and not `update`: an innovation gate is left out.
         posterior, _ = filter.correct(prior, probed, step)
         posterior = filter.keep_considered(prior, posterior)
         gain = (posterior.mean[errors:] - posterior.mean[0]).T / probe
@@ -204,8 +237,17 @@ class _Along:
         Raises:
             ValueError: A matrix is not finite.
         """
+        states = slice(0, self._n + len(CHIEF) * (self._chief is not None))
         found = LinearFilter(
-            self._times, self._transition, self._kept, self._left_out, self._response, self._offset, self._formal
+            self._times,
+            self._transition[:, states, states],
+            self._kept[:, states, states],
+            self._left_out[:, states],
+            self._response[:, states],
+            self._offset[states],
+            self._formal,
+            self._read,
+            self._chief is not None,
         )
         wrong = ~np.isfinite(self._transition).all(axis=(1, 2)) | ~np.isfinite(self._response).all(axis=(1, 2))
         wrong |= ~np.isfinite(self._left_out).all(axis=1) | ~np.isfinite(self._formal).all(axis=(1, 2))

@@ -21,6 +21,8 @@ class RandomSourceOfError:
         phi: 0 for white noise, 1 for a number that a run keeps.
         sigma: Standard deviation of s, in units of the injection.
         start: Covariance of the start's error that it brings by itself, (n, n); None: none.
+        size: Its standard deviation, in `unit`.
+        unit: Of the size; ``sigma`` where it is drawn as a number of its own.
     """
 
     name: str
@@ -28,6 +30,8 @@ class RandomSourceOfError:
     phi: float
     sigma: float
     start: Array | None = None
+    size: float = 1.0
+    unit: str = "sigma"
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class FixedSourceOfError:
         value: Of the injection.
         start: The start's error that it is, (n,); None: none.
         left_out: Whether it is what the dynamics leave out.
+        size: Its absolute value, in `unit`.
+        unit: Of the size; ``whole`` where it is no number.
     """
 
     name: str
@@ -47,6 +53,8 @@ class FixedSourceOfError:
     value: float = 0.0
     start: Array | None = None
     left_out: bool = False
+    size: float = 1.0
+    unit: str = "whole"
 
 
 def variances(filter: LinearFilter, sources: Sequence[RandomSourceOfError], states: int = 6) -> Array:

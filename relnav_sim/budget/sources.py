@@ -9,8 +9,8 @@ from math import exp
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.budget.injection import Injection
-from relnav_sim.budget.linearised import LinearFilter, asked_numbers
+from relnav_sim.budget.injection import Asked, Injection
+from relnav_sim.budget.linearised import LinearFilter
 from relnav_sim.budget.recursion import FixedSourceOfError, RandomSourceOfError
 from relnav_sim.budget.truth_errors import TruthNumber
 from relnav_sim.campaign.entries import FilterEntry
@@ -20,6 +20,7 @@ from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.sensors.interface import Craft, SensorOptions
 from relnav_sim.sensors.noise import (
     BiasNoise,
+    FaultOptions,
     GaussianNoise,
     GaussMarkovNoise,
     OutageNoise,
@@ -32,8 +33,14 @@ DYNAMICS = "dynamics left out"
 INTERACTION = "interaction of fixed sources"
 
 
-def injections_of(config: CaseConfig, entry: FilterEntry) -> list[Injection]:
-    """Return the errors of a case that may reach a filter through its readings, one for each number drawn."""
+def injections_of(config: CaseConfig, entry: FilterEntry, asked: Asked) -> list[Injection]:
+    """Return the errors of a case that may reach a filter through its readings, one for each number drawn.
+
+    Args:
+        config: The case.
+        entry: The filter.
+        asked: What its sensors draw beside the noise of their channels.
+    """
     carried = reading_names(config.sensors).values()
     readers = [(name, host) for name, host in carried if _counts(config, entry, name, host)]
     found = [
@@ -41,14 +48,21 @@ def injections_of(config: CaseConfig, entry: FilterEntry) -> list[Injection]:
         for name, host in readers
         for place in range(len(config.sensors[name].channels))
     ]
-    return found + [one for one in asked_numbers(config) if (one.sensor, one.host) in readers]
+    return found + [one for one in asked.normal if (one.sensor, one.host) in readers]
 
 
 def _counts(config: CaseConfig, entry: FilterEntry, name: str, host: Craft) -> bool:
     options = config.sensors[name]
     if options.role == "other":
         return entry.sensors is None or name in entry.sensors
+    if options.role == "force":
+        return known_thrust(entry, config) == "measured"
     return options.role == "attitude" or (options.role == "orbit" and not _carried(config, entry, host))
+
+
+def _follows(config: CaseConfig, entry: FilterEntry, filter: LinearFilter) -> bool:
+    """Return whether the errors of the chief's fixes reach the filter's own estimate of its orbit in the budget."""
+    return filter.follows_chief and not _carried(config, entry, "chief")
 
 
 def _carried(config: CaseConfig, entry: FilterEntry, host: Craft) -> bool:
@@ -79,12 +93,15 @@ def random_sources(
             continue
         parts = noise_parts(config.sensors[one.sensor].noise)
         if white := white_variance(parts):
-            found.append(RandomSourceOfError(_named(config, one, "noise"), column, 0.0, float(np.sqrt(white))))
+            sigma = float(np.sqrt(white))
+            name = _named(config, one, "noise")
+            found.append(RandomSourceOfError(name, column, 0.0, sigma, None, *_size(config, one, sigma)))
         for part in parts:
             if isinstance(part, GaussMarkovNoise):
                 phi = exp(-config.clock.step_s / part.tau_s)
                 words = f"correlated error, {part.tau_s:g} s"
-                found.append(RandomSourceOfError(_named(config, one, words), column, phi, part.scale))
+                name, size = _named(config, one, words), _size(config, one, part.scale)
+                found.append(RandomSourceOfError(name, column, phi, part.scale, None, *size))
     for column, number in enumerate(numbers, start=len(injections)):
         if filter.response[:, :, column].any():
             found.append(RandomSourceOfError(number.name, column, 1.0, 1.0))
@@ -110,10 +127,11 @@ def fixed_sources(
 ) -> list[FixedSourceOfError]:
     """Return the sources that are the same in every run."""
     found = []
-    biases = {name: _constants(options) for name, options in config.sensors.items() if options.role != "force"}
+    biases = {name: _constants(options) for name, options in config.sensors.items()}
     for column, one in enumerate(injections):
         if one.draw == "noise" and filter.response[:, :, column].any() and (bias := biases[one.sensor][one.place]):
-            found.append(FixedSourceOfError(_named(config, one, "bias"), column, float(bias)))
+            name, size = _named(config, one, "bias"), _size(config, one, abs(float(bias)))
+            found.append(FixedSourceOfError(name, column, float(bias), size=size[0], unit=size[1]))
     # A first fix errs in position by what its sensor's errors make of it, which are sources themselves.
     parts = {"velocity": slice(3, 6)}
     if not isinstance(config.start, FirstFixStart):
@@ -129,11 +147,22 @@ def fixed_sources(
 
 def _constants(options: SensorOptions) -> Array:
     """Return the constant errors (m,) of a sensor's channels, in its sigmas."""
-    own = options.model_copy(update={"noise": GaussianNoise()}).constant_errors() / options.sigmas
+    own = np.zeros(len(options.channels))
+    if options.role != "force":  # accelerometers have none but those of their noise
+        own = options.model_copy(update={"noise": GaussianNoise()}).constant_errors() / options.sigmas
     for part in noise_parts(options.noise):
         if isinstance(part, BiasNoise):
             own = own + np.broadcast_to(part.value, own.shape)
     return np.asarray(own)
+
+
+def _size(config: CaseConfig, one: Injection, sigmas: float) -> tuple[float, str]:
+    """Return the size of an error of a channel in a unit that people use, from that in sigmas of the channel."""
+    options = config.sensors[one.sensor]
+    if options.role == "force":  # accelerometers state their noise by the root of time
+        return 1.0, "sigma"
+    size, unit = sigmas * float(options.sigmas[one.place]), options.channels[one.place].unit
+    return (float(np.degrees(size)), "deg") if unit == "rad" else (size, unit)
 
 
 def _named(config: CaseConfig, one: Injection, words: str) -> str:
@@ -155,27 +184,45 @@ def _apart(sources: list[RandomSourceOfError]) -> list[RandomSourceOfError]:
     return found
 
 
-def not_covered(config: CaseConfig, entry: FilterEntry) -> list[str]:
-    """Return in words which sources of a case are in no budget of a filter."""
+def not_covered(
+    config: CaseConfig, entry: FilterEntry, filter: LinearFilter, chances: Sequence[tuple[str, str]]
+) -> list[str]:
+    """Return in words which sources of a case are in no budget of a filter.
+
+    Args:
+        config: The case.
+        entry: The filter.
+        filter: The same to first order.
+        chances: What sensors draw beside normal numbers: the sensor's name and the word.
+    """
     found = []
     sensors = {name: each for name, each in config.sensors.items() if each.role != "other"}
     sensors |= relative_sensors(config.sensors, entry.sensors)
     for name, options in sensors.items():
         if any(isinstance(part, OutageNoise) and part.rate_per_hour for part in noise_parts(options.noise)):
             found.append(f"random outages of {name}: its readings count as there")
-        if getattr(options, "slip_sigma_m", 0):
-            found.append(f"cycle slips of {name}")
+        faults = [part.stream for part in noise_parts(options.noise) if isinstance(part, FaultOptions)]
+        if faults:
+            found.append(f"faults of {name}: {', '.join(faults)}")
+        found += [f"{word} of {name}, which comes and goes by chance" for one, word in chances if one == name]
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
             found.append(f"the latency of {name}, of which the filter is not told")
-    if (force := own_sensor(config.sensors, "force")) is not None and known_thrust(entry, config) == "measured":
-        found.append(f"errors of {force[0]}")
+        if getattr(options, "drawn_latency_s", None) is not None:
+            found.append(f"the drawn latency of {name}: its readings count as there at once")
     for host in sorted({each.host for each in relative_sensors(config.sensors, entry.sensors).values()}):
         fixes = own_sensor(config.sensors, "orbit", host)
         if fixes is not None and _carried(config, entry, host):
             found.append(f"errors of {fixes[0]} on the {host}, which its own orbit filter carries over missing fixes")
     chief = own_sensor(config.sensors, "orbit", "chief")
-    if chief is not None and "chief_fixes" in entry.dynamics.needs:
+    if chief is not None and "chief_fixes" in entry.dynamics.needs and not _follows(config, entry, filter):
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
-    if getattr(entry, "gate_probability", None) is not None:
+    if entry.editing is not None or getattr(entry, "gate_probability", None) is not None:
         found.append("readings that the gate rejects")
+    if in_single(entry):
+        found.append("rounding in float32: the filter counts as one in float64")
     return found
+
+
+def in_single(entry: FilterEntry) -> bool:
+    """Return whether a filter computes in float32."""
+    return getattr(entry, "arithmetic", "float64") == "float32"

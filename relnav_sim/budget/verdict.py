@@ -42,6 +42,21 @@ class Verdict:
         return low <= 1 <= high and least <= self.ratio <= most and not self.failed
 
 
+def in_words(found: Verdict, budget: Budget) -> str:
+    """Return a verdict as a sentence without its full stop: linear here, or trust the Monte Carlo."""
+    words = "linear here"
+    if not found.agrees:
+        words = "nonlinear here: trust the Monte Carlo"
+        if budget.not_covered:
+            words = "nonlinear here, or it is what the budget leaves out: trust the Monte Carlo"
+    failed = f"; {found.failed} failed" if found.failed else ""
+    low, high = found.interval
+    return (
+        f"position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's ({low:.3f} to {high:.3f}): "
+        f"{words}"
+    )
+
+
 def verdict(budget: Budget, squares: Array, settle_s: float) -> Verdict | None:
     """Return how runs compare with a budget; None where there are too few.
 

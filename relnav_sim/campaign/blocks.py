@@ -23,6 +23,8 @@ SIMULATION_US = 5.0
 """Truth and sensors for one run and step, us."""
 STATISTICS_US = 2.0
 """Errors, consistency and quantiles of one filter for one run and step, us."""
+SMOOTHER_US, LAG_US = 4.0, 11.0
+"""Going back over one run and step with a smoother: over all readings, and with a fixed lag, us."""
 MOST_SAMPLES = 1_000_000
 """Samples or particles of one filter in a block: 48 MB for each array of their states."""
 
@@ -90,4 +92,5 @@ def filter_cost_us(entry: FilterEntry) -> float:
     """
     kind = filter_kinds()[entry.kind]
     algorithm = kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())
-    return algorithm + entry.dynamics.step_cost_us
+    back = 0.0 if entry.smoother is None else SMOOTHER_US if entry.smoother == "rts" else LAG_US
+    return algorithm + entry.dynamics.step_cost_us + back

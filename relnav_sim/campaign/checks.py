@@ -7,17 +7,19 @@ from dataclasses import dataclass, field
 from math import ceil
 
 from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.campaign.afterwards import check_afterwards, check_late, check_whole_steps
+from relnav_sim.campaign.editing_checks import check_editing
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions, exact
+from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.containment import Containment
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import extension, sensor_of
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
-from relnav_sim.sensors.conformity import complaints
+from relnav_sim.sensors.conformity import TriedSensors
 from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, nominal_chief
 from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.thrust import CRAFT
@@ -37,8 +39,13 @@ class Parts:
     filters: Mapping[str, FilterEntry] = field(default_factory=dict)
 
 
-def check_together(parts: Parts) -> Iterator[Problem]:
-    """Yield what does not fit together; a part that is missing or wrong is left out of the checks."""
+def check_together(parts: Parts, tried: TriedSensors) -> Iterator[Problem]:
+    """Yield what does not fit together; a part that is missing or wrong is left out of the checks.
+
+    Args:
+        parts: The parts of a case.
+        tried: Tries its sensors.
+    """
     if parts.clock is not None:
         yield from _check_clock(parts.clock)
         if parts.sensors is not None:
@@ -59,13 +66,18 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.clock is not None:
             for name in parts.sensors:
                 yield from (
-                    Problem(("sensors", name), said) for said in complaints(name, parts.sensors, parts.clock.step_s)
+                    Problem(("sensors", name), said)
+                    for said in tried.complaints(name, parts.sensors, parts.clock.step_s)
                 )
     for name, entry in parts.filters.items():
         if name in RESERVED_NAMES:
             yield Problem(("filters", name), f"{name!r} has a meaning of its own in results files; take another name")
         yield from _check_considered(name, entry)
         yield from _check_process_noise(name, entry)
+        yield from check_afterwards(name, entry, parts.clock)
+        if parts.sensors is not None and parts.clock is not None:
+            yield from check_late(name, entry, parts.sensors, parts.clock)
+        yield from check_editing(name, entry, parts.sensors)
         if parts.sensors is not None:
             yield from _check_sensors_of(name, entry, parts.sensors)
             yield from _check_accelerometer_bias(name, entry, parts.sensors)
@@ -125,6 +137,13 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
                 yield Problem(
                     ("sensors", both[1]), f"{both[0]} tells the {host} the same; a craft goes by one sensor of a kind"
                 )
+    for name, each in relative.items():
+        if each.drawn_latency_s is not None and each.latency_s:
+            yield Problem(
+                ("sensors", name, "drawn_latency_s"),
+                "readings that count at a later epoch (latency_s) and readings that arrive late exclude each other; "
+                "give one of them",
+            )
     if not isinstance(start, FirstFixStart):
         return
     giving = next((name for name, each in relative.items() if each.gives_fix), None)
@@ -141,6 +160,12 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
             ("sensors", giving, key),
             f"the first reading comes {late_s:g} s after the start, so there is no fix to start from; "
             "take start.kind dispersed or given",
+        )
+    elif relative[giving].drawn_latency_s is not None:
+        yield Problem(
+            ("sensors", giving, "drawn_latency_s"),
+            "the first reading may arrive after the start, so there is no fix to start from; take start.kind dispersed "
+            "or given",
         )
 
 
@@ -307,8 +332,8 @@ def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Itera
 
 
 def _check_clock(clock: Clock) -> Iterator[Problem]:
-    yield from _check_multiple(clock.duration_s, clock.step_s, ("clock", "duration_s"))
-    yield from _check_multiple(clock.store_every_s, clock.step_s, ("clock", "store_every_s"))
+    yield from check_whole_steps(clock.duration_s, clock.step_s, ("clock", "duration_s"))
+    yield from check_whole_steps(clock.store_every_s, clock.step_s, ("clock", "store_every_s"))
     if clock.epochs > MOST_EPOCHS:
         yield Problem(("clock", "step_s"), f"makes {clock.epochs - 1} steps a run; at most {MOST_EPOCHS} are computed")
     if clock.store_every_s > clock.duration_s:
@@ -322,8 +347,8 @@ def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
     """Yield the periods and offsets of sensors that are no whole number of steps."""
     for name, each in sensors.items():
         if each.period_s is not None:
-            yield from _check_multiple(each.period_s, clock.step_s, ("sensors", name, "period_s"))
-        yield from _check_multiple(each.offset_s, clock.step_s, ("sensors", name, "offset_s"))
+            yield from check_whole_steps(each.period_s, clock.step_s, ("sensors", name, "period_s"))
+        yield from check_whole_steps(each.offset_s, clock.step_s, ("sensors", name, "offset_s"))
         if each.offset_s > clock.duration_s:
             yield Problem(
                 ("sensors", name, "offset_s"),
@@ -341,14 +366,3 @@ def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
                 ("sensors", name, key),
                 f"the first reading that filters get comes at {first_s:g} s; the run ends at {clock.duration_s:g} s",
             )
-
-
-def _check_multiple(value: float, step_s: float, path: Path) -> Iterator[Problem]:
-    steps = exact(value) / exact(step_s)
-    if steps.denominator == 1:
-        return
-    near = [float(exact(step_s) * count) for count in (steps.__floor__(), steps.__ceil__()) if count > 0]
-    yield Problem(
-        path,
-        f"{value:g} s is no whole number of steps of {step_s:g} s; take {' or '.join(f'{x:.12g}' for x in near)}",
-    )

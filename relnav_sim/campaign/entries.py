@@ -15,6 +15,8 @@ from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noi
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
+from relnav_sim.filters.afterwards_options import BatchStartOptions, SmootherOption
+from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
@@ -75,6 +77,30 @@ class FilterEntry(Options):
         default=(),
         description="Augmented states that the filter carries behind position and velocity: biases of sensors, errors "
         "of the attitude, drag, bias of the accelerometer, clocks; each estimated or only accounted for. Default: none",
+    )
+
+    batch_start: Annotated[BatchStartOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Begin with a batch least squares fit of the first readings, to which the campaign's start is the "
+        "prior; the filter gets the readings after. Default: begin at the campaign's start",
+    )
+    smoother: Annotated[SmootherOption | None, AddedLater()] = Field(
+        default=None,
+        description="Improve the filter's estimates afterwards: rts (Rauch, Tung and Striebel: by all later readings) "
+        "or fixed_lag (by those of the next `lag_s`). The row then tells what is known afterwards, not in flight; its "
+        "NIS is that of the filter. Default: none",
+    )
+
+    out_of_sequence: Annotated[Literal["drop", "buffer"] | None, AddedLater()] = Field(
+        default=None,
+        description="Readings that arrive after their own epoch, where a sensor has a `drawn_latency_s`: drop (without "
+        "them) or buffer (go back to their epoch and over all since again). Default: drop; rows that are known "
+        "afterwards have all readings in order",
+    )
+    editing: Annotated[EditingOptions | None, AddedLater()] = Field(
+        default=None,
+        description="Which readings are rejected and how the filter recovers once it has rejected too many; default: "
+        "every reading is taken",
     )
 
     @field_validator("sensors")

@@ -86,9 +86,18 @@ def present_path(path: Path, content: Mapping[str, Any], sensors: Models) -> Pat
     return (*path[:2], now.get(str(path[2]), path[2]), *path[3:])
 
 
-def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind."""
+def former_filter(model: type[Options], kinds: Models, dynamics: Models, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a validated filter as plain data in its first spelling, its dynamics by the model of their kind.
+
+    Args:
+        model: What all filters say.
+        kinds: The options model of every kind of filter.
+        dynamics: That of every kind of dynamics.
+        entry: The filter.
+    """
     first = former_spelling(model, entry)
+    if entry.get("kind") in kinds:
+        first = former_spelling(kinds[entry["kind"]], first)
     motion = first.get("dynamics")
     if isinstance(motion, Mapping) and motion.get("kind") in dynamics:
         first["dynamics"] = former_spelling(dynamics[motion["kind"]], motion)
@@ -96,31 +105,47 @@ def former_filter(model: type[Options], dynamics: Models, entry: Mapping[str, An
 
 
 def former_content(
-    content: Mapping[str, Any], truth: type[Options], sensors: Models, filters: type[Options], dynamics: Models
+    content: Mapping[str, Any],
+    sections: Models,
+    sensors: Models,
+    filters: type[Options],
+    kinds: Models,
+    dynamics: Models,
 ) -> dict[str, Any]:
     """Return a campaign's content in its first spelling, for hashes.
 
     Args:
         content: Validated sections as plain data, with ``grid`` and ``zip`` where there are any.
-        truth: The model of the truth.
+        sections: The models of the sections that are of one model each.
         sensors: The options model of every kind of sensor.
         filters: The model of what all filters say.
+        kinds: The options model of every kind of filter.
         dynamics: The options model of every kind of dynamics.
     """
     first = dict(content)
-    if "truth" in first:
-        first["truth"] = former_spelling(truth, first["truth"])
+    for name in sections.keys() & first.keys():
+        first[name] = former_spelling(sections[name], first[name])
     if "sensors" in first:
         first["sensors"] = _former_sensors(first["sensors"], sensors)
     if "filters" in first:
-        first["filters"] = {name: former_filter(filters, dynamics, entry) for name, entry in first["filters"].items()}
+        first["filters"] = {
+            name: former_filter(filters, kinds, dynamics, entry) for name, entry in first["filters"].items()
+        }
     for section in ("grid", "zip"):
         if section in first:
-            first[section] = dict(
-                _former_variable(text, values, content, truth, sensors, filters)
-                for text, values in first[section].items()
-            )
+            first[section] = former_variables(first[section], content, sections, sensors, filters)
     return first
+
+
+def former_variables(
+    lists: Mapping[str, Any],
+    content: Mapping[str, Any],
+    sections: Models,
+    sensors: Models,
+    filters: type[Options],
+) -> dict[str, Any]:
+    """Return varied paths and their values in their first spelling, see `former_content`."""
+    return dict(_former_variable(text, values, content, sections, sensors, filters) for text, values in lists.items())
 
 
 def _former_value(path: Path, value: Any, model: type[Options]) -> Any:
@@ -162,15 +187,15 @@ def _former_variable(
     text: str,
     values: Any,
     content: Mapping[str, Any],
-    truth: type[Options],
+    sections: Models,
     sensors: Models,
     filters: type[Options],
 ) -> tuple[str, Any]:
     """Return a varied path and its values in their first spelling."""
     path = parse_path(text, content)
     section, name, *rest = (*path, None)
-    if section == "truth":
-        return text, [_former_value(path[1:], value, truth) for value in values]
+    if section in sections:
+        return text, [_former_value(path[1:], value, sections[str(section)]) for value in values]
     if section == "sensors" and name is not None:
         entry = content["sensors"].get(name) or {}
         model = sensors.get(entry.get("kind", name), Options)

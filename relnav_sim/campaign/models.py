@@ -6,10 +6,10 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, field_validator
+from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, field_validator, model_validator
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.options import Options
+from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors import SensorOptions
 from relnav_sim.truth import TruthSection
 
@@ -49,6 +49,12 @@ class Clock(Options):
         gt=0,
         description="Time between stored points of the error series, s; a whole number of steps. Statistics use "
         "every epoch whatever is stored",
+    )
+    store_covariance: Annotated[bool, AddedLater()] = Field(
+        default=False,
+        description="Whether the formal covariance of position and velocity is stored whole at the stored points, with "
+        "its correlations; default false: its sigmas only. It more than doubles the stored series, by 84 bytes for "
+        "each run, filter and point",
     )
 
     @property
@@ -133,6 +139,11 @@ class StatisticsOptions(Options):
     convergence_hold_s: float = Field(
         default=50.0, ge=0, description="... for this long, s; default 50, so that a lucky crossing does not count"
     )
+    whiteness: Annotated[bool, AddedLater()] = Field(
+        default=False,
+        description="Whether the residuals of each channel are tested for correlation; default false: it costs "
+        "one more prediction of each reading",
+    )
 
 
 class StopOptions(Options):
@@ -160,7 +171,7 @@ class StopOptions(Options):
         return at
 
 
-TuneObjective = Literal["position", "velocity", "consistency", "both"]
+TuneObjective = Literal["position", "velocity", "consistency", "both", "in_band"]
 TuneSpan = Literal["settled", "whole"]
 
 
@@ -174,14 +185,20 @@ class TuneOptions(Options):
     objective: TuneObjective = Field(
         default="both",
         description="What is made small: position or velocity (RMS error over the span, mean over runs, geometric mean "
-        "over cases), consistency (squared log of the mean ANEES, mean over cases) or both (log of the position RMS + "
-        "`weight` x consistency); default both: by the error alone, any process noise that is small enough is as good",
+        "over cases), consistency (squared log of the mean ANEES, mean over cases), both (log of the position RMS + "
+        "`weight` x consistency) or in_band (position among the candidates whose mean ANEES lies in `anees_band` in "
+        "every case); default both: by the error alone, any process noise that is small enough is as good",
     )
     weight: float = Field(
         default=0.25,
         gt=0,
         description="Objective both: weight of consistency; default 0.25, with which an ANEES of 2 or 1/2 counts as "
         "much as 12 % of position error",
+    )
+    anees_band: tuple[float, float] | None = Field(
+        default=None,
+        description="Objective in_band: least and greatest mean ANEES of each case; default: the 95 % chi-square band "
+        "of as many independent errors as there are runs, [0.76, 1.27] for 20 runs",
     )
     span: TuneSpan = Field(
         default="settled", description="settled (after `settle_s`; default) or whole (from the first epoch)"
@@ -208,6 +225,12 @@ class TuneOptions(Options):
         "the range that the filter declares. A filter named here has these free and no others; default: what "
         "`relnav show filter` lists",
     )
+
+    @model_validator(mode="after")
+    def _band_in_order(self) -> TuneOptions:
+        if self.anees_band is not None and not 0 < self.anees_band[0] < self.anees_band[1]:
+            raise ValueError("anees_band must be two numbers above 0, the smaller one first")
+        return self
 
 
 class Untold(Options):

@@ -31,6 +31,8 @@ _FILTER_EPOCH_BYTES = 8 * (6 + 36 + 2 + 30)
 """A filter's history and what the statistics make of it, for one run and epoch."""
 _STORED_BYTES = 4 * 14
 """Error, sigma, NIS and NEES of one filter at one stored epoch, single precision."""
+_COVARIANCE_STORED_BYTES = 4 * 21
+"""The root of its covariance there, where it is stored."""
 _TRUTH_STORED_BYTES = 8 * 6
 _SAMPLE_BYTES = 8 * 6 * 6
 """A sample's state in the six or so arrays of one filter step."""
@@ -115,7 +117,8 @@ def _stored_bytes(config: CaseConfig) -> float:
     """Return what one run of a case leaves in the result file, bytes."""
     filters = len(config.filters)
     stored = (config.clock.epochs - 1) // config.clock.store_every + 1
-    return stored * (_STORED_BYTES * filters + _TRUTH_STORED_BYTES) + _SUMMARY_BYTES * filters
+    series = _STORED_BYTES + (_COVARIANCE_STORED_BYTES if config.clock.store_covariance else 0)
+    return stored * (series * filters + _TRUTH_STORED_BYTES) + _SUMMARY_BYTES * filters
 
 
 def _held_bytes(config: CaseConfig) -> float:

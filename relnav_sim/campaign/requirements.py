@@ -16,6 +16,9 @@ from relnav_sim.options import Options
 
 Quantity = Literal["r", "v", "x", "y", "z", "vx", "vy", "vz"]
 Span = Literal["settled", "whole"]
+Interpretation = Literal["ensemble", "temporal", "mixed"]
+
+_OF_RUNS = 0.95
 
 _QUANTITY = "Error to look at: r position, v velocity (norms), or one component in RTN; default r"
 _SPAN = "settled: t >= settle_s; whole: every epoch after the start; default settled"
@@ -60,16 +63,39 @@ class _WithLimit(Requirement):
 
 
 class ErrorsRequirement(_WithLimit):
-    """A share of all errors of all runs lies below a limit; epochs after a failure count as errors above it."""
+    """A share of errors lies below a limit; epochs after a failure count as errors above it."""
 
-    kind: Literal["errors"] = Field(description="errors: a share of all errors below a limit")
-    share: float = Field(gt=0, lt=1, description="Share of the epochs of all runs, as 0.997")
+    kind: Literal["errors"] = Field(description="errors: a share of errors below a limit")
+    interpretation: Interpretation = Field(
+        default="mixed",
+        description="What the share is of (ECSS-E-ST-60-10C): ensemble (of the runs, each below the limit at all "
+        "times), temporal (of the time of each run, in `of_runs` of the runs) or mixed (of all epochs of all runs; "
+        "default)",
+    )
+    share: float = Field(gt=0, lt=1, description="Share of the runs, the time or the epochs, as 0.997")
+    of_runs: float | None = Field(
+        default=None,
+        gt=0,
+        lt=1,
+        description="Temporal: share of the runs that must keep it; default 0.95: no number of runs shows that all do",
+    )
     inside_m: float | None = Field(
         default=None, gt=0, description="Only epochs at which the true distance is at most this, m; default: all"
     )
     from_s: float = Field(
         default=0.0, ge=0, description="Only epochs from this time on, s; default 0: all but the start"
     )
+
+    @model_validator(mode="after")
+    def _runs_of_a_temporal_one(self) -> Self:
+        if self.interpretation != "temporal" and self.of_runs is not None:
+            raise ValueError(f"of_runs belongs to the temporal interpretation, not to {self.interpretation}")
+        return self
+
+    @property
+    def runs_that_keep_it(self) -> float:
+        """Temporal: share of the runs that must keep it."""
+        return _OF_RUNS if self.of_runs is None else self.of_runs
 
 
 class RmsRequirement(_WithLimit):
@@ -139,12 +165,26 @@ class DivergedRequirement(Requirement):
     at_most: float = Field(gt=0, lt=1, description="Share of the runs, as 0.01")
 
 
+class RecoveryRequirement(Requirement):
+    """Filters that reject readings recover in time: a share of the runs that were locked out, or lost, is back.
+
+    A run that fails, or is lost without a lock-out, is not; nor is one that follows a sensor's fault.
+    """
+
+    kind: Literal["recovery"] = Field(description="recovery: recovery from lock-outs in time")
+    within_s: float = Field(
+        gt=0, description="Longest time from the first of a lock-out's rejections to the recovery, s; docs/editing.md"
+    )
+    share: float = Field(gt=0, lt=1, description="Share of the runs that were locked out or lost, as 0.99")
+
+
 AnyRequirement = Annotated[
     ErrorsRequirement
     | RmsRequirement
     | NeesRequirement
     | NisRequirement
     | ConvergedRequirement
+    | RecoveryRequirement
     | FailedRequirement
     | DivergedRequirement,
     Field(discriminator="kind"),

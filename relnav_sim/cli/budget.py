@@ -45,7 +45,11 @@ def budget(
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE", help="Also write the variances over time to this file.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --csv.")] = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", metavar="FILE", help="Also draw the first filter's over time: a .png or .pdf."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the files of --csv and --figure.")] = False,
 ) -> None:
     """Show how much of a filter's error each source is, without a Monte Carlo run.
 
@@ -56,6 +60,9 @@ def budget(
     from relnav_sim.campaign import load_campaign
 
     target = None if csv is None else new_file(csv, overwrite)
+    if figure is not None and figure.suffix not in (".png", ".pdf"):
+        raise UserError(f"--figure takes a name that ends with .png or .pdf, not {figure}")
+    picture = None if figure is None else new_file(figure, overwrite)
     campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
     if case >= len(campaign.cases):
         raise UserError(f"--case {case}: there is no such case; the campaign has {len(campaign.cases)}, counted from 0")
@@ -81,18 +88,41 @@ def budget(
 
         export_budgets(found, config.clock.store_every, target)
         say(f"\nwrote {target}")
+    if picture is not None:
+        _draw(found[0], campaign, case, compared, picture)
+        say(f"\nwrote {picture}")
+
+
+def _draw(budget: Budget, campaign: Campaign, case: int, result: Path | None, target: Path) -> None:
+    from relnav_sim.plots.budget import error_budget_over_time
+    from relnav_sim.plots.style import pdf, png
+    from relnav_sim.report.error_budget import actual_sigma, budget_curves
+    from relnav_sim.results.atomic import written_whole
+
+    actual = None if result is None else actual_sigma(result, campaign.cases[case].id, budget.filter)
+    drawn = error_budget_over_time(budget_curves(budget, actual))
+    with written_whole(target) as temporary:
+        temporary.write_bytes((png if target.suffix == ".png" else pdf)(drawn))
 
 
 def _show(budget: Budget, campaign: Campaign, case: int) -> None:
-    from relnav_sim.budget.table import budget_rows
+    from relnav_sim.budget.table import budget_rows, phase_rows
 
     of = campaign.cases[case]
     label = f", case {case}: {of.label}" if len(campaign.cases) > 1 else ""
     settle_s = of.config.statistics.settle_s
     say(f"{campaign.name}{label}\nfilter {budget.filter}, sigmas from {settle_s:g} s on (rms) and at the end\n")
-    headings = ("source", "position, m", "at the end", "velocity, m/s", "at the end", "share", "halving it gains")
+    headings = ("source", "position, m", "at the end", "velocity, m/s", "at the end", "share", "halved", "per unit")
     print_table(budget_rows(budget, settle_s), headings)
-    say("\nshare and gain: of the position from then on; formal: what the filter itself states")
+    say(
+        "\nshare, halved and per unit: of the position from then on; halved: what that gains; per unit: what a unit "
+        "more adds; formal: what the filter itself states"
+    )
+    if len(budget.phases) > 1:
+        ends = [f"{budget.times_s[phase.epoch]:g} s" for phase in budget.phases]
+        say("\nposition sigma at the end of each phase, m; -: below a thousandth of the total")
+        print_table(phase_rows(budget), ("source", *ends))
+        say(f"\n{'; '.join(f'{time}: {phase.ends}' for time, phase in zip(ends, budget.phases, strict=True))}")
     for sentence in budget.not_covered:
         say(f"not in this budget: {sentence}")
 
@@ -119,7 +149,7 @@ def _result(campaign: Campaign, given: Path | None) -> Path | None:
 
 
 def _compare(budget: Budget, campaign: Campaign, case: int, path: Path) -> None:
-    from relnav_sim.budget.verdict import squares_of, verdict
+    from relnav_sim.budget.verdict import in_words, squares_of, verdict
     from relnav_sim.cli.source import readable
     from relnav_sim.results import open_results
 
@@ -130,14 +160,4 @@ def _compare(budget: Budget, campaign: Campaign, case: int, path: Path) -> None:
     if found is None:
         say(f"{path}: too few runs of {budget.filter} to compare with")
         return
-    words = "linear here"
-    if not found.agrees:
-        words = "nonlinear here: trust the Monte Carlo"
-        if budget.not_covered:
-            words = "nonlinear here, or it is what the budget leaves out: trust the Monte Carlo"
-    failed = f"; {found.failed} failed" if found.failed else ""
-    low, high = found.interval
-    say(
-        f"{path}: position error of {found.runs} runs{failed}, {found.ratio:.3f} of the budget's "
-        f"({low:.3f} to {high:.3f}): {words}"
-    )
+    say(f"{path}: {in_words(found, budget)}")

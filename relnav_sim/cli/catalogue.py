@@ -10,9 +10,11 @@ from relnav_sim.campaign.file_model import file_shape
 from relnav_sim.campaign.reference import Key, keys_of, kinds_at, shape_at
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.dynamics.registry import dynamics_kinds
-from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.operations import Size
+from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise import noise_kinds
+from relnav_sim.wording import with_prefix
 
 _DYNAMICS = "filters.*.kind=ekf.dynamics"
 _NOISE = "sensors.radar.noise"
@@ -26,11 +28,13 @@ class Entry:
         name: The name.
         description: Its docstring: what it is, its source, when to use it.
         keys: Its options.
+        cost: Of a filter, the operations and bytes of an epoch; empty where it states none.
     """
 
     name: str
     description: str
     keys: tuple[Key, ...]
+    cost: tuple[str, ...] = ()
 
     @property
     def summary(self) -> str:
@@ -44,7 +48,10 @@ def entries(what: str) -> list[Entry]:
     match what.removesuffix("s"):
         case "filter":
             forms = kinds_at("filters.*", whole)
-            return [Entry(name, kind.description, keys_of(forms[name])) for name, kind in filter_kinds().items()]
+            return [
+                Entry(name, kind.description, keys_of(forms[name]), stated_cost(kind))
+                for name, kind in filter_kinds().items()
+            ]
         case "sensor":
             sensors = shape_at("sensors", whole).keys
             return [_section_entry(name, f"sensors.{name}", whole) for name in sensors]
@@ -52,6 +59,18 @@ def entries(what: str) -> list[Entry]:
             return _kind_entries(noise_kinds(), kinds_at(_NOISE, whole))
         case _:
             return _kind_entries(dynamics_kinds(), kinds_at(_DYNAMICS, whole))
+
+
+COST_SIZE = Size(n=6, m=3)
+"""Position and velocity, and a radar's channels: what filters are listed for."""
+
+
+def stated_cost(kind: FilterKind) -> tuple[str, ...]:
+    """Return the operations and bytes of an epoch by a filter's formula, with its default options."""
+    if kind.operations is None:
+        return ("not stated", "not stated")
+    found = kind.operations(COST_SIZE, kind.options_model())
+    return with_prefix(found.count), with_prefix(found.bytes, "B")
 
 
 def _kind_entries(models: Mapping[str, type[Options]], forms: Mapping[str, Shape]) -> list[Entry]:

@@ -33,6 +33,12 @@ def figure(
     ] = None,
     from_s: Annotated[float | None, typer.Option("--from", help="Start of the time axis, s.")] = None,
     until_s: Annotated[float | None, typer.Option("--until", help="End of the time axis, s.")] = None,
+    at_s: Annotated[
+        float | None, typer.Option("--at", help="Of ellipses: the epoch, s.", show_default="the last one")
+    ] = None,
+    sigma: Annotated[
+        float | None, typer.Option(help="Of ellipses: their size in sigmas.", show_default="2.45, which holds 95 %")
+    ] = None,
     along: Annotated[
         list[str] | None, typer.Option(help="What a sweep is drawn along, as alpha; twice for a heat map.")
     ] = None,
@@ -59,7 +65,7 @@ def figure(
     path = target_file(out if out is not None else Path(), f"{kind}.pdf")
     if path.suffix not in _SUFFIXES:
         raise UserError(f"--out takes a name that ends in {', '.join(_SUFFIXES)}, not {path.name!r}")
-    options: dict[str, Any] = {"from_s": from_s, "until_s": until_s}
+    options: dict[str, Any] = {"from_s": from_s, "until_s": until_s, "at_s": at_s, "sigma": sigma}
     if along:
         options["along"] = along if len(along) > 1 else along[0]
     try:

@@ -25,6 +25,8 @@ def list_names(
         from relnav_sim.campaign.problems import no_such
 
         raise UserError(no_such("list", what, LISTS))
+    rows: list[tuple[str, ...]]
+    headings: tuple[str, ...] = ()
     if what == "campaigns":
         rows = [(str(path), _first_words(path)) for path in campaign_files(Path())]
     elif what == "templates":
@@ -32,9 +34,14 @@ def list_names(
     else:
         from relnav_sim.cli.catalogue import entries
 
-        rows = [(entry.name, entry.summary) for entry in entries(what)]
+        found = entries(what)
+        rows = [(entry.name, *entry.cost, entry.summary) for entry in found]
+        if what == "filters":
+            headings = ("filter", "operations", "bytes", "what it is")
     if rows:
-        print_table(rows)
+        print_table(rows, headings)
+        if headings:
+            say("\nOperations and bytes of one epoch of one run with 6 states and 3 channels, by formula.")
     else:
         say("there are none here; write one with: relnav new FILE")
 

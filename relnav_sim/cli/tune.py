@@ -27,6 +27,7 @@ class Objective(StrEnum):
     VELOCITY = "velocity"
     CONSISTENCY = "consistency"
     BOTH = "both"
+    IN_BAND = "in_band"
 
 
 class Span(StrEnum):

@@ -12,9 +12,9 @@ from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.containment import Containment
 from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import model_key
-from relnav_sim.crlb.observability import direction_in_words, observability
+from relnav_sim.crlb.observability import WeakestDirection, direction_in_words, observability
 from relnav_sim.crlb.start import start_covariance
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust
@@ -144,7 +144,24 @@ def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:
         sigma_ratio=weakest.sigma_ratio,
         blind=int((weakest.ratios > NOT_OBSERVABLE).sum()),
         weakest=direction_in_words(weakest.direction, P[rows, columns], looked.start, augmented),
+        course=_course(weakest, P[:6, :6], looked),
     )
+
+
+def _course(weakest: WeakestDirection, P: Array, looked: _Looked) -> tuple[tuple[float, str], ...]:
+    """Return what the weakest direction is over time in words, each from its first epoch on, s.
+
+    Where several directions are as good as untold, none of them is the weakest: then it says how many.
+    """
+    course: list[tuple[float, str]] = []
+    for k, time_s in enumerate(looked.times_s[1:].tolist()):
+        blind = int((weakest.course[k] > NOT_OBSERVABLE).sum())
+        words = f"{blind} of 6 directions"
+        if blind < 2:
+            words = direction_in_words(weakest.directions[k], P, looked.start)
+        if not course or course[-1][1] != words:
+            course.append((time_s, words))
+    return tuple(course)
 
 
 def _motion(entry: FilterEntry, extra: Extension | None, looked: _Looked) -> Dynamics:

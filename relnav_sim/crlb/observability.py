@@ -40,6 +40,9 @@ class WeakestDirection:
     Attributes:
         ratio: Posterior over prior sigma in the weakest direction of the leading states after each epoch, (T,).
         ratios: The same of all their directions at the end, the weakest first, (m,).
+        course: The same after each epoch, (T, m).
+        directions: The weakest direction after each epoch, as a change of the leading states at the start of one prior
+            sigma in that direction, (T, m).
         direction: The weakest direction at the end, as a change of the state at the start, (n,): one prior sigma in
             that direction of the m leading states, and what goes with it of the others.
         sigma_ratio: Posterior over prior sigma of each state by itself at the end, (n,).
@@ -47,6 +50,8 @@ class WeakestDirection:
 
     ratio: Array
     ratios: Array
+    course: Array
+    directions: Array
     direction: Array
     sigma_ratio: Array
 
@@ -119,6 +124,8 @@ def observability(
     return WeakestDirection(
         ratio=ratios[:, 0],
         ratios=ratios[-1],
+        course=ratios,
+        directions=(L[:m, :m] @ sides[:, :, 0, None])[..., 0],
         direction=direction,
         sigma_ratio=np.sqrt(np.diag(covariances) / np.diag(P)),
     )

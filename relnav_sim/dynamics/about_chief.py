@@ -66,6 +66,14 @@ class AboutChiefDynamics:
             self._chief = self._follower.take(arrival.chief_fixes, arrival.first_epoch, chief_forces)
             self._latest = None
 
+    def linearised_chief(self, arrival: Arrival) -> tuple[Array, Array, Array] | None:
+        """Return what the chief's next estimates are and depend on, see `ChiefInFirstOrder`; nothing is taken."""
+        if self._follower is None or arrival.chief_fixes is None:
+            return None
+        return self._follower.linearised(
+            arrival.chief_fixes, None if arrival.forces is None else arrival.forces[:, :, 0]
+        )
+
     def propagate(self, states: Array, step: Step) -> Array:
         """Return states (runs, ..., 6) after the step that ends at its epoch."""
         # A filter asks for the Jacobian and then for the mean of the same step.

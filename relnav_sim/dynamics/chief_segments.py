@@ -101,6 +101,10 @@ class ChiefFollower:
         self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._motion)
         return self._segments
 
+    def linearised(self, fixes: Array, forces: Array | None = None) -> tuple[Array, Array, Array]:
+        """Return what the next chunk's estimates are and depend on, see `OrbitFilter.linearised`; nothing is taken."""
+        return self._filter.linearised(fixes, forces)
+
 
 class NominalChief:
     """The nominal orbit by the gravity that a filter believes in, epoch by epoch: what it knows without any fix.

@@ -191,6 +191,23 @@ class ChiefDynamics(FedDynamics, Protocol):
         ...
 
 
+class ChiefInFirstOrder(ChiefDynamics, Protocol):
+    """Dynamics that estimate the chief's orbit from its fixes and say how that depends on them: for error budgets.
+
+    Nothing obliges dynamics with the need ``chief_fixes`` to. Without it budgets name this error as not covered.
+    """
+
+    def linearised_chief(self, arrival: Arrival) -> tuple[Array, Array, Array] | None:
+        """Return what the estimates at the epochs that arrive next will be and how they depend on each other.
+
+        Nothing is taken: `feed` comes after it. To first order error_k = A_k error_{k-1} + G_k (error of fix k).
+
+        Returns:
+            For one run the estimates (K, 6), ECI, A (K, 6, 6) and G (K, 6, 6); None where fixes are not looked at.
+        """
+        ...
+
+
 METHODS = ("propagate", "transition", "process_noise")
 PROMISED: dict[Need, tuple[str, ...]] = {"chief_fixes": ("feed", "with_chief"), "known_thrust": ("feed",)}
 """The methods beyond `METHODS` that dynamics have whose options need this."""

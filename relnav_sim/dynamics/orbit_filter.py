@@ -16,6 +16,8 @@ _LEFT_OUT_PSD, _DRAG_PSD = 1e-7, 1e-8
 _PRIOR_SIGMAS = np.repeat([1e5, 1e2], 3)
 """Prior about the nominal orbit, m and m/s: so wide that the first fix decides."""
 _NO_KICKS = np.empty((1, 0, 3))
+_NUDGES = np.repeat([1.0, 1e-3], 3)
+"""Differences for derivatives, m and m/s: nine digits above rounding, and the orbit is straight to seven."""
 
 
 class OrbitFilterOptions(Options):
@@ -79,9 +81,7 @@ class OrbitFilter:
             forces: Known thrust in the steps that end there, the two means of `KnownThrust.take`, (runs or 1, K, 2, 3),
                 m/s^2, RTN; default: none.
         """
-        before, after = (_NO_KICKS, _NO_KICKS) if forces is None else kicks_of(forces, self._step_s)
-        if not (before.any() or after.any()):
-            before = after = _NO_KICKS
+        before, after = self._kicks(forces)
         seen = Fixes(
             np.ascontiguousarray(fixes), np.ascontiguousarray(before), np.ascontiguousarray(after), self._next_epoch > 0
         )
@@ -90,3 +90,38 @@ class OrbitFilter:
             self._mean = estimates[:, -1].copy()
             self._next_epoch += fixes.shape[1]
         return estimates
+
+    def linearised(self, fixes: Array, forces: Array | None = None) -> tuple[Array, Array, Array]:
+        """Return what `advance` would, and how an estimate depends on the one before and on its own fix.
+
+        The filter stays where it stands. To first order, at epoch k: error_k = A_k error_{k-1} + G_k (error of fix k).
+
+        Args:
+            fixes: Fixes of one run, (1, K, 6), ECI, NaN = none.
+            forces: As `advance` has them, of one run.
+
+        Returns:
+            Estimates (K, 6), A (K, 6, 6) and G (K, 6, 6).
+        """
+        before, after = self._kicks(forces)
+        K = fixes.shape[1]
+        # Run 0 is the filter itself; six have another estimate before, six another fix.
+        moved = np.concatenate([np.zeros((1, 6)), np.diag(_NUDGES), np.zeros((6, 6))])
+        misread = np.concatenate([np.zeros((7, 6)), np.diag(_NUDGES)])
+        mean, P = self._mean, self._P
+        estimates, A, G = np.empty((K, 6)), np.empty((K, 6, 6)), np.empty((K, 6, 6))
+        for k in range(K):
+            epoch = self._next_epoch + k
+            first, last = (np.ascontiguousarray(side[:, k : k + 1]) for side in (before, after))
+            seen = Fixes(fixes[:, k : k + 1] + misread[:, None], first, last, epoch > 0)
+            found, covariance = self._motion.follow(
+                seen, epoch, mean + moved, np.repeat(P, 13, axis=0), self._Q, self._R
+            )
+            mean, P = found[:1, 0], covariance[:1]
+            slopes = (found[1:, 0] - mean).T / np.concatenate([_NUDGES, _NUDGES])
+            estimates[k], A[k], G[k] = mean[0], slopes[:, :6], slopes[:, 6:]
+        return estimates, A, G
+
+    def _kicks(self, forces: Array | None) -> tuple[Array, Array]:
+        before, after = (_NO_KICKS, _NO_KICKS) if forces is None else kicks_of(forces, self._step_s)
+        return (before, after) if before.any() or after.any() else (_NO_KICKS, _NO_KICKS)

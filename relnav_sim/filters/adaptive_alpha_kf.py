@@ -12,9 +12,9 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.channel_quantile import ChannelQuantile
 from relnav_sim.filters.components import noise_components, normalised
 from relnav_sim.filters.kalman import (
-    ChannelQuantile,
     GaussianFilter,
     GaussianFilterOptions,
     innovation_of,
@@ -22,7 +22,7 @@ from relnav_sim.filters.kalman import (
 )
 from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted
+from relnav_sim.filters.reweighting import reweighted, reweighted_operations
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
 from relnav_sim.linalg import CholeskyFactor, by_run
 from relnav_sim.measurements.interface import Measurement, linearised
@@ -70,7 +70,9 @@ class AdaptiveAlphaOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=4.0, overhead_us=145.0)
+@register_filter(
+    "adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=4.0, overhead_us=145.0, operations=reweighted_operations
+)
 class AdaptiveAlphaFilter(GaussianFilter):
     """Adaptive alpha Kalman filter: R / alpha_k with alpha_k from the residuals.
 

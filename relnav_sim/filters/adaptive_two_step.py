@@ -12,7 +12,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOptions
+from relnav_sim.filters.two_step import TwoStepBelief, TwoStepFilter, TwoStepOptions, two_step_operations
 from relnav_sim.linalg import CholeskyFactor, cholesky, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import all_channels, present_channels
@@ -58,7 +58,9 @@ class AdaptiveTwoStepBelief(TwoStepBelief):
     memory: Array
 
 
-@register_filter("adaptive_two_step", AdaptiveTwoStepOptions, cost_us=12.0, overhead_us=530.0)
+@register_filter(
+    "adaptive_two_step", AdaptiveTwoStepOptions, cost_us=12.0, overhead_us=530.0, operations=two_step_operations
+)
 class AdaptiveTwoStepFilter(TwoStepFilter):
     """Two-step filter that estimates its measurement noise (Sage and Husa), positive definite at every step.
 

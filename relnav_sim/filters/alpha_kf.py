@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -19,7 +19,9 @@ from relnav_sim.filters.gaussian_sampling import (
     fixed_normals,
     whitened_prior,
 )
+from relnav_sim.filters.iekf import search_operations
 from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
 from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, symmetric, transpose
@@ -87,7 +89,20 @@ class AlphaOptions(ImportanceOptions):
     )
 
 
-@register_filter("alpha_kf", AlphaOptions, measurement="cartesian", cost_us=200.0, overhead_us=150.0)
+def sampled_operations(size: Size, options: Any) -> Operations:
+    """Return what weighted samples cost where all states are sampled: drawn, weighed, and their moments taken.
+
+    What is done once, whatever the number of samples, counts as one search of `iekf` with two iterations.
+    """
+    n, m = size.n, size.m
+    each = 2 * n * n + m * m + 2 * m + 4 + n * (n + 1) + 2 * n
+    count = unscented_prediction(n) + search_operations(size, 2) + options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.samples * (2 * n + m + 1))
+
+
+@register_filter(
+    "alpha_kf", AlphaOptions, measurement="cartesian", cost_us=200.0, overhead_us=150.0, operations=sampled_operations
+)
 class AlphaKalmanFilter(SamplingFilter):
     """Alpha-divergence Kalman filter.
 

@@ -32,12 +32,14 @@ class Innovation:
         extras: Further numbers of an algorithm by name, each (runs,), for example ``ess``.
         failed: Why a run can't go on, in words, by its place in the block; without the epoch, which is added. What the
             belief holds of such a run is not used any more.
+        edits: Where readings are edited, what happened to this one, each (runs,): see `filters.editing.EDITS`.
     """
 
     nis: Array
     log_likelihood: Array
     extras: Mapping[str, Array] = field(default_factory=dict)
     failed: Mapping[int, str] = field(default_factory=dict)
+    edits: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Belief(Protocol):

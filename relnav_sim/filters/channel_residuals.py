@@ -31,11 +31,11 @@ class ChannelResiduals:
         """Residuals in sigmas, (runs, T, m): white with variance 1 where filter and models are right."""
         return self.residual / self.sigma
 
-    def after(self) -> ChannelResiduals:
-        """Return the residuals with one more epoch at the start, at which nothing was read."""
+    def after(self, epochs: int) -> ChannelResiduals:
+        """Return the residuals with so many more epochs at the start, at which nothing was read."""
 
         def preceded(series: Array) -> Array:
-            return np.concatenate([np.full((len(series), 1, series.shape[2]), np.nan), series], axis=1)
+            return np.concatenate([np.full((len(series), epochs, series.shape[2]), np.nan), series], axis=1)
 
         return ChannelResiduals(preceded(self.residual), preceded(self.sigma))
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
+from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions, unscented_operations
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("ckf", GaussianFilterOptions, cost_us=1.3, overhead_us=55.0)
+@register_filter("ckf", GaussianFilterOptions, cost_us=1.3, overhead_us=55.0, operations=unscented_operations)
 class CubatureKalmanFilter(UnscentedKalmanFilter):
     """Cubature Kalman filter: 2 n equally weighted points at sqrt(n) sigma, no tuning parameter.
 

@@ -120,11 +120,17 @@ class CovarianceMatching:
         told = {name: belief.densities[:, axis].copy() for axis, name in enumerate(names)}
         return replace(belief, inner=inner), replace(innovation, extras={**innovation.extras, **told})
 
+    def linear_step(self, belief: MatchedBelief, step: Step) -> tuple[Array, Array]:
+        """Return the filter's F and Q of the step predicted last, with the densities that it was predicted with."""
+        found: tuple[Array, Array] = self._filter.linear_step(belief.inner, step)  # type: ignore[attr-defined]  # a Gaussian filter has it
+        return found
+
     def _matched(self, belief: MatchedBelief) -> MatchedBelief:
         """Return the belief after the readings of an epoch have been counted as one."""
         velocity, covariance = _of_velocity(belief.inner)
         moved, gained = velocity - belief.predicted_velocity, belief.predicted_covariance - covariance
-        read = (gained != 0).any(axis=(1, 2))
+        # A belief that began within the epoch (a restart, between two sensors) has no process noise behind it.
+        read = (gained != 0).any(axis=(1, 2)) & belief.made.any(axis=(1, 2, 3))
         if not read.any():
             return belief
         made = belief.made[:, :, VELOCITY, VELOCITY]

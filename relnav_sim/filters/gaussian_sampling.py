@@ -142,6 +142,10 @@ class SamplingFilter(GaussianFilter):
         """Return the predicted moments: exact for linear dynamics, by the cubature rule for others."""
         return self._sigma_points.predict(belief, step)
 
+    def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
+        """Return F and Q of the linear step that the prediction amounts to."""
+        return self._sigma_points.linear_step(belief, step)
+
     def linearise(self, belief: Gaussian, z: Array, epoch: int) -> Linearisation:
         """Return residual, H, R and H P H^T at the predicted mean."""
         residual, H, R = linearised(self.measurement, z, belief.mean, epoch)

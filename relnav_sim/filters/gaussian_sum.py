@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -19,6 +20,15 @@ from relnav_sim.filters.components import (
     predicted_components,
     predictive_nis,
     without_likelihood,
+)
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    covariance_prediction,
+    gaussian_numbers,
+    innovation_covariance,
+    kalman_update,
+    triangle,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
@@ -61,7 +71,20 @@ class GaussianSum:
         return kernels.components.moment_match(self.weights, self.means, self.covariances)
 
 
-@register_filter("gaussian_sum", GaussianSumOptions, cost_us=3.5, overhead_us=130.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what `components` priors, each updated by every component of the noise, cost, and their merging.
+
+    Merging compares all pairs by the determinants of what they would become (Runnalls 2007).
+    """
+    n, m = size.n, size.m
+    priors, posteriors = options.components, options.components * size.noises
+    moments = 4 * n * n + 3 * n
+    update = priors * covariance_prediction(n) + posteriors * (kalman_update(n, m) + innovation_covariance(n, m))
+    merging = posteriors * (posteriors - 1) // 2 * (n**3 // 3 + 8 * triangle(n))
+    return Operations(update + 2 * posteriors * moments + merging, posteriors * gaussian_numbers(n, m))
+
+
+@register_filter("gaussian_sum", GaussianSumOptions, cost_us=3.5, overhead_us=130.0, operations=_operations)
 class GaussianSumFilter:
     """Gaussian-sum filter: the posterior under mixture noise as a mixture itself.
 

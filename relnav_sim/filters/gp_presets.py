@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from relnav_sim.filters.particle import ParticleFilter, ParticleOptions
+from relnav_sim.filters.particle import ParticleFilter, ParticleOptions, particle_operations
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
-from relnav_sim.filters.unscented_particle import UnscentedParticleFilter, UnscentedParticleOptions
+from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions, unscented_operations
+from relnav_sim.filters.unscented_particle import (
+    UnscentedParticleFilter,
+    UnscentedParticleOptions,
+    unscented_particle_operations,
+)
 
 
 class GpParticleOptions(ParticleOptions):
@@ -28,7 +32,14 @@ class GpParticleOptions(ParticleOptions):
     )
 
 
-@register_filter("gp_particle", GpParticleOptions, cost_us=2900.0, learned_dynamics=True, overhead_us=2500.0)
+@register_filter(
+    "gp_particle",
+    GpParticleOptions,
+    cost_us=2900.0,
+    learned_dynamics=True,
+    overhead_us=2500.0,
+    operations=particle_operations,
+)
 class GpParticleFilter(ParticleFilter):
     """Particle filter over learned dynamics: `particle` that resamples at every measurement and moves once.
 
@@ -44,7 +55,9 @@ class GpUkfOptions(UnscentedOptions):
     """Options of the unscented Kalman filter over learned dynamics."""
 
 
-@register_filter("gp_ukf", GpUkfOptions, cost_us=26.0, learned_dynamics=True, overhead_us=230.0)
+@register_filter(
+    "gp_ukf", GpUkfOptions, cost_us=26.0, learned_dynamics=True, overhead_us=230.0, operations=unscented_operations
+)
 class GpUnscentedKalmanFilter(UnscentedKalmanFilter):
     """Unscented Kalman filter over learned dynamics: `ukf` whose sigma points go through a Gaussian process.
 
@@ -62,7 +75,14 @@ class MfUpfOptions(UnscentedParticleOptions):
     )
 
 
-@register_filter("mf_upf", MfUpfOptions, cost_us=3000.0, learned_dynamics=True, overhead_us=2500.0)
+@register_filter(
+    "mf_upf",
+    MfUpfOptions,
+    cost_us=3000.0,
+    learned_dynamics=True,
+    overhead_us=2500.0,
+    operations=unscented_particle_operations,
+)
 class ModelFreeUnscentedParticleFilter(UnscentedParticleFilter):
     """Model-free unscented particle filter: `unscented_particle` over learned dynamics.
 

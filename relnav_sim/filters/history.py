@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
-from relnav_sim.filters.belief import Gaussian, Innovation
+from relnav_sim.filters.belief import Innovation
 from relnav_sim.filters.channel_residuals import ChannelResiduals
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.readings import Readings, SensorReadings
@@ -41,6 +41,8 @@ class FilterHistory:
         dof_by: The channels read by sensor, each (runs, T).
         extras_by: The further numbers by sensor, then by name.
         residuals_by: The residuals by sensor and channel, where they were asked for.
+        edits_by: Where readings are edited, what happened to them by sensor (under "" where it has no name), each
+            (runs, T): the counts of `filters.editing.EDITS`, 0 where nothing was read.
 
     Examples:
         >>> import numpy as np
@@ -63,26 +65,32 @@ class FilterHistory:
     dof_by: Mapping[str, Integers] = field(default_factory=dict)
     extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     residuals_by: Mapping[str, ChannelResiduals] = field(default_factory=dict)
+    edits_by: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
 
-    def after(self, prior: Gaussian) -> FilterHistory:
-        """Return the history with one more epoch at its start, at which the prior is all there is."""
-        B = len(self.mean)
+    def after(self, mean: Array, covariance: Array) -> FilterHistory:
+        """Return the history with more epochs at its start, at which nothing was read.
+
+        Args:
+            mean: What was known there, (runs, E, n).
+            covariance: Its covariance, (runs, E, n, n).
+        """
+        B, E = mean.shape[:2]
 
         def preceded(before: Array, series: Array) -> Array:
             # Epochs first, as the series lies in memory.
-            return np.concatenate([before[None], series.swapaxes(0, 1)]).swapaxes(0, 1)
+            return np.concatenate([before.swapaxes(0, 1), series.swapaxes(0, 1)]).swapaxes(0, 1)
 
         def unread(series: Array) -> Array:
-            return np.concatenate([np.full((B, 1), np.nan), series], axis=1)
+            return np.concatenate([np.full((B, E), np.nan), series], axis=1)
 
         def uncounted(counts: Integers) -> Integers:
-            return np.concatenate([np.zeros((B, 1), dtype=np.int64), counts], axis=1)
+            return np.concatenate([np.zeros((B, E), dtype=np.int64), counts], axis=1)
 
         return FilterHistory(
-            preceded(prior.mean, self.mean),
-            preceded(prior.covariance, self.covariance),
+            preceded(mean, self.mean),
+            preceded(covariance, self.covariance),
             unread(self.nis),
-            np.concatenate([np.zeros((B, 1)), self.log_likelihood], axis=1),
+            np.concatenate([np.zeros((B, E)), self.log_likelihood], axis=1),
             {name: unread(extra) for name, extra in self.extras.items()},
             self.failures,
             uncounted(self.dof),
@@ -92,7 +100,11 @@ class FilterHistory:
                 sensor: {name: unread(extra) for name, extra in extras.items()}
                 for sensor, extras in self.extras_by.items()
             },
-            {sensor: residuals.after() for sensor, residuals in self.residuals_by.items()},
+            {sensor: residuals.after(E) for sensor, residuals in self.residuals_by.items()},
+            {
+                sensor: {name: uncounted(count) for name, count in edits.items()}
+                for sensor, edits in self.edits_by.items()
+            },
         )
 
 
@@ -110,6 +122,7 @@ class Innovations:
         self._readings = readings
         self._nis = [np.full(self._shape, np.nan) for _ in readings.sensors]
         self._extras: list[dict[str, Array]] = [{} for _ in readings.sensors]
+        self._edits: list[dict[str, Integers]] = [{} for _ in readings.sensors]
         self._log_likelihood = np.zeros(self._shape)
 
     def add(self, place: int, k: int, innovation: Innovation) -> None:
@@ -125,6 +138,11 @@ class Innovations:
                 check_name(name)
                 extras[name] = np.full(self._shape, np.nan)
             extras[name][k] = value
+        edits = self._edits[place]
+        for name, count in innovation.edits.items():
+            if name not in edits:
+                edits[name] = np.zeros(self._shape, dtype=np.int64)
+            edits[name][k] = count
 
     def history(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history of the chunk, without failures."""
@@ -144,6 +162,11 @@ class Innovations:
             nis_by={name: all_nis[place] for name, place in by_name.items()},
             dof_by={name: dof[place] for name, place in by_name.items()},
             extras_by={name: all_extras[place] for name, place in by_name.items()},
+            edits_by={
+                one.sensor.name: {name: np.ascontiguousarray(count.T) for name, count in edits.items()}
+                for one, edits in zip(sensors, self._edits, strict=True)
+                if edits
+            },
         )
 
 

@@ -12,7 +12,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 
@@ -33,7 +33,7 @@ class HuberOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("huber", HuberOptions, cost_us=2.5, overhead_us=100.0)
+@register_filter("huber", HuberOptions, cost_us=2.5, overhead_us=100.0, operations=reweighted_operations)
 class HuberFilter(GaussianFilter):
     """Huber filter: residuals beyond a threshold count linearly instead of quadratically.
 

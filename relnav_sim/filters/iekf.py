@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,16 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update, reading_size
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    cholesky,
+    covariance_prediction,
+    gaussian_numbers,
+    innovation_covariance,
+    kalman_update,
+    whitening,
+)
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve, squares
 from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
@@ -19,7 +30,21 @@ from relnav_sim.linalg import by_run, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("iekf", IterationOptions, cost_us=4.0, overhead_us=260.0)
+def search_operations(size: Size, iterations: int) -> int:
+    """Return the operations of a Gauss-Newton search without halved steps, and of the updates before and after it."""
+    n, m = size.n, size.m
+    solved = innovation_covariance(n, m) + 2 * m * n + cholesky(m) + 2 * m + 2 * m * m
+    costs = 2 * (2 * n * (n + 1) + 2 * m * (m + 1) + 1)
+    return whitening(n, n) + whitening(m, m) + 2 * kalman_update(n, m) + iterations * (solved + costs)
+
+
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what it costs with all the iterations that it may take."""
+    count = covariance_prediction(size.n) + search_operations(size, options.max_iterations)
+    return Operations(count, gaussian_numbers(size.n, size.m))
+
+
+@register_filter("iekf", IterationOptions, cost_us=4.0, overhead_us=260.0, operations=_operations)
 class IteratedExtendedKalmanFilter(GaussianFilter):
     """Iterated extended Kalman filter: the maximum of the posterior, by Gauss-Newton with a line search.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +20,15 @@ from relnav_sim.filters.components import (
     predicted_components,
     predictive_nis,
     without_likelihood,
+)
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    cholesky,
+    covariance_prediction,
+    gaussian_numbers,
+    innovation_covariance,
+    kalman_update,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
@@ -64,7 +73,16 @@ class ModelBank:
         return kernels.components.moment_match(np.exp(self.log_weights), self.means, self.covariances)
 
 
-@register_filter("imm", ImmOptions, cost_us=1.4, overhead_us=110.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what a filter for each component of the noise costs, with their mixing and their moments."""
+    n, m, c = size.n, size.m, size.noises
+    filters = covariance_prediction(n) + kalman_update(n, m) + innovation_covariance(n, m)
+    mixing = (c + 1) * (4 * n * n + 3 * n + 3) + n * n + n + 5
+    predictive = cholesky(m) + 2 * m * m + 5 * m + 4
+    return Operations(c * (filters + mixing) + predictive, c * gaussian_numbers(n, m))
+
+
+@register_filter("imm", ImmOptions, cost_us=1.4, overhead_us=110.0, operations=_operations)
 class InteractingModelsFilter:
     """Interacting multiple models: one extended Kalman filter per component of the measurement noise.
 

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
-from scipy.special import chdtri
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered, where_runs
+from relnav_sim.filters.arithmetic import ArithmeticOptions
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states, keep_considered
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    covariance_prediction,
+    gaussian_numbers,
+    joseph_form,
+    kalman_update,
+)
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.single_precision import SinglePrecision
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
 from relnav_sim.linalg import by_run
 from relnav_sim.measurements.interface import Measurement, linearised
-from relnav_sim.measurements.partial import channel_count, present_channels, unit_where_absent
+from relnav_sim.measurements.partial import present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
 from relnav_sim.streams import RandomSource
 
@@ -30,84 +40,75 @@ class GaussianFilterOptions(Options):
         default=None,
         gt=0,
         lt=1,
-        description="Innovation gate: reject a measurement whose NIS exceeds the chi-square quantile of this "
-        "probability (0.999, say); default: none, because a gate that is too tight locks a filter out",
+        description="Former name of `editing: {probability}`, which also says what happens when too many readings are "
+        "rejected; use that. Default: none",
     )
 
 
+class LinearisedFilterOptions(GaussianFilterOptions, ArithmeticOptions):
+    """Options of the filters with a Gaussian belief and linearised models."""
+
+
 class GaussianFilter:
-    """Prediction, gating and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
+    """Prediction and starting of a filter whose belief is a Gaussian; `correct` is the algorithm's own.
 
     Attributes:
         considers: Whether the filter can account for states without estimating them.
         matches_covariance: Whether its corrections tell how much process noise there is, see `CovarianceMatching`.
         nominal_gain: Whether its gain follows from its models along a trajectory, whatever the readings say, so that
             an error budget can be drawn up for it.
+        edits: Whether its NIS is chi-square where its models are right, so that readings can be edited by it.
     """
 
     stochastic = False
     considers = True
     matches_covariance = True
     nominal_gain = False
+    edits = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
         self.dynamics = dynamics
         self.measurement = measurement
-        probability = options.gate_probability
+        # Options of other filters have no such key: they compute in float64.
+        in_single = getattr(options, "arithmetic", "float64") == "float32"
+        self._single = SinglePrecision(dynamics, measurement) if in_single else None
         self._considered = considered_states(dynamics)
         self._by_transition = getattr(dynamics, "moves_by_transition", False)
-        self._gate = None if probability is None else ChannelQuantile(measurement, probability)
 
-    def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
+    def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior."""
-        return prior
+        return prior if self._single is None else self._single.own(prior)
 
-    def predict(self, belief: Gaussian, step: Step) -> Gaussian:
+    def predict(self, belief: Any, step: Step) -> Any:
         """Return the belief with mean f(m) and covariance F P F^T + Q."""
+        if self._single is not None:
+            return self._single.predict(belief, step)
         dynamics, m, P = self.dynamics, np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         F, Q = by_run(dynamics.transition(m, step)), by_run(dynamics.process_noise(m, step))
         if self._by_transition:
             return Gaussian(*kernels.kalman.predict_linear(m, P, F, Q))
         return Gaussian(dynamics.propagate(m, step), kernels.kalman.predict(P, F, Q))
 
-    def update(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
-        """Return the corrected belief; runs outside the gate keep their prediction, `rejected` counts them."""
+    def linear_step(self, belief: Any, step: Step) -> tuple[Array, Array]:
+        """Return F and Q, (runs or 1, n, n), of the linear step that `predict` amounts to; a smoother goes back by it.
+
+        The prediction has the covariance F P F^T + Q, and F P is its covariance with the state before.
+        """
+        m = np.ascontiguousarray(belief.mean, dtype=np.float64)
+        return by_run(self.dynamics.transition(m, step)), by_run(self.dynamics.process_noise(m, step))
+
+    def update(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
+        """Return the corrected belief, its considered states as they were."""
         corrected, innovation = self.correct(belief, z, step)
-        corrected = self.keep_considered(belief, corrected)
-        if self._gate is None:
-            return corrected, innovation
-        rejected = innovation.nis > self._gate.of_present()
-        extras = {**innovation.extras, "rejected": rejected.astype(float)}
-        # What a reading would have done to a run does not count where it is not taken.
-        failed = {place: why for place, why in innovation.failed.items() if not rejected[place]}
-        return where_runs(~rejected, corrected, belief), replace(innovation, extras=extras, failed=failed)
+        return self.keep_considered(belief, corrected), innovation
 
-    def keep_considered(self, predicted: Gaussian, corrected: Gaussian) -> Gaussian:
+    def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief with the considered states as predicted."""
-        return keep_considered(predicted, corrected, self._considered)
+        return corrected if self._single is not None else keep_considered(predicted, corrected, self._considered)
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the belief after the measurement, and its innovation."""
         raise TypeError(f"{type(self).__name__} has no correct(belief, z, step)")
-
-
-class ChannelQuantile:
-    """The chi-square quantile of a normalised innovation, by the number of channels present.
-
-    Args:
-        measurement: The filter's.
-        probability: Of a normalised innovation that is not larger.
-    """
-
-    def __init__(self, measurement: Measurement, probability: float) -> None:
-        self._measurement = measurement
-        degrees = np.arange(1, measurement.dimension + 1)
-        # Without a channel there is nothing to exceed.
-        self._by_count = np.concatenate([[np.inf], chdtri(degrees, 1 - probability)])
-
-    def of_present(self) -> Array:
-        """Return the quantile for the channels that are present now, () or (runs,)."""
-        return np.asarray(self._by_count[channel_count(self._measurement)])
 
 
 def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
@@ -182,7 +183,7 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
     return Innovation(nis, log_likelihood)
 
 
-class KalmanOptions(GaussianFilterOptions):
+class KalmanOptions(LinearisedFilterOptions):
     """Options of the linear Kalman filter."""
 
     r_scale: Annotated[float, Tunable(0.1, 100, scales_noise=True)] = Field(
@@ -193,7 +194,25 @@ class KalmanOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("kf", KalmanOptions, measurement="cartesian", cost_us=0.7, overhead_us=25.0, linear_only=True)
+def linearised_operations(size: Size, options: Any) -> Operations:
+    """Return what a linear or extended Kalman filter costs; in float32 its update is Joseph's, and F m is its own."""
+    n, m = size.n, size.m
+    if bytes_of(options) == 8:
+        count = covariance_prediction(n) + kalman_update(n, m)
+    else:
+        count = covariance_prediction(n) + 2 * n * n + joseph_form(n, m)
+    return Operations(count, gaussian_numbers(n, m), bytes_of(options))
+
+
+@register_filter(
+    "kf",
+    KalmanOptions,
+    measurement="cartesian",
+    cost_us=0.7,
+    overhead_us=25.0,
+    linear_only=True,
+    operations=linearised_operations,
+)
 class KalmanFilter(GaussianFilter):
     """Linear Kalman filter (Kalman 1960) on linear measurements: a radar's are converted to Cartesian coordinates.
 
@@ -207,11 +226,15 @@ class KalmanFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._r_scale = options.r_scale
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with the measurement matrix at the prediction."""
-        residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
+        single = self._single
+        if single is not None:
+            residual, H, R = single.linearised(z, belief, step.epoch)
+        else:
+            residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
         if self._r_scale != 1:
             R, present = R * self._r_scale, present_channels(self.measurement)
             if present is not None:
                 R = unit_where_absent(R, present)
-        return joseph_update(belief, residual, H, R)
+        return (joseph_update if single is None else single.joseph_update)(belief, residual, H, R)

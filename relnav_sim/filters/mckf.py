@@ -12,7 +12,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 
@@ -36,7 +36,7 @@ class CorrentropyOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("mckf", CorrentropyOptions, cost_us=4.0, overhead_us=115.0)
+@register_filter("mckf", CorrentropyOptions, cost_us=4.0, overhead_us=115.0, operations=reweighted_operations)
 class CorrentropyFilter(GaussianFilter):
     """Maximum-correntropy filter: a Gaussian kernel of the residuals replaces the square.
 

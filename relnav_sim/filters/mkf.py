@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from relnav_sim.dynamics.interface import Dynamics
-from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions, ImportanceOptions
+from relnav_sim.filters.alpha_kf import AlphaKalmanFilter, AlphaOptions, ImportanceOptions, sampled_operations
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("mkf", ImportanceOptions, cost_us=180.0, overhead_us=140.0)
+@register_filter("mkf", ImportanceOptions, cost_us=180.0, overhead_us=140.0, operations=sampled_operations)
 class MomentMatchingFilter(AlphaKalmanFilter):
     """Moment-matching Kalman filter: the Gaussian with the posterior's own mean and covariance, KL(p|q).
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -11,6 +12,15 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    cholesky,
+    covariance_prediction,
+    kalman_update,
+    particle_numbers,
+    weighing,
+)
 from relnav_sim.filters.particle_set import (
     ParticleSet,
     chosen,
@@ -51,7 +61,20 @@ class ParticleOptions(ParticleSetOptions):
     )
 
 
-@register_filter("particle", ParticleOptions, cost_us=150.0, overhead_us=125.0)
+def particle_operations(size: Size, options: Any) -> Operations:
+    """Return what particles cost: moved by noise, weighed twice, parted by the kernel; NIS is of a Kalman update.
+
+    Random numbers, exponentials and the choice of who is copied do not count, nor do steps of Metropolis.
+    """
+    n, m, N = size.n, size.m, options.particles
+    noise = N * (2 * n + n * (n + 1)) + cholesky(n) + 2 * n * n
+    likelihood = N * (m * m + 4 * m + 1) + cholesky(m)
+    weights = 2 * weighing(n, N)
+    count = covariance_prediction(n) + kalman_update(n, m) + noise + likelihood + weights
+    return Operations(count, particle_numbers(n, m, N))
+
+
+@register_filter("particle", ParticleOptions, cost_us=150.0, overhead_us=125.0, operations=particle_operations)
 class ParticleFilter(ParticleSetFilter):
     """Bootstrap particle filter: draw from the dynamics, weigh by the likelihood, resample when few particles count.
 

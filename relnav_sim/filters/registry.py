@@ -14,6 +14,8 @@ from pydantic import ValidationError
 
 from relnav_sim.dynamics.interface import Dynamics
 from relnav_sim.filters.belief import Filter, considered_states
+from relnav_sim.filters.editing_options import EditingOptions
+from relnav_sim.filters.operations import Formula
 from relnav_sim.filters.read_only import ReadOnlyDynamics, ReadOnlyMeasurement, read_only
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
@@ -35,6 +37,8 @@ _BUILT_IN = (
     "iekf",
     "ckf",
     "sr_ukf",
+    "ud_ekf",
+    "srif",
     "two_step",
     "adaptive_two_step",
     "particle",
@@ -45,6 +49,7 @@ _BUILT_IN = (
     "student_t",
     "gaussian_sum",
     "imm",
+    "batch_least_squares",
 )
 _KINDS: dict[str, FilterKind] = {}
 
@@ -62,6 +67,7 @@ class FilterKind:
         learned_dynamics: Whether campaigns may give it learned dynamics only.
         overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
         linear_only: Whether its measurements must be linear in the state; campaigns refuse it others.
+        operations: Its operations and bytes at an epoch, by size and options; None: not stated.
     """
 
     name: str
@@ -72,6 +78,7 @@ class FilterKind:
     learned_dynamics: bool = False
     overhead_us: float = 200.0
     linear_only: bool = False
+    operations: Formula | None = None
 
     @property
     def considers(self) -> bool:
@@ -82,6 +89,21 @@ class FilterKind:
     def matches_covariance(self) -> bool:
         """Whether its process noise can be found during a run: `matches_covariance` of its class."""
         return bool(getattr(self.factory, "matches_covariance", False))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether it passes over all readings of a run again and again: its class says how long by `settled`."""
+        return hasattr(self.factory, "settled")
+
+    @property
+    def smooths(self) -> bool:
+        """Whether a smoother can go back over its estimates: its class says by which linear step it has predicted."""
+        return hasattr(self.factory, "linear_step")
+
+    @property
+    def edits(self) -> bool:
+        """Whether its readings can be edited by their NIS: `edits` of its class."""
+        return bool(getattr(self.factory, "edits", False))
 
     @property
     def description(self) -> str:
@@ -97,6 +119,7 @@ def register_filter(
     learned_dynamics: bool = False,
     overhead_us: float = 200.0,
     linear_only: bool = False,
+    operations: Formula | None = None,
 ) -> Callable[[C], C]:
     """Return a decorator that registers a filter class under `name`.
 
@@ -109,6 +132,8 @@ def register_filter(
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
         overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
         linear_only: It needs measurements that are linear in the state; campaigns refuse it others.
+        operations: ``operations(size, options)``, its `relnav_sim.filters.operations.Operations` at an epoch. Not that
+            of a base class, which may do other things; default: not stated.
 
     Raises:
         ValueError: Another filter has this name.
@@ -120,7 +145,7 @@ def register_filter(
             raise ValueError(f"a filter named {name!r} is registered already")
         form: MeasurementKind = "cartesian" if measurement == "cartesian" else "spherical"
         _KINDS[name] = FilterKind(
-            name, options_model, factory, form, cost_us, learned_dynamics, overhead_us, linear_only
+            name, options_model, factory, form, cost_us, learned_dynamics, overhead_us, linear_only, operations
         )
         return factory
 
@@ -139,7 +164,11 @@ def filter_kinds() -> dict[str, FilterKind]:
 
 
 def create_filter(
-    name: str, dynamics: Dynamics, measurement: Measurement | Mapping[str, Measurement], **options: Any
+    name: str,
+    dynamics: Dynamics,
+    measurement: Measurement | Mapping[str, Measurement],
+    editing: Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> Filter:
     """Return a filter of the registry.
 
@@ -148,12 +177,15 @@ def create_filter(
         dynamics: How the state moves.
         measurement: What is measured: one measurement, or several sensors by name. The readings of an epoch are then
             processed one after the other in this order, which for linear measurements is the same as all at once.
+        editing: Which readings are rejected and how the filter recovers, as in a campaign: ``probability``, ``scope``,
+            ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, as uncertain as at
+            the start or more. None: every reading is taken.
         **options: The filter's options, as in a campaign.
 
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is none or for
             another number of states, a sensor has no name, or the dynamics have considered states and the filter can't
-            do that.
+            do that, or the filter's readings can't be edited.
 
     Examples:
         >>> import numpy as np
@@ -161,25 +193,53 @@ def create_filter(
         >>> dynamics = LinearDynamics(np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2))
         >>> position = LinearMeasurement(np.array([[1.0, 0.0]]), np.eye(1))
         >>> rate = LinearMeasurement(np.array([[0.0, 1.0]]), 0.1 * np.eye(1))
-        >>> filter = create_filter("kf", dynamics, {"radar": position, "doppler": rate}, gate_probability=0.999)
+        >>> filter = create_filter("kf", dynamics, {"radar": position, "doppler": rate}, editing={"probability": 0.999})
         >>> filter.measurement.dimension
         2
     """
+    from relnav_sim.filters.editing import edited  # here because it builds on a filter, which is registered above
+
     kinds = filter_kinds()
     if name not in kinds:
         raise ValueError(no_such_plugin("filter", name, kinds))
     kind = kinds[name]
+    checked = _checked(kind.options_model, f"filter {name!r}", options)
+    edits = None if editing is None else _checked(EditingOptions, f"filter {name!r}: editing", editing)
+    if edits is not None and not kind.edits:
+        raise ValueError(f"filter {name!r}: {not_edited(name)}")
+    if considered_states(dynamics) and not kind.considers:
+        raise ValueError(f"filter {name!r} can't account for states without estimating them")
+    made = kind.factory(read_only(dynamics, ReadOnlyDynamics), _attending(measurement, dynamics.dimension), checked)
+    return edited(made, edits, getattr(checked, "gate_probability", None))
+
+
+def not_edited(kind: str) -> str:
+    """Return why a kind of filter has no editing."""
+    return (
+        f"the {kind} filter has no editing: its belief is no single Gaussian, so its NIS is not chi-square where the "
+        "filter is right, and no quantile says which readings to reject; use a Gaussian filter (ekf, ukf, ...)"
+    )
+
+
+M = TypeVar("M", bound=Options)
+
+
+def _checked(model: type[M], what: str, options: Mapping[str, Any]) -> M:
+    """Return options as their model has them.
+
+    Raises:
+        ValueError: They are unknown or out of range.
+    """
+    if not isinstance(options, Mapping):
+        raise ValueError(f"{what} is {options!r}; it must be a mapping of options")
     try:
         # Through JSON, so that lists become tuples as they do in a campaign file.
-        checked = kind.options_model.model_validate_json(json.dumps(options, default=_plain))
+        return model.model_validate_json(json.dumps(dict(options), default=_plain))
     except ValidationError as error:
         problems = "; ".join(
             f"{'.'.join(map(str, item['loc'])) or 'options'}: {item['msg']}" for item in error.errors()
         )
-        raise ValueError(f"filter {name!r}: {problems}") from None
-    if considered_states(dynamics) and not kind.considers:
-        raise ValueError(f"filter {name!r} can't account for states without estimating them")
-    return kind.factory(read_only(dynamics, ReadOnlyDynamics), _attending(measurement, dynamics.dimension), checked)
+        raise ValueError(f"{what}: {problems}") from None
 
 
 def _attending(measurement: Measurement | Mapping[str, Measurement], states: int) -> Measurement:

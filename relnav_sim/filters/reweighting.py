@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,16 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import joseph_update, of_runs
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    covariance_prediction,
+    gaussian_numbers,
+    kalman_update,
+    product,
+    triangle,
+    whitening,
+)
 from relnav_sim.filters.square_root import NoiseRoot
 from relnav_sim.linalg import by_run, symmetric
 from relnav_sim.measurements.interface import Measurement, linearised
@@ -99,6 +110,15 @@ def reweighted(
         posterior, weighted = joseph_update(prior, nu, H, noise)
         shift = posterior.mean - mean
     return Reweighted(posterior, unweighted, weighted, weights)
+
+
+def reweighted_operations(size: Size, options: Any) -> Operations:
+    """Return what a filter costs whose noise is reweighted `iterations` times; the weights themselves do not count."""
+    n, m = size.n, size.m
+    again = product(m, n, n) + 4 * m * n + 3 * m * triangle(m) + kalman_update(n, m)
+    whitened = whitening(m, n + 1)
+    count = covariance_prediction(n) + whitened + kalman_update(n, m) + options.iterations * again
+    return Operations(count, gaussian_numbers(n, m))
 
 
 def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array]:

@@ -17,6 +17,7 @@ from relnav_sim.filters.channel_residuals import ResidualRecorder
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
 from relnav_sim.filters.history import FilterHistory as FilterHistory
 from relnav_sim.filters.history import Innovations
+from relnav_sim.filters.passes import last_pass, unfit, with_unfit
 from relnav_sim.filters.readings import Readings
 from relnav_sim.filters.returned import Returned
 from relnav_sim.filters.run_inputs import check_models, checked_prior, checked_readings, checked_runs, checked_seed
@@ -78,7 +79,12 @@ def run_filter(
         check_models(filter, prior, readings, step_s)
         belief = filter.start(prior, RandomSource(checked_seed(seed), numbered))
     by_sensor = {sensor.name: one for sensor, one in zip(sensors_of(filter.measurement), readings, strict=True)}
-    history = advance(filter, belief, by_sensor, first_epoch=0, step_s=step_s)[1]
+
+    def go(begin: Any) -> tuple[Any, FilterHistory]:
+        return advance(filter, begin, by_sensor, first_epoch=0, step_s=step_s)
+
+    belief = last_pass(filter, belief, lambda begin: go(begin)[0])
+    history = with_unfit(go(belief)[1], unfit(filter, belief), epoch=0)
     failures = tuple(replace(failure, run=numbered[failure.run]) for failure in history.failures)
     if failures:
         warnings.warn(sentence(failures), RuntimeWarning, stacklevel=2)
@@ -142,29 +148,47 @@ def advance(
                     if one.all_read[k]:
                         belief, innovation = returned.update(filter.update(belief, z_k, step))
                     else:
-                        belief, innovation = _update_read(filter, belief, z_k, read, step, returned)
+                        belief, innovation = update_read(filter, belief, z_k, read, step, returned)
                     innovations.add(place, k, innovation)
                     if innovation.failed:
                         stated.add(k, innovation.failed, read)
             means[k] = returned.moment(belief, "mean")
             covariances[k] = returned.moment(belief, "covariance")
     first = Step(first_epoch, step_s)
-    mean, covariance = means.swapaxes(0, 1), covariances.swapaxes(0, 1)
-    history = innovations.history(mean, covariance)
-    failures = failures_of(stated, filter, before, first, mean, covariance, history.nis, history.log_likelihood)
+    history = innovations.history(means.swapaxes(0, 1), covariances.swapaxes(0, 1))
+    history = with_failures(history, stated, filter, before, first)
+    if residuals is None:
+        return belief, history
+    failed = {each.run: each.epoch for each in history.failures}
+    return belief, replace(history, residuals_by=residuals.by_sensor(failed, first))
+
+
+def with_failures(
+    history: FilterHistory, stated: StatedFailures, filter: Filter, before: Gaussian, first: Step
+) -> FilterHistory:
+    """Return the history of a chunk with the runs that have failed, whose numbers end there.
+
+    Args:
+        history: Of the chunk, without failures; it is changed in place.
+        stated: What the filter said.
+        filter: The filter.
+        before: Mean and covariance one epoch before the chunk.
+        first: The first step of the chunk.
+    """
+    both = history.mean, history.covariance
+    failures = failures_of(stated, filter, before, first, *both, history.nis, history.log_likelihood)
     for failure in failures:
-        lost = failure.run, slice(failure.epoch - first_epoch, None)
+        lost = failure.run, slice(failure.epoch - first.epoch, None)
         history.dof[lost] = 0
         for name, nis in history.nis_by.items():
             nis[lost], history.dof_by[name][lost] = np.nan, 0
-    residuals_by = {} if residuals is None else residuals.by_sensor({each.run: each.epoch for each in failures}, first)
-    return belief, replace(history, failures=failures, residuals_by=residuals_by)
+    return replace(history, failures=failures)
 
 
-def _update_read(
+def update_read(
     filter: Filter, belief: Any, z: Array, read: Mask, step: Step, returned: Returned
 ) -> tuple[Any, Innovation]:
-    """Return the update where not all runs are read, (runs,)."""
+    """Return the update and its innovation where not all runs are read, (runs,); the others keep their belief."""
     # A missing row is given its own prediction, so that the arithmetic stays harmless; the result is not used.
     expected = filter.measurement.predict(belief.mean, step.epoch)
     posterior, innovation = returned.update(filter.update(belief, np.where(read[:, None], z, expected), step))
@@ -173,6 +197,7 @@ def _update_read(
         np.where(read, innovation.log_likelihood, 0.0),
         {name: np.where(read, value, np.nan) for name, value in innovation.extras.items()},
         innovation.failed,
+        {name: np.where(read, count, 0) for name, count in innovation.edits.items()},
     )
 
 

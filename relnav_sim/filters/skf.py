@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,7 +12,9 @@ from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, sums_over_samples, whitened_prior
+from relnav_sim.filters.iekf import search_operations
 from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
 from relnav_sim.filters.particle_set import standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
@@ -48,7 +50,18 @@ class StochasticSearchOptions(GaussianFilterOptions):
     )
 
 
-@register_filter("skf", StochasticSearchOptions, cost_us=600.0, overhead_us=4000.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what a gradient from `samples` costs, `iterations` times, where all states are sampled.
+
+    Each sample is drawn, its whitened misfits to reading and prior are squared, and it is added to the gradients.
+    """
+    n, m = size.n, size.m
+    each = 2 * n * n + (m * m + 2 * m) + (n * n + 2 * n) + (n * n + n) + 4
+    count = unscented_prediction(n) + search_operations(size, 2) + options.iterations * options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.iterations * options.samples * (2 * n + m + 1))
+
+
+@register_filter("skf", StochasticSearchOptions, cost_us=600.0, overhead_us=4000.0, operations=_operations)
 class StochasticSearchFilter(SamplingFilter):
     """Stochastic-search Kalman filter: the Gaussian q that minimises KL(q|p) to the posterior.
 

@@ -1,4 +1,4 @@
-"""Rauch-Tung-Striebel smoother: what all measurements say about every epoch."""
+"""Smoothers: what all readings, or those up to some epochs later, say about every epoch."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.filters.belief import Gaussian
+from relnav_sim.filters.fixed_interval import fixed_interval
+from relnav_sim.filters.fixed_lag import fixed_lag, to_next_border
+from relnav_sim.filters.recorded_flow import recorded_flow
 from relnav_sim.filters.run import FilterHistory
-from relnav_sim.filters.square_root import Whitener
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.filters.segments import Segment
 
 
 @dataclass(frozen=True)
@@ -26,8 +29,10 @@ class SmoothedHistory:
     covariance: Array
 
 
-def smooth(history: FilterHistory, dynamics: Dynamics, step_s: float = 1.0, first_epoch: int = 0) -> SmoothedHistory:
-    """Run the fixed-interval smoother backwards over a filter's history.
+def smooth(
+    history: FilterHistory, dynamics: Dynamics, step_s: float = 1.0, first_epoch: int = 0, lag: int | None = None
+) -> SmoothedHistory:
+    """Run a smoother backwards over a filter's history: fixed interval, or fixed lag.
 
     Rauch, Tung and Striebel, AIAA J. 3(8), 1965, with the covariance as a sum of positive parts (Joseph's form). Exact
     for linear dynamics and any filter that is exact; for nonlinear dynamics the transition is taken at the filtered
@@ -39,12 +44,25 @@ def smooth(history: FilterHistory, dynamics: Dynamics, step_s: float = 1.0, firs
         dynamics: The filter's.
         step_s: Time between epochs, s.
         first_epoch: Number of the history's first epoch, for dynamics that differ from epoch to epoch.
+        lag: Each epoch gets the readings up to so many epochs later; None: all of them. The last `lag` epochs get all
+            that there are.
 
     Returns:
         Means (runs, T, n) and covariances (runs, T, n, n); at the last epoch those of the filter.
 
     Raises:
-        ValueError: The history's shapes and the dynamics do not fit together.
+        ValueError: The history's shapes and the dynamics do not fit together, or the lag is negative.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter, smooth
+        >>> dynamics = LinearDynamics(np.eye(1), np.eye(1))
+        >>> filter = create_filter("kf", dynamics, LinearMeasurement(np.eye(1), np.eye(1)))
+        >>> history = run_filter(filter, [[[0.0], [1.0], [5.0]]], mean0=np.zeros(1), cov0=np.eye(1))
+        >>> smooth(history, dynamics).mean.round(2).tolist()
+        [[[0.46], [1.38], [3.69]]]
+        >>> smooth(history, dynamics, lag=1).mean.round(2).tolist()
+        [[[0.12], [1.38], [3.69]]]
     """
     n = dynamics.dimension
     if history.mean.ndim != 3 or history.covariance.shape != (*history.mean.shape, n):
@@ -52,18 +70,32 @@ def smooth(history: FilterHistory, dynamics: Dynamics, step_s: float = 1.0, firs
             f"the history has means {history.mean.shape} and covariances {history.covariance.shape}; "
             f"for {n} states they must be (runs, T, {n}) and (runs, T, {n}, {n})"
         )
-    mean, covariance = history.mean.copy(), history.covariance.copy()
+    if lag is not None and lag < 0:
+        raise ValueError(f"lag is {lag}; give a number of epochs, or None for all of them")
+    if lag == 0 or history.mean.shape[1] < 2:
+        return SmoothedHistory(history.mean.copy(), history.covariance.copy())
     # A run that has diverged turns to inf and NaN in its own row.
     with np.errstate(all="ignore"):
-        for k in reversed(range(mean.shape[1] - 1)):
-            step = Step(first_epoch + k + 1, step_s)
-            m, P = history.mean[:, k], history.covariance[:, k]
-            F = dynamics.transition(m, step)
-            Q = dynamics.process_noise(m, step)
-            FP = F @ P
-            C = transpose(Whitener(symmetric(FP @ transpose(F)) + Q).solve(FP))
-            change = mean[:, k + 1] - dynamics.propagate(m, step)
-            mean[:, k] = m + np.einsum("bij,bj->bi", C, change)
-            rest = np.eye(n) - C @ F
-            covariance[:, k] = symmetric(rest @ P @ transpose(rest) + C @ (Q + covariance[:, k + 1]) @ transpose(C))
-    return SmoothedHistory(mean, covariance)
+        whole = _Whole(history, dynamics, step_s, first_epoch)
+        if lag is None:
+            ((mean, covariance),) = fixed_interval(whole)
+        else:
+            ((mean, covariance),) = fixed_lag(whole, list(to_next_border(whole, lag)), lag)
+    return SmoothedHistory(mean.swapaxes(0, 1), covariance.swapaxes(0, 1))
+
+
+class _Whole:
+    """A history as one segment."""
+
+    def __init__(self, history: FilterHistory, dynamics: Dynamics, step_s: float, first_epoch: int) -> None:
+        means, covariances = (
+            np.ascontiguousarray(series.swapaxes(0, 1)) for series in (history.mean, history.covariance)
+        )
+        steps = recorded_flow(dynamics, history.mean[:, :-1], first_epoch + 1, step_s)
+        # Of the step to the first epoch nothing is known, and nothing asked.
+        image, F, Q = (np.concatenate([A[:, :1], A], axis=1).swapaxes(0, 1) for A in (steps.image, steps.F, steps.Q))
+        self.lengths = (len(means),)
+        self._segment = Segment(Gaussian(means[0], covariances[0]), means, covariances, image, F, Q)
+
+    def __getitem__(self, place: int) -> Segment:
+        return self._segment

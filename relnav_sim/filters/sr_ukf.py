@@ -14,9 +14,11 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
+from relnav_sim.filters.operations import Operations, Size, cholesky, householder, point_numbers
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import root_update
+from relnav_sim.filters.statistical_linearisation import statistical_linearisation
 from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
@@ -49,7 +51,21 @@ class RootGaussian:
         return symmetric(self.root @ transpose(self.root))
 
 
-@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0)
+def _operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: triangular forms of (n, 3 n + 1) and (m + n, 2 n + 1 + m) deviations."""
+    n, m = size.n, size.m
+    points = 3 * n * n
+
+    def deviations(p: int) -> int:
+        return 2 + p * (6 * n + 2)
+
+    prediction = points + deviations(n) + cholesky(n) + 2 * n + householder(n, 3 * n + 1)
+    roots = cholesky(m) + 2 * m + householder(m + n, 2 * n + 1 + m)
+    tests = (m + n) * (2 * (2 * n + 1 + m) + 1) + 6 * m + n * (n + 3) + m * m
+    return Operations(prediction + points + deviations(n) + deviations(m) + roots + tests, point_numbers(n, m))
+
+
+@register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0, operations=_operations)
 class SquareRootUnscentedKalmanFilter(GaussianFilter):
     """Square-root unscented Kalman filter: the unscented filter with the covariance held as its root.
 
@@ -86,6 +102,17 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
             shift, deviations = self._deviations(images[:, 1:] - images[:, :1])
             mean = images[:, 0] + shift
         return RootGaussian(mean, kernels.roots.triangular(deviations, noise))
+
+    def linear_step(self, belief: Any, step: Step) -> tuple[Array, Array]:
+        """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""
+        if self.dynamics.linear:
+            return super().linear_step(belief, step)
+        points, offsets = self._points(belief)
+        images = self.dynamics.propagate(points, step)
+        images = images[:, 1:] - images[:, :1]
+        # Weights that sum to 1, that of the centre included, leave -1 for the square of the mean's shift.
+        F, Omega = statistical_linearisation(belief.covariance, offsets, images, self._weight, -1.0)
+        return F, Omega + by_run(self.dynamics.process_noise(belief.mean, step))
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the update: the root of [[Y, R^(1/2)], [X, 0]] holds those of S and P and the gain times the first."""

@@ -12,7 +12,7 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_update
+from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
 from relnav_sim.options import Tunable
@@ -33,7 +33,7 @@ class StudentOptions(GaussianFilterOptions):
     iterations: int = Field(default=4, ge=1, le=50, description="Variational steps; they settle within 3 to 5")
 
 
-@register_filter("student_t", StudentOptions, cost_us=2.0, overhead_us=115.0)
+@register_filter("student_t", StudentOptions, cost_us=2.0, overhead_us=115.0, operations=reweighted_operations)
 class StudentFilter(GaussianFilter):
     """Student-t filter: heavy-tailed measurement noise, a Gaussian whose precision is itself random.
 

@@ -15,6 +15,15 @@ from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
 from relnav_sim.filters.kalman import GaussianFilter, joseph_update
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    cholesky,
+    covariance_prediction,
+    gaussian_numbers,
+    kalman_update,
+    whitening,
+)
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, not_definite
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
@@ -78,7 +87,19 @@ class TwoStepBelief(Gaussian):
     started: Mask
 
 
-@register_filter("two_step", TwoStepOptions, cost_us=5.0, overhead_us=530.0)
+def two_step_operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: the first step over y = [x; g(x)], and all the iterations that the second may take."""
+    n, m = size.n, size.m
+    first = covariance_prediction(n) + 2 * kalman_update(n, m) + kalman_update(m, m)
+    roots = cholesky(n) + cholesky(m) + 2 * (n + m) + whitening(n, n) + whitening(m, m)
+    turned = 2 * m * n * n + 12 * m * m * n + 6 * m**3
+    misfit = 2 * n * n + 4 * n * m + 2 * m * m + 3 * n + 2 * m + 1
+    step = 2 * n * n * (m + 1) + 6 * n * m * (m + 1) + m**3 + 4 * m * m + 2 * n + 3 * m + 1
+    count = 2 * covariance_prediction(n) + first + roots + turned + options.max_iterations * (misfit + step)
+    return Operations(count, gaussian_numbers(n, m) + gaussian_numbers(n + m, m))
+
+
+@register_filter("two_step", TwoStepOptions, cost_us=5.0, overhead_us=530.0, operations=two_step_operations)
 class TwoStepFilter(GaussianFilter):
     """Two-step filter: a linear Kalman update of y = [x; g(x)], then x fitted to y by Gauss-Newton.
 

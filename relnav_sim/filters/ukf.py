@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -19,9 +20,11 @@ from relnav_sim.filters.kalman import (
     reading_size,
     replace_runs,
 )
+from relnav_sim.filters.operations import Operations, Size, point_numbers, unscented_prediction, unscented_update
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
+from relnav_sim.filters.statistical_linearisation import statistical_linearisation
 from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 
@@ -64,7 +67,13 @@ class PropagatedPoints:
     offsets: Array
 
 
-@register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0)
+def unscented_operations(size: Size, options: Any) -> Operations:
+    """Return what a filter of 2 n + 1 sigma points costs, drawn before the prediction and the update."""
+    n, m = size.n, size.m
+    return Operations(unscented_prediction(n) + unscented_update(n, m), point_numbers(n, m))
+
+
+@register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0, operations=unscented_operations)
 class UnscentedKalmanFilter(GaussianFilter):
     """Unscented Kalman filter: 2 n + 1 sigma points instead of a linearisation.
 
@@ -93,13 +102,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         """Return the propagated belief; with linear dynamics the transform is exact, so F is applied at once."""
         if self.dynamics.linear and self._redraw:
             return super().predict(belief, step)
-        points, offsets = self._points(belief)
-        if self.dynamics.linear:
-            centre = self.dynamics.propagate(belief.mean, step)
-            images = self.dynamics.propagate(offsets, step)
-        else:
-            propagated = self.dynamics.propagate(points, step)
-            centre, images = propagated[:, 0], propagated[:, 1:] - propagated[:, :1]
+        centre, images, _ = self._propagated(belief, step)
         Q = self.dynamics.process_noise(belief.mean, step)
         mean, covariance = kernels.sigma_points.predict(
             np.ascontiguousarray(centre), np.ascontiguousarray(images), by_run(Q), self._weight, self._curvature
@@ -107,6 +110,22 @@ class UnscentedKalmanFilter(GaussianFilter):
         if self._redraw:
             return Gaussian(mean, covariance)
         return PropagatedPoints(mean, covariance, centre, images)  # type: ignore[return-value]  # used as a Gaussian
+
+    def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
+        """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""
+        if self.dynamics.linear:
+            return super().linear_step(belief, step)
+        _, images, offsets = self._propagated(belief, step)
+        F, Omega = statistical_linearisation(belief.covariance, offsets, images, self._weight, self._curvature)
+        return F, Omega + by_run(self.dynamics.process_noise(belief.mean, step))
+
+    def _propagated(self, belief: Gaussian, step: Step) -> tuple[Array, Array, Array]:
+        """Return the image of the mean, those of the points less that, and the points' offsets from the mean."""
+        points, offsets = self._points(belief)
+        if self.dynamics.linear:
+            return self.dynamics.propagate(belief.mean, step), self.dynamics.propagate(offsets, step), offsets
+        propagated = self.dynamics.propagate(points, step)
+        return propagated[:, 0], propagated[:, 1:] - propagated[:, :1], offsets
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update with the mean and covariances of the transformed sigma points."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -11,6 +12,8 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.operations import Operations, Size
+from relnav_sim.filters.particle import particle_operations
 from relnav_sim.filters.particle_set import (
     ParticleSet,
     chosen,
@@ -76,7 +79,23 @@ class Proposal:
         )
 
 
-@register_filter("unscented_particle", UnscentedParticleOptions, cost_us=650.0, overhead_us=530.0)
+def unscented_particle_operations(size: Size, options: Any) -> Operations:
+    """Return what it costs: `particle`, an unscented update for every particle, and its Metropolis moves."""
+    n, m, N, moves = size.n, size.m, options.particles, options.mcmc_steps
+    proposal = 3 * n * n + 23 * m // 6 + 9 * m * m // 2 + 2 * m**3 // 3 - n + 21 * n * m // 2 + 11 * n * m * m // 2
+    density = 4 * n * m + 5 * n + 2 * m + 1
+    moved = n * (n + 1) + m * m + 4 * m + 1 + density
+    plain = particle_operations(size, options)
+    return Operations(plain.count + N * (proposal + n * (n + 1) + density + moves * moved), plain.numbers)
+
+
+@register_filter(
+    "unscented_particle",
+    UnscentedParticleOptions,
+    cost_us=650.0,
+    overhead_us=530.0,
+    operations=unscented_particle_operations,
+)
 class UnscentedParticleFilter(ParticleSetFilter):
     """Unscented particle filter: each particle is drawn from an unscented Kalman update of its own, then weighed.
 

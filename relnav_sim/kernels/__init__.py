@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import gp as gp
     from relnav_sim.kernels import gravity as gravity
     from relnav_sim.kernels import iekf as iekf
+    from relnav_sim.kernels import joseph as joseph
     from relnav_sim.kernels import kalman as kalman
+    from relnav_sim.kernels import lagged as lagged
     from relnav_sim.kernels import likelihood as likelihood
     from relnav_sim.kernels import maps as maps
     from relnav_sim.kernels import merging as merging
@@ -57,9 +59,11 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import sigma_points as sigma_points
     from relnav_sim.kernels import sky as sky
     from relnav_sim.kernels import spherical_harmonics as spherical_harmonics
+    from relnav_sim.kernels import srif as srif
     from relnav_sim.kernels import statistics as statistics
     from relnav_sim.kernels import tangent as tangent
     from relnav_sim.kernels import two_step as two_step
+    from relnav_sim.kernels import ud as ud
 
 
 class CompilerError(ImportError):

@@ -28,6 +28,11 @@ def number(types: Any) -> Any:
     return types.float64
 
 
+def single(types: Any) -> Any:
+    """Return the type of a number in single precision."""
+    return types.float32
+
+
 def integer(types: Any) -> Any:
     """Return the type of an integer."""
     return types.int64

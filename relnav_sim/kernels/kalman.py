@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices, Mask
-from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
 from relnav_sim.kernels.elementary import log
 from relnav_sim.kernels.lanes import (
     LANES,
@@ -51,8 +51,8 @@ def predict(P: Array, F: Array, Q: Array) -> Array:
 def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
     """Return the mean F m, (runs, n), and the covariance of `predict`; m (runs, n)."""
     runs, n = m.shape
-    mean, predicted = np.empty((runs, n)), np.empty((runs, n, n))
-    x, y, f = np.empty((n, LANES)), np.empty((n, LANES)), np.empty((n, n, LANES))
+    mean, predicted = np.empty((runs, n), m.dtype), np.empty((runs, n, n), m.dtype)
+    x, y, f = np.empty((n, LANES), m.dtype), np.empty((n, LANES), m.dtype), np.empty((n, n, LANES), m.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(m, first, used, x)
@@ -73,13 +73,19 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
     return mean, predicted
 
 
+@kernel_like(predict_linear, given(2, single), given(3, single), given(3, single), given(3, single))
+def predict_linear_single(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array]:
+    """Return the same as `predict_linear`, in float32."""
+    return m, P
+
+
 @inner
 def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
     """Set out to F P F^T + Q of every run. Zeros of one F for all, often half of it, are passed over."""
     runs, n, _ = P.shape
     m = F.shape[1]
-    p, q = np.empty((n, n, LANES)), np.empty((m, m, LANES))
-    f, fp = np.empty((m, n, LANES)), np.empty((m, n, LANES))
+    p, q = np.empty((n, n, LANES), P.dtype), np.empty((m, m, LANES), P.dtype)
+    f, fp = np.empty((m, n, LANES), P.dtype), np.empty((m, n, LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)

@@ -112,7 +112,7 @@ def triangular(A: Array, B: Array) -> Array:
         used = min(LANES, runs - first)
         load(A, first, used, M)
         load(B, first, used, M[:, q:])
-        _triangularise(M, used)
+        triangularise(M, used)
         store(M, first, used, root)
     return root
 
@@ -156,7 +156,7 @@ def update(
                     M[i, j, b] = 0.0
         load_vectors(nu, first, used, w)
         _norms(M, used, size)
-        _triangularise(M, used)
+        triangularise(M, used)
         forward_vectors(M[:m], used, w)
         store(M[:m], first, used, S_root)
         store(M[m:], first, used, gain)
@@ -230,14 +230,15 @@ def _norms(M: Array, used: int, size: Array) -> None:
 
 
 @inner
-def _triangularise(M: Array, used: int) -> None:
+def triangularise(M: Array, used: int) -> None:
     """Replace M (p, q), q >= p, by M times an orthogonal matrix, lower triangular with a diagonal >= 0.
 
     Row by row with a reflection I - beta v v^T of the columns from the diagonal on (Golub and Van Loan, Matrix
     Computations, 4th ed., section 5.1).
     """
     p, q, _ = M.shape
-    norm, beta, head, sign, t = np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    norm, beta, head = np.empty(LANES, M.dtype), np.empty(LANES, M.dtype), np.empty(LANES, M.dtype)
+    sign, t = np.empty(LANES, M.dtype), np.empty(LANES, M.dtype)
     for i in range(p):
         for b in range(used):
             norm[b] = 0.0

@@ -61,6 +61,34 @@ def normalised_errors(error: Array, covariance: Array) -> tuple[Array, Mask, Mas
     return nees, definite, finite
 
 
+@kernel(given(3))
+def covariance_roots(covariance: Array) -> Array:
+    """Return the lower-triangular Cholesky factors of covariances (N, n, n), row by row, (N, n (n + 1) / 2).
+
+    Row by row (Golub and Van Loan, Matrix Computations, 2013, section 4.2). The factor of a matrix that is not positive
+    definite has NaN from the pivot on that is not positive. Only lower triangles are read.
+    """
+    N, n = covariance.shape[:2]
+    roots, inverse_pivots = np.empty((N, n * (n + 1) // 2)), np.empty(n)
+    for p in range(N):
+        row = 0
+        for i in range(n):
+            column = 0
+            for j in range(i):
+                left = covariance[p, i, j]
+                for k in range(j):
+                    left -= roots[p, row + k] * roots[p, column + k]
+                roots[p, row + j] = left * inverse_pivots[j]
+                column += j + 1
+            left = covariance[p, i, i]
+            for k in range(i):
+                left -= roots[p, row + k] * roots[p, row + k]
+            pivot = math.sqrt(left) if left > 0 else math.nan
+            roots[p, row + i], inverse_pivots[i] = pivot, 1 / pivot
+            row += i + 1
+    return roots
+
+
 @kernel(given(3), given(4))
 def doubtful(mean: Array, covariance: Array) -> Mask:
     """Return in which runs a mean or covariance is not finite, or a variance negative, at any epoch.

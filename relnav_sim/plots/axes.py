@@ -74,6 +74,13 @@ def turned_sigmas(sigmas: Array, axes: Axes) -> Array:
     return np.asarray(sigmas, dtype=float)[..., order]
 
 
+def turned_covariances(covariances: Array, axes: Axes) -> Array:
+    """Return RTN covariances (..., 6, 6) in the axes of the report (..., 6, 6)."""
+    order, signs = _six(axes)
+    chosen = np.asarray(covariances, dtype=float)[..., order, :][..., order]
+    return np.asarray(chosen * np.outer(signs, signs))
+
+
 def _six(axes: Axes) -> tuple[list[int], Array]:
     order = list(_SOURCES[axes])
     return order + [index + 3 for index in order], np.array(_SIGNS[axes] * 2)

@@ -18,7 +18,9 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.plots.panels import heading, log_axis, say
 from relnav_sim.plots.style import (
     FORMAL,
@@ -34,8 +36,6 @@ from relnav_sim.plots.style import (
     shown_name,
 )
 from relnav_sim.plots.words import FigureWords
-from relnav_sim.results.block import ResultsError
-from relnav_sim.results.settings import case_setting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -192,7 +192,7 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
         events |= {"outage": lost, "acquisition": begun}
     events[_MANOEUVRE] = [
         (run, int(np.searchsorted(case.times_s, time)))
-        for time in manoeuvre_times(results, case)
+        for time in manoeuvre_times(results, case.index, case.times_s)
         for run in range(item.completed)
     ]
     return {kind: np.array(rows[:_MOST_EVENTS], dtype=np.int64).reshape(-1, 2) for kind, rows in events.items()}
@@ -215,16 +215,6 @@ def _lost_and_begun(known: Mask) -> tuple[list[tuple[int, int]], list[tuple[int,
         begun += [(run, seen[0])] if seen[0] > 0 else []
         lost += [(run, seen[-1] + 1)] if len(row) - 1 - seen[-1] >= max(2.0, _GAP * usual) else []
     return lost, begun
-
-
-def manoeuvre_times(results: Results, case: CaseFacts) -> list[float]:
-    """Return when the campaign's manoeuvres begin, s, those of both craft."""
-    burns = case_setting(results, case.index, "truth.manoeuvres", None) or {}
-    try:
-        found = [float(burn["time_s"]) for burn in burns.values()]
-    except (AttributeError, KeyError, TypeError, ValueError):
-        raise ResultsError("the result's truth.manoeuvres are damaged") from None
-    return sorted(time for time in found if case.times_s[0] <= time <= case.times_s[-1])
 
 
 def _aligned(squares: Array, events: Integers, offsets: Integers) -> Array:

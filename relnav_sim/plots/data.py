@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers, Mask
-from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, source_component, turned_sigmas, turned_states
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
+from relnav_sim.plots.axes import (
+    AXIS_COMPONENTS,
+    Axes,
+    source_component,
+    turned_covariances,
+    turned_sigmas,
+    turned_states,
+)
+from relnav_sim.plots.facts import CaseFacts, case_facts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import time_unit
 from relnav_sim.results import layout
 
@@ -119,6 +127,16 @@ def errors_of(results: Results, case: CaseFacts, item: FilterFacts, rows: Intege
 def sigmas_of(results: Results, case: CaseFacts, item: FilterFacts, rows: Integers) -> Array:
     """Return the sigmas that the filter states in its completed runs, in the axes of the case, (runs, epochs, 6)."""
     return turned_sigmas(results.sigma(case.index, item.name)[:, rows][item.ok], case.axes)
+
+
+def covariances_of(results: Results, case: CaseFacts, item: FilterFacts, rows: Integers) -> Array | None:
+    """Return the formal covariances of the completed runs in the axes of the case, (runs, epochs, 6, 6).
+
+    None where the result holds sigmas only.
+    """
+    first, last = int(rows.min()), int(rows.max())
+    stored = results.covariance(case.index, item.name, epochs=slice(first, last + 1))
+    return None if stored is None else turned_covariances(stored[:, rows - first][item.ok], case.axes)
 
 
 def bound_of(results: Results, case: CaseFacts, rows: Integers, filter: str | None = None) -> Array | None:

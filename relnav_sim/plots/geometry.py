@@ -1,4 +1,4 @@
-"""Figures in space: the relative trajectory with its estimate, and error ellipses."""
+"""Figures in space: the relative trajectory with its estimate."""
 
 from __future__ import annotations
 
@@ -16,16 +16,13 @@ from relnav_sim.plots.data import (
     chosen_filters,
     errors_of,
     facts_of,
-    largest,
     leading_filter,
     run_row,
-    sigmas_of,
     window,
 )
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.panels import heading, say
+from relnav_sim.plots.panels import heading
 from relnav_sim.plots.style import (
-    FORMAL,
     INK,
     house_style,
     key,
@@ -47,8 +44,7 @@ if TYPE_CHECKING:
 _Line = tuple[Array, str, Any, float]  # states, colour, dashes, width
 _KM_FROM_M = 9000.0  # from five digits on
 _NEAR = 40  # stored epochs in a magnified part
-_PLANES = ((1, 0), (2, 0), (1, 2))  # horizontal, vertical axis: y lies, x stands
-_LEVEL_95_2D = 5.991464547107979  # chi-square, 2 degrees of freedom
+PLANES = ((1, 0), (2, 0), (1, 2))  # horizontal, vertical axis: y lies, x stands
 
 
 def trajectory(
@@ -86,7 +82,7 @@ def trajectory(
         planes[1, 1].remove()
         lines: list[_Line] = [(truth * factors, INK, "-", 1.2)]
         lines += [(states * factors, styles[name].colour, (0, (4, 1.5)), 0.9) for name, states in estimates.items()]
-        for panel, (across, up) in zip(planes.flat, _PLANES, strict=False):
+        for panel, (across, up) in zip(planes.flat, PLANES, strict=False):
             for states, colour, dashes, width in lines:
                 panel.plot(states[:, across], states[:, up], color=colour, linestyle=dashes, linewidth=width)
             _ends(panel, truth * factors, across, up)
@@ -161,81 +157,6 @@ def plane(
         margins(figure, 0.6, 0.16, 0.2 + legend_height(labels), 0.36, hspace=0.6, wspace=0.1)
         legend_above(figure, [key(colour, dashes, width) for _, colour, dashes, width in lines], labels)
     return figure
-
-
-def error_ellipses(
-    results: Results,
-    case: Case = 0,
-    filter: str | None = None,
-    axes: Axes = "rtn",
-    at_s: float | None = None,
-) -> Figure:
-    """Draw the position errors of all runs at one epoch in the three planes, with 95 % ellipses.
-
-    Solid: the ellipse of the errors' mean and covariance over runs. Dashed: what the filter states, from its
-    sigmas alone: correlations are not stored, so its axes are those of the panel.
-
-    Args:
-        results: An opened result.
-        case: The case.
-        filter: The filter; default: the one with the smallest position RMS.
-        axes: The axes of the panels.
-        at_s: The epoch, s; default: the last one.
-    """
-    facts = facts_of(results, case, axes)
-    item = facts.filter(filter or leading_filter(facts))
-    epoch = len(facts.times_s) - 1 if at_s is None else int(np.argmin(np.abs(facts.times_s - at_s)))
-    rows = np.array([epoch])
-    errors = errors_of(results, facts, item, rows)[:, 0, :3]
-    known = np.isfinite(errors).all(axis=1)
-    errors, sigmas = errors[known], sigmas_of(results, facts, item, rows)[known, 0, :3]
-    formal = np.sqrt(np.mean(sigmas**2, axis=0)) if len(errors) else None
-    colour = line_styles(facts.all_filters)[item.name].colour
-    with house_style():
-        figure = new_figure(3.3)
-        panels = figure.subplots(2, 2)
-        for panel, (across, up) in zip(panels.flat, _PLANES, strict=False):
-            if formal is None:
-                say(panel, "no error is known" if item.completed else "every run failed")
-            else:
-                _ellipse_panel(panel, errors[:, [across, up]], formal[[across, up]], colour)
-            panel.set_xlabel(f"{'xyz'[across]} error [m]")
-            panel.set_ylabel(f"{'xyz'[up]} error [m]")
-        panels[1, 1].axis("off")
-        handles = [
-            key(colour, "none", 0.0), key(colour, "-", 1.2), key(FORMAL, (0, (4, 1.5)), 1.0), key(INK, "none", 0.0),
-        ]  # fmt: skip
-        handles[0].set(marker=".", markersize=4)
-        handles[3].set(marker="+", markersize=6)
-        words = [f"{len(errors)} runs", "95 % of the runs", "95 % formal", "no error"]
-        panels[1, 1].legend(
-            handles, words, loc="center left", title=f"{shown_name(item.name)}, t = {facts.times_s[epoch]:g} s",
-            alignment="left",
-        )  # fmt: skip
-        margins(figure, 0.5, 0.14, 0.1, 0.36, hspace=0.5, wspace=0.6)
-    return figure
-
-
-def ellipse(covariance: Array, centre: Array) -> Array:
-    """Return points (n, 2) of the ellipse that holds 95 % of a normal distribution."""
-    values, vectors = np.linalg.eigh(covariance)
-    turn = np.linspace(0, 2 * np.pi, 121)
-    circle = np.stack([np.cos(turn), np.sin(turn)])
-    outline: Array = centre + (vectors @ (np.sqrt(_LEVEL_95_2D * np.maximum(values, 0))[:, None] * circle)).T
-    return outline
-
-
-def _ellipse_panel(panel: Panel, errors: Array, formal: Array, colour: str) -> None:
-    panel.plot(*errors.T, ".", color=colour, markersize=3, mew=0, alpha=0.5, rasterized=len(errors) > 500)
-    outlines = [ellipse(np.diag(formal**2), np.zeros(2))]
-    panel.plot(*outlines[0].T, color=FORMAL, linewidth=1.0, linestyle=(0, (4, 1.5)))
-    if len(errors) > 2:
-        outlines.append(ellipse(np.cov(errors.T), errors.mean(axis=0)))
-        panel.plot(*outlines[1].T, color=colour, linewidth=1.2)
-    panel.plot(0, 0, "+", color=INK, markersize=6)
-    reach = 1.1 * max(largest(np.abs(np.concatenate([errors, *outlines]))), 1e-12)
-    panel.set_xlim(-reach, reach)
-    panel.set_ylim(-reach, reach)
 
 
 def _flight(

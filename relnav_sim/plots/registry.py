@@ -9,7 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from relnav_sim.campaign.problems import no_such
-from relnav_sim.plots import availability, choice, conditions, errors, geometry, over_time, regret, spread, sweeps
+from relnav_sim.plots import (
+    availability,
+    choice,
+    conditions,
+    ellipses,
+    errors,
+    geometry,
+    observability,
+    over_time,
+    regret,
+    residuals,
+    spread,
+    sweeps,
+)
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.words import FigureWords
@@ -97,14 +110,18 @@ _KINDS = (
                geometry.trajectory, words=geometry.trajectory_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",
                geometry.plane, {}, f"{_WEI}, Fig. 2"),
-    FigureKind("ellipses", "position errors of all runs at one epoch with 95 % ellipses, of the errors and formal",
-               geometry.error_ellipses),
+    FigureKind("ellipses", "errors of all runs at one epoch in three planes with ellipses, of the errors and formal",
+               ellipses.error_ellipses, words=ellipses.ellipses_words),
     FigureKind("range", "size of the errors against the true range", conditions.error_against_range,
                words=conditions.range_words),
     FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events,
                words=conditions.events_words),
     FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
                availability.availability_over_time, words=availability.availability_words),
+    FigureKind("whiteness", "autocorrelation of a filter's residuals over all runs, by channel",
+               residuals.residual_whiteness, words=residuals.residual_whiteness_words),
+    FigureKind("observability", "what the readings leave of the start's sigma in the weakest direction, against time",
+               observability.observability_over_time, words=observability.observability_words),
     FigureKind("cost", "position RMS against CPU time per step, with the Pareto front", choice.cost_against_accuracy,
                words=choice.cost_words),
     FigureKind("worst", "the runs with the largest error, before all others", choice.worst_runs,
@@ -132,7 +149,7 @@ def figure(
             kind that shows one.
         run: The run, for kinds that show one; default: the one with the median position RMS.
         axes: ``rtn`` or ``shi2025``, for kinds with axes.
-        **options: What else the kind takes: ``from_s``, ``until_s``, ``along``, ``at_s``, ``of``, ``count``, ...
+        **options: What else the kind takes: ``from_s``, ``until_s``, ``along``, ``at_s``, ``sigma``, ``count``, ...
 
     Returns:
         A figure 89 mm wide; ``figure.savefig("name.pdf")`` writes it as a vector file.

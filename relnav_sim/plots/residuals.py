@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relnav_sim.arrays import Array, Integers
+from relnav_sim.plots.data import Case, FigureError, facts_of, leading_filter
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts, span_index
 from relnav_sim.plots.panels import heading, say, time_axis, time_unit
 from relnav_sim.plots.style import BAND, FORMAL, INK, PALETTE, house_style, margins, new_figure, shown_name
 from relnav_sim.plots.words import FigureWords
+from relnav_sim.statistics.channel_whiteness import campaign_checks
 from relnav_sim.statistics.consistency import chi_square_quantile
 from relnav_sim.statistics.residual_checks import ChannelCheck, NisCheck
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from relnav_sim.results.read import Results
 
 _PANEL_INCH = 1.05
 _MOST_DOTS = 4000
@@ -142,6 +149,35 @@ def autocorrelation_words(name: str, channels: Sequence[ChannelCheck]) -> Figure
         "lies at 95 % of the lags.",
         f"Autocorrelation against lag, a panel for each channel: {'; '.join(parts) or 'too few readings'}.",
     )
+
+
+def residual_whiteness(results: Results, case: Case = 0, filter: str | None = None) -> Figure:
+    """Draw the autocorrelation of a filter's residuals over all completed runs, a panel for each channel.
+
+    Args:
+        results: An opened result.
+        case: The case.
+        filter: The filter; default: the one with the smallest position RMS.
+
+    Raises:
+        FigureError: The campaign did not ask for it (``statistics.whiteness``).
+    """
+    facts = facts_of(results, case)
+    checks = channel_checks(facts, facts.filter(filter or leading_filter(facts)))
+    if not checks:
+        raise FigureError("the result holds no residuals by channel: its campaign has no statistics.whiteness: true")
+    return autocorrelation(checks)
+
+
+def residual_whiteness_words(case: CaseFacts, name: str) -> FigureWords:
+    """Return the words of `residual_whiteness`."""
+    words = autocorrelation_words(name, channel_checks(case, case.filter(name)))
+    return replace(words, caption=f"{words.caption} All completed runs, {case.when}.")
+
+
+def channel_checks(case: CaseFacts, item: FilterFacts) -> list[ChannelCheck]:
+    """Return the check of each channel over the completed runs and the headline span; none where it is not known."""
+    return [] if item.by_channel is None else campaign_checks(item.by_channel, item.ok, span_index(case.span))
 
 
 def _moving_mean(nis: Array, dof: Integers, width: int = 50) -> Array:

@@ -3,33 +3,49 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from relnav_sim.plots.axes import Axes
+from relnav_sim.plots.budget import error_budget_over_time, error_budget_words
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report import layouts
 from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
+from relnav_sim.report.drawing import Drawing, Picture, draw
+from relnav_sim.report.editing_table import editing_notes
+from relnav_sim.report.error_budget import budget_section
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import verdict
 from relnav_sim.report.tables import Table
 
+if TYPE_CHECKING:
+    from relnav_sim.results.read import Results
+
 _MOST_CASES_WITH_WHOLE_SPAN = 20
 _NOT_DRAWN = (
     "The figures of this case were left out to keep the report small; its time series are in the chart above. "
     "A figure: relnav figure {result} errors --case {case}"
 )
+_NO_BUDGET = "No error budget of this case, to be quick; it is: relnav budget CAMPAIGN --case {case} --result {result}"
 _STRESSED = "Flown under the stress {stress}, of which no filter is told; the section on regret compares its cases."
 
 
 def compose_case(
-    result_path: Path, index: int, axes: Axes, figure_folder: Path, drawn: bool, points: int, with_axes: bool
+    result_path: Path,
+    index: int,
+    axes: Axes,
+    figure_folder: Path,
+    drawn: bool,
+    points: int,
+    with_axes: bool,
+    budgeted: bool,
 ) -> tuple[Ranking, CaseSection]:
     """Return one case of a result: the order of its filters, and its section of the report.
 
@@ -41,6 +57,7 @@ def compose_case(
         drawn: Whether to draw its figures.
         points: Most points of a curve of the page's chart.
         with_axes: Whether the chart shows errors per axis.
+        budgeted: Whether to compute the error budget of its best filter.
     """
     from relnav_sim.results.read import open_results
 
@@ -54,11 +71,49 @@ def compose_case(
         missing = list(section.missing)
         curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
         section = replace(section, curves=curves, missing=tuple(missing))
+        section, budget_pictures = _with_budget(results, ranking, section, figure_folder, budgeted)
         if not drawn:
             note = _NOT_DRAWN.format(result=shlex.quote(result_path.name), case=results.headers[index].id)
             return ranking, replace(section, notes=(*section.notes, note))
         pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
-        return ranking, replace(section, pictures=tuple(pictures))
+        return ranking, replace(section, pictures=(*pictures, *budget_pictures))
+
+
+def _with_budget(
+    results: Results, ranking: Ranking, section: CaseSection, figure_folder: Path, budgeted: bool
+) -> tuple[CaseSection, tuple[Picture, ...]]:
+    """Return the section with the error budget of the best filter that has one, and its figure."""
+    case = ranking.case
+    if not ranking.standings or results.replay is not None:
+        return section, ()
+    if not budgeted:
+        note = _NO_BUDGET.format(case=case.index, result=shlex.quote(results.path.name))
+        return replace(section, notes=(*section.notes, note)), ()
+    missing = list(section.missing)
+    ranked = [standing.name for standing in ranking.standings]
+    found = attempted("The error budget", partial(budget_section, results, case, ranked), missing)
+    if found is None or isinstance(found, str):
+        notes = section.notes if found is None else (*section.notes, found)
+        return replace(section, notes=notes, missing=tuple(missing)), ()
+    words = error_budget_words(found.curves)
+    picture = draw(
+        figure_folder,
+        f"case_{case.number:03d}_budget",
+        lambda: Drawing(error_budget_over_time(found.curves), words.caption, words.alt),
+        found.curves.filter,
+    )
+    tables = (*section.more_tables, *found.tables) if section.more_tables else ()
+    files = section.file_tables if tables else (*section.file_tables, *found.tables)
+    section = replace(section, notes=(*section.notes, found.note), more_tables=tables, file_tables=files)
+    return section, () if picture is None else (picture,)
+
+
+def rank_cases(result_path: Path, indices: Sequence[int], axes: Axes) -> list[Ranking]:
+    """Return the order of the filters in some cases of a result, by their numbers from 0."""
+    from relnav_sim.results.read import open_results
+
+    with open_results(result_path) as results:
+        return [rank(case_facts(results, index, axes)) for index in indices]
 
 
 def _section(ranking: Ranking, cases: int) -> CaseSection:
@@ -66,6 +121,7 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
     notes = [verdict(ranking)] if ranking.standings and cases > 1 else []
     if case.waiting:
         notes.append(f"No run yet of {', '.join(case.waiting)}.")
+    notes.extend(editing_notes(case))
     if not case.filters:
         return CaseSection(case.number, case.label, tuple(notes), None, (), ())
     missing: list[str] = []

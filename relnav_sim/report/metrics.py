@@ -13,11 +13,12 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
-from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, bootstrap_interval, mean_interval
 from relnav_sim.statistics.verdicts import ratio_of_means
-from relnav_sim.wording import counted
+from relnav_sim.wording import counted, with_prefix
 
 NOT_JUDGED = "cannot be judged"
 Cells = Callable[[CaseFacts, Sequence[Interval], int], tuple[Cell, ...]]
@@ -112,16 +113,50 @@ def _converged_note(item: FilterFacts) -> str:
     return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
 
 
+def _nis_mean(item: FilterFacts, span: Span) -> Interval:
+    values = item.consistency("nis", span)[item.ok]
+    return mean_interval(values) if item.nis_is_chi_square else bootstrap_interval(values)
+
+
 def _nis_per_dof(item: FilterFacts, span: Span) -> Interval:
     place = span_index(span)
     known = item.ok & (item.dof[:, place] > 0)
-    return ratio_of_means(item.nis_sum[known, place], item.dof[known, place])
+    return nis_ratio(item.nis_sum[known, place], item.dof[known, place], item.nis_is_chi_square)
+
+
+def nis_ratio(total: Array, dof: Array, chi_square: bool) -> Interval:
+    """Return the NIS per degree of freedom over runs with its interval.
+
+    Where a mixture is assumed as noise only the mean is known of the NIS of the predictive mixture, and its tails are
+    long: then by the bootstrap over runs, the degrees of freedom being the runs' mean.
+
+    Args:
+        total: Sum of the NIS of each run (runs,); NaN: none.
+        dof: Its degrees of freedom (runs,).
+        chi_square: Whether the NIS is chi-square where the filter is consistent.
+    """
+    if chi_square:
+        return ratio_of_means(total, dof)
+    known = np.isfinite(total) & (dof > 0)
+    return bootstrap_interval(total[known] / dof[known].mean()) if known.any() else NO_INTERVAL
 
 
 def _mean_cost(item: FilterFacts, span: Span) -> Interval:
     # Without an interval: runs of one block are timed together, so they are no sample.
     known = item.cpu_us[item.ok & np.isfinite(item.cpu_us)]
     return Interval(float(known.mean()) if known.size else math.nan, math.nan, math.nan, CONFIDENCE, known.size)
+
+
+def _cost_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tuple[Cell, ...]:
+    """Return the times with the operations and bytes of an epoch by formula."""
+    return numbers(values, width, [_operations_note(item) for item in case.filters])
+
+
+def _operations_note(item: FilterFacts) -> str:
+    if item.operations is None:
+        return "(operations not stated)"
+    count, size = item.operations.count, item.operations.bytes
+    return f"({with_prefix(count)} operations, {with_prefix(size, 'B')})"
 
 
 def _failed_share(item: FilterFacts, span: Span) -> Interval:
@@ -140,9 +175,9 @@ VELOCITY_RMS = _over_runs("velocity RMS", "m/s", lambda item, span: item.errors(
 TIMES_BOUND = Metric("position RMS / bound", "", lambda item, span: item.times_bound[span], ratio_cells)
 CONVERGENCE = _over_runs("convergence time", "s", lambda item, span: item.convergence_s, _convergence_cells)
 ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
-NIS = _over_runs("mean NIS", "", lambda item, span: item.consistency("nis", span))
+NIS = Metric("mean NIS", "", _nis_mean, _numbers, lambda item, span: item.consistency("nis", span))
 NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))
-CPU = Metric("CPU per step", "µs", _mean_cost, _numbers, lambda item, span: item.cpu_us)
+CPU = Metric("CPU per step", "µs", _mean_cost, _cost_cells, lambda item, span: item.cpu_us)
 FAILED = Metric("failed runs", "", _failed_share, _failed_cells, numeric=False)
 
 

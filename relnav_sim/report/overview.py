@@ -61,6 +61,8 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         if bounded
         else ""
     )
+    if bounded and any(item.known_when for case in cases for item in case.filters):
+        above += " The bound is that of filters in flight; what is known only later may lie below it."
     return Table(
         name="overview",
         title="All cases and filters" if len(cases) > 1 else "All filters",
@@ -99,6 +101,8 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
         return Words("no completed run", math.inf)
     if not standing.facts.observable:
         return Words("not observable", math.inf)
+    if standing in ranking.known_later:
+        return Words(f"known {standing.facts.known_when}", math.inf)
     if len(ranking.ranked) == 1:
         return Words("the only one", 0.0)
     if standing is ranking.best:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
     from relnav_sim.results.read import Results
 
-FIGURES_OF_A_CASE = 6  # about, and one per filter
+FIGURES_OF_A_CASE = 7  # about, and one per filter
+_ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
@@ -54,7 +55,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
             grid = grid_paths(results)
         except plots.FigureError:
             return None
-        figure = plots.heat_map(results)
+        figure = plots.heat_map(results, cases=cases)
         return _described("heat_map", figure, cases[0], grid)
 
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})
@@ -99,12 +100,19 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
         pieces["start"] = partial(_start, results, case)
     pieces |= {"consistency": consistency, "boxes": boxes, "cost": cost}
     pieces |= {"availability": partial(_availability, results, case)}
+    pieces |= {"observability": partial(_observability, results, case)}
     pieces |= {"range": partial(_range, results, case), "events": partial(_events, results, case)}
     if ranking.standings and closely:
         pieces |= {"worst": partial(_worst, results, case), "trajectory": partial(_trajectory, results, case)}
     yield from _drawn(folder, {f"{start}_{name}": make for name, make in pieces.items()})
     for number, name in enumerate(case.names):
         yield from _drawn(folder, {f"{start}_errors_{file_name(name, number)}": partial(errors, name)}, name)
+        if case.filter(name).by_channel is not None:
+            whiteness = {f"{start}_whiteness_{file_name(name, number)}": partial(_whiteness, results, case, name)}
+            yield from _drawn(folder, whiteness, name)
+        if case.filter(name).in_full is not None:
+            ellipses = {f"{start}_ellipses_{file_name(name, number)}": partial(_ellipses, results, case, name)}
+            yield from _drawn(folder, ellipses, name)
 
 
 def _described(kind: str, figure: Figure, *about: Any) -> Drawing:
@@ -117,6 +125,15 @@ def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], fil
     for name, make in pieces.items():
         if (picture := draw(folder, name, make, filter)) is not None:
             yield picture
+
+
+def _ellipses(results: Results, case: CaseFacts, name: str) -> Drawing:
+    figure = plots.error_ellipses(results, case, name, axes=case.axes, sigma=_ELLIPSE_SIGMA)
+    return _described("ellipses", figure, case, name, _ELLIPSE_SIGMA, True)
+
+
+def _whiteness(results: Results, case: CaseFacts, name: str) -> Drawing:
+    return _described("whiteness", plots.residual_whiteness(results, case, name), case, name)
 
 
 def _start(results: Results, case: CaseFacts) -> Drawing | None:
@@ -142,6 +159,12 @@ def _availability(results: Results, case: CaseFacts) -> Drawing | None:
     if len(case.sensors) < 2 and not has_outage(case):
         return None
     return _described("availability", plots.availability_over_time(results, case), case)
+
+
+def _observability(results: Results, case: CaseFacts) -> Drawing | None:
+    if not any(item.observability for item in case.filters):
+        return None
+    return _described("observability", plots.observability_over_time(results, case), case)
 
 
 def _events(results: Results, case: CaseFacts) -> Drawing | None:

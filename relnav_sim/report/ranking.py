@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.statistics.intervals import (
     NO_INTERVAL,
     Comparison,
@@ -82,7 +83,8 @@ class Ranking:
 
     Attributes:
         case: The case.
-        standings: The filters; last those whose sensors can't observe the state, which no comparison is made with.
+        standings: The filters; last those that no comparison is made with: whose sensors can't observe the state, or
+            whose estimates are known only later, where others are known in flight.
         position: All pairs that have runs in common, by the RMS of the position error, m.
         velocity: The same by the RMS of the velocity error, m/s; a family of its own.
     """
@@ -99,8 +101,15 @@ class Ranking:
 
     @property
     def ranked(self) -> tuple[Standing, ...]:
-        """The filters that are compared: those whose sensors can observe the state."""
-        return tuple(item for item in self.standings if item.facts.observable)
+        """The filters that are compared: whose sensors can observe the state, and that can be flown, if any can."""
+        compared = _compared(self.case)
+        return tuple(item for item in self.standings if item.name in compared)
+
+    @property
+    def known_later(self) -> tuple[Standing, ...]:
+        """The filters that are not compared with those in flight, as their estimates are known only later."""
+        ranked = {item.name for item in self.ranked}
+        return tuple(i for i in self.standings if i.facts.observable and i.facts.known_when and i.name not in ranked)
 
     @property
     def undecided(self) -> tuple[Standing, ...]:
@@ -130,9 +139,9 @@ class Ranking:
 def rank(case: CaseFacts) -> Ranking:
     """Return the filters of a case in the order of their position RMS over the headline span."""
     order = [item.name for item in case.by_accuracy]
-    # A ranking of filters that can't observe the state would be one of their start.
-    order.sort(key=lambda name: not case.filter(name).observable)
-    compared = [name for name in order if case.filter(name).observable]
+    among = _compared(case)
+    order.sort(key=lambda name: name not in among)
+    compared = [name for name in order if name in among]
     pairs = {component: _pairs(case, compared, component) for component in ("r", "v")}
     against = {pair.first: pair for pair in pairs["r"] if pair.second == order[0]}
     standings = []
@@ -142,6 +151,17 @@ def rank(case: CaseFacts) -> Ranking:
         comparison, percent = (pair.comparison, pair.percent) if pair else (None, NO_INTERVAL)
         standings.append(Standing(facts, position, velocity, comparison, percent))
     return Ranking(case, tuple(standings), pairs["r"], pairs["v"])
+
+
+def _compared(case: CaseFacts) -> frozenset[str]:
+    """Return the names of the filters that are compared with one another.
+
+    A ranking of filters that can't observe the state would be one of their start, and one that knows later readings
+    would win over those that must do without them.
+    """
+    observable = [item for item in case.filters if item.observable]
+    in_flight = [item for item in observable if not item.known_when]
+    return frozenset(item.name for item in in_flight or observable)
 
 
 def in_percent(difference: Interval, reference: float) -> Interval:

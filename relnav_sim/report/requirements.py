@@ -15,6 +15,7 @@ from relnav_sim.campaign.requirements import (
     FailedRequirement,
     NeesRequirement,
     NisRequirement,
+    RecoveryRequirement,
     RmsRequirement,
     stored_requirements,
 )
@@ -22,7 +23,8 @@ from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.block import ResultsError
-from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, Verdict, judge, overall
+from relnav_sim.statistics.findings import Verdict
+from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, judge, overall
 from relnav_sim.wording import listed, short_labels, significant
 
 if TYPE_CHECKING:
@@ -58,7 +60,8 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             where = f" inside {requirement.inside_m:g} m" if requirement.inside_m is not None else ""
             when = f" from {requirement.from_s:g} s on" if requirement.from_s else ""
             size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
-            return f"{_percent(requirement.share)} of {_errors_of(requirement.quantity)} below {size}{where}{when}"
+            below = f"{_errors_of(requirement.quantity)} below {size}{where}{when}"
+            return _interpreted(requirement, below)
         case RmsRequirement():
             size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
             return f"RMS of {_errors_of(requirement.quantity)} below {size}, {requirement.span} span"
@@ -73,6 +76,9 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
+        case RecoveryRequirement():
+            share = _percent(requirement.share)
+            return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or lost"
         case FailedRequirement() | DivergedRequirement():
             return f"at most {_percent(requirement.at_most)} of the runs {requirement.kind}"
 
@@ -100,7 +106,8 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         caption="The figure that the requirement limits, with its interval at the requirement's confidence (95 % "
         "unless the campaign says otherwise). Pass: the whole interval meets the limit; fail: the whole interval "
         "misses it. Certainty: the largest one-sided confidence at which the side of the figure could be claimed. "
-        "Shares of epochs count as many independent trials as their spread over runs allows.",
+        "Runs are independent, epochs of a run are not: shares of runs (ensemble and temporal interpretation) have "
+        "exact intervals, shares of epochs (mixed) count as many independent trials as their spread over runs allows.",
         corner="requirement",
         columns=tuple(Column(label, numeric=label == "figure") for label in labels),
         rows=tuple(rows),
@@ -162,6 +169,18 @@ def _runs(item: Judgement) -> str:
     if found.runs_to_decide <= found.figure.runs:
         return f"{held}; a few more would decide"
     return f"{held}; about {float(f'{found.runs_to_decide:.2g}'):.0f} would decide"
+
+
+def _interpreted(requirement: ErrorsRequirement, below: str) -> str:
+    share = _percent(requirement.share)
+    match requirement.interpretation:
+        case "ensemble":
+            return f"{below} at all times in {share} of the runs, ensemble interpretation"
+        case "temporal":
+            runs = _percent(requirement.runs_that_keep_it)
+            return f"{below} for {share} of the time in {runs} of the runs, temporal interpretation"
+        case "mixed":
+            return f"{share} of {below}, mixed interpretation"
 
 
 def _errors_of(quantity: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.campaign.warnings import together
-from relnav_sim.plots.facts import FilterFacts, Span
+from relnav_sim.plots.filter_facts import FilterFacts, Span
 from relnav_sim.report.layouts import WORST_RUNS
 from relnav_sim.report.metrics import ANEES, CPU, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
@@ -42,7 +42,7 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
                 f"Case {ranking.case.number} ({label}): {verdict(ranking)}"
                 for ranking, label in zip(computed, labels, strict=True)
             ]
-    sentences += _not_observable(computed)
+    sentences += [*_not_observable(computed), *_known_later(computed)]
     sentences += [*_limit(computed), *_consistency(computed), *_convergence(computed), *_cost(computed)]
     return (*sentences, *_worth_a_look(computed), *_diverged(computed), *_missing(rankings), *_failures(rankings))
 
@@ -157,6 +157,23 @@ def _not_observable(rankings: Sequence[Ranking]) -> list[str]:
             ]
         )
     )
+
+
+def _known_later(rankings: Sequence[Ranking]) -> list[str]:
+    """Return what later readings would have told: a limit to what filters in flight can reach, and none of them."""
+    sizes: dict[tuple[str, str], list[float]] = {}
+    for ranking in rankings:
+        for item in ranking.known_later:
+            sizes.setdefault((item.name, item.facts.known_when), []).append(item.position.estimate)
+    if not sizes:
+        return []
+    parts = [f"{name} ({when}) {_smallest_to_largest(found)} m" for (name, when), found in sizes.items()]
+    return [f"Known only later, and so no filter to fly: position RMS of {listed(parts)}."]
+
+
+def _smallest_to_largest(sizes: Sequence[float]) -> str:
+    low, high = significant(min(sizes)), significant(max(sizes))
+    return low if low == high else f"{low} to {high}"
 
 
 def _margin(won: Sequence[Ranking]) -> str:

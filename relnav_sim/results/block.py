@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.printable import printable
 from relnav_sim.results import layout
+from relnav_sim.results.by_channel import ByChannel
 
 AnyArray = NDArray[Any]
 """Of the type that the layout names."""
@@ -121,6 +122,50 @@ class BySensor:
         )
 
 
+EDIT_ENDS = ("none", "rejecting", "adopted", "not_seen", "failed")
+"""What the numbers of `Editing.end` mean."""
+
+
+@dataclass(frozen=True)
+class Editing:
+    """What came of the editing of readings, of s sensors; docs/editing.md defines the terms.
+
+    Attributes:
+        names: The sensors.
+        tests: Tests made, over the whole run and settled, (runs, 2, s).
+        rejected: Readings or channels rejected, (runs, 2, s).
+        lock_outs: Lock-outs, (runs, s).
+        actions: Readings at which the filter acted, (runs, s).
+        recoveries: Recoveries, (runs,).
+        recovery: Longest time to recover, (runs,), s; NaN: none.
+        lost: Times that it was lost, (runs,).
+        open: How long the run ends unrecovered, (runs,), s; NaN: it does not.
+        earliest: Shortest time to recover that such a run leaves possible, (runs,), s; NaN likewise.
+        end: How the run ends, (runs,): place in `EDIT_ENDS`.
+    """
+
+    names: tuple[str, ...]
+    tests: AnyArray
+    rejected: AnyArray
+    lock_outs: AnyArray
+    actions: AnyArray
+    recoveries: AnyArray
+    recovery: AnyArray
+    lost: AnyArray
+    open: AnyArray
+    earliest: AnyArray
+    end: AnyArray
+
+    @staticmethod
+    def of_arrays(columns: layout.Columns, arrays: Mapping[str, AnyArray]) -> Editing | None:
+        """Return what arrays by their names in the layout say; None where no reading is edited."""
+        if not columns.edited:
+            return None
+        return Editing(
+            columns.edited, **{spec.name.removeprefix("edit_"): arrays[spec.name] for spec in layout.EDITING}
+        )
+
+
 @dataclass(frozen=True)
 class FilterResult:
     """The results of one filter over a block of runs; every array has the runs as its leading axis.
@@ -134,6 +179,10 @@ class FilterResult:
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
         augmented: Its augmented states; None where it has none.
         by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
+        editing: What came of the editing of its readings; None where there is none.
+        covariance_root: Cholesky factors of the covariances of position and velocity, lower triangles row by row,
+            (runs, times, 21); None where they are not stored.
+        by_channel: What its residuals say by channel; None where they were not looked at.
     """
 
     summary: Mapping[str, AnyArray]
@@ -144,13 +193,21 @@ class FilterResult:
     diagnostics: Mapping[str, AnyArray] = field(default_factory=dict)
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
+    editing: Editing | None = None
+    covariance_root: AnyArray | None = None
+    by_channel: ByChannel | None = None
 
     @property
     def columns(self) -> layout.Columns:
         """What it holds beyond what all filters do."""
         names, units = ((), ()) if self.augmented is None else (self.augmented.names, self.augmented.units)
         sensors = () if self.by_sensor is None else self.by_sensor.names
-        return layout.Columns(tuple(sorted(self.diagnostics)), names, units, sensors)
+        edited = () if self.editing is None else self.editing.names
+        factor = () if self.covariance_root is None else layout.FACTOR
+        channels = () if self.by_channel is None else self.by_channel.names
+        return layout.Columns(
+            tuple(sorted(self.diagnostics)), names, units, sensors, edited=edited, factor=factor, channels=channels
+        )
 
     def arrays(self, columns: layout.Columns = layout.NO_COLUMNS) -> dict[str, AnyArray]:
         """Return every array by its name in the layout, in the layout's order and type.
@@ -165,6 +222,9 @@ class FilterResult:
         if unfit := {spec.name for spec in layout.FILTER} ^ set(given):
             raise ValueError(f"the summary does not fit the layout: {', '.join(sorted(unfit))}")
         lengths = layout.sizes(*np.shape(self.nis)) | columns.lengths
+        if columns.factor:
+            spec, root = layout.COVARIANCE, self.covariance_root
+            given[spec.name] = np.full(layout.shape(spec, lengths), np.nan) if root is None else root
         if columns.diagnostics:
             absent = np.full(lengths["run"], np.nan)
             found = [np.asarray(self.diagnostics.get(name, absent), dtype=float) for name in columns.diagnostics]
@@ -172,6 +232,8 @@ class FilterResult:
         for specs, held, prefix in (
             (layout.AUGMENTED if columns.augmented else (), self.augmented, "extra_"),
             (layout.BY_SENSOR if columns.sensors else (), self.by_sensor, "sensor_"),
+            (layout.EDITING if columns.edited else (), self.editing, "edit_"),
+            (layout.BY_CHANNEL if columns.channels else (), self.by_channel, "channel_"),
         ):
             for spec in specs:
                 nothing = np.full(layout.shape(spec, lengths), np.nan if spec.dtype.startswith("<f") else 0)
@@ -197,7 +259,17 @@ class FilterResult:
         diagnostics = {name: arrays[layout.DIAGNOSTICS.name][:, i] for i, name in enumerate(columns.diagnostics)}
         summary = {spec.name: arrays[spec.name] for spec in layout.SUMMARY}
         augmented, by_sensor = AugmentedStates.of_arrays(columns, arrays), BySensor.of_arrays(columns, arrays)
-        return FilterResult(summary, **series, diagnostics=diagnostics, augmented=augmented, by_sensor=by_sensor)
+        root = arrays[layout.COVARIANCE.name] if columns.factor else None
+        return FilterResult(
+            summary,
+            **series,
+            diagnostics=diagnostics,
+            augmented=augmented,
+            by_sensor=by_sensor,
+            editing=Editing.of_arrays(columns, arrays),
+            covariance_root=root,
+            by_channel=ByChannel.of_arrays(columns, arrays),
+        )
 
     @staticmethod
     def all_failed(runs: int, times: int, epoch: int = -1) -> FilterResult:

@@ -76,8 +76,15 @@ def _numbers(results: Results, case: int, filter: str | None) -> Iterator[tuple[
     by_sensor = results.by_sensor(case, filter)
     for spec in layout.BY_SENSOR if by_sensor is not None else ():
         yield spec.name, getattr(by_sensor, spec.name.removeprefix("sensor_"))
+    editing = results.editing(case, filter)
+    for spec in layout.EDITING if editing is not None else ():
+        yield spec.name, getattr(editing, spec.name.removeprefix("edit_"))
+    by_channel = results.by_channel(case, filter)
+    for part in ("count", "mean", "product") if by_channel is not None else ():
+        yield f"channel_{part}", getattr(by_channel, part)
     for series in (results.error, results.sigma, results.nis, results.nees):
         yield series.__name__, series(case, filter)
+    yield "covariance", results.covariance(case, filter)
 
 
 def _same(one: Iterator[tuple[str, AnyArray | None]], other: Iterator[tuple[str, AnyArray | None]]) -> bool:

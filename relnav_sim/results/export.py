@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from relnav_sim.arrays import Array
 from relnav_sim.results import layout
 from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.csv_cells import csv_cell
@@ -33,6 +35,8 @@ def export_summary(results: Results, path: Path) -> None:
 def export_series(results: Results, path: Path) -> None:
     """Write the stored series: one row per case, filter, run and stored epoch.
 
+    Where the file holds covariances whole, the correlations stand beside the sigmas.
+
     Args:
         results: An open result.
         path: The CSV file; replaced as a whole. NaN is an empty field.
@@ -44,8 +48,21 @@ def export_series(results: Results, path: Path) -> None:
     parts = [name.format(what) for what in ("truth", "error", "sigma") for name in states]
     sensors = results.sensors
     by_sensor = [f"{what}_{sensor}" for what in ("nis", "dof") for sensor in sensors]
-    heading = ["case_label", "filter", "run", "time_s", *parts, "nis", "nees", *by_sensor]
+    pairs = [f"correlation_{row}_{column}" for row, column in _PAIRS] if results.holds_covariances else []
+    heading = ["case_label", "filter", "run", "time_s", *parts, *pairs, "nis", "nees", *by_sensor]
     _write(path, heading, _series_rows(results, sensors))
+
+
+_PAIRS = tuple(combinations(layout.COMPONENTS, 2))
+_PLACES = tuple(combinations(range(len(layout.COMPONENTS)), 2))
+
+
+def _correlations(covariance: Array | None, epochs: int) -> Array:
+    """Return the correlations of each pair of components, (K, 15); NaN where they are not known."""
+    if covariance is None:
+        return np.full((epochs, len(_PLACES)), np.nan)
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return np.stack([covariance[:, i, j] / (sigma[:, i] * sigma[:, j]) for i, j in _PLACES], axis=1)
 
 
 def _series_rows(results: Results, sensors: Sequence[str]) -> Iterator[Iterable[Any]]:
@@ -53,7 +70,9 @@ def _series_rows(results: Results, sensors: Sequence[str]) -> Iterator[Iterable[
         for name in header.filters:
             for run in results.case_runs(header.id, name).tolist():
                 one = results.series(header.id, name, run)
-                numbers = [one.time_s[:, None], one.truth, one.error, one.sigma, one.nis[:, None], one.nees[:, None]]
+                numbers = [one.time_s[:, None], one.truth, one.error, one.sigma]
+                numbers += [_correlations(one.covariance, len(one.time_s))] if results.holds_covariances else []
+                numbers += [one.nis[:, None], one.nees[:, None]]
                 absent = np.full(len(one.time_s), np.nan)
                 numbers += [
                     part.get(sensor, absent)[:, None] for part in (one.nis_by, one.dof_by) for sensor in sensors

@@ -10,10 +10,15 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from relnav_sim.results.dataset import Dataset as Dataset
+from relnav_sim.results.dataset import Dimension as Dimension
+from relnav_sim.results.editing_layout import EDITING as EDITING
+
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
 BOUND_FORMAT = "relnav bound"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""The newest that is read: of results and of shards."""
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 QUANTITIES = (*COMPONENTS, "r", "v")
@@ -25,51 +30,19 @@ LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
 PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
 THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
+FIXED = "text"
+"""The type of texts of one length in the file, which are read at once however many there are."""
+TEXTS = ("str", FIXED)
+
+FACTOR = tuple(f"{row},{column}" for i, row in enumerate(COMPONENTS) for column in COMPONENTS[: i + 1])
+"""Entries of the lower triangle of a 6 x 6 matrix, row by row: ``x,x``, ``y,x``, ``y,y``, ..."""
+
+LAGS = tuple(float(lag) for lag in range(21))
+"""Lags of the autocorrelation of residuals, in readings."""
+
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
 _QUANTITY_NOTE = "(m for x y z r, m/s for vx vy vz v)"
-
-
-@dataclass(frozen=True)
-class Dimension:
-    """A dimension, stored beside the datasets that use it as a coordinate of the same name.
-
-    Attributes:
-        name: Name of the dimension and of its coordinate dataset.
-        dtype: NumPy type string; ``str`` for text.
-        units: SI unit, ``1`` for numbers without one, empty for text.
-        long_name: What the coordinate is.
-        values: The entries where the layout fixes them, else None: the data decide.
-    """
-
-    name: str
-    dtype: str
-    units: str
-    long_name: str
-    values: tuple[str, ...] | tuple[float, ...] | None = None
-
-
-@dataclass(frozen=True)
-class Dataset:
-    """One dataset of a group.
-
-    Attributes:
-        name: Name in the file and in `FilterResult`.
-        dims: Names of its dimensions in order.
-        dtype: NumPy type string.
-        units: SI unit, or ``1``.
-        long_name: What it is, with its definition.
-        column: Template of its flat column names; empty where it has none.
-        timing: Measured time, thus outside every promise of equal bits.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    units: str
-    long_name: str
-    column: str = ""
-    timing: bool = False
 
 
 DIMENSIONS = {
@@ -79,6 +52,7 @@ DIMENSIONS = {
         Dimension("time", "<f8", "s", "time since the start of the run"),
         Dimension("trajectory", "<i8", "1", "run that flew this truth; -1: all runs share it"),
         Dimension("component", "str", "", "component of the relative state, RTN axes of the chief", COMPONENTS),
+        Dimension("factor", "str", "", "entry of a lower-triangular 6 x 6 matrix by row and column", FACTOR),
         Dimension("quantity", "str", "", "component of the error, or norm: r position, v velocity", QUANTITIES),
         Dimension("norm", "str", "", "norm of the error: r position, v velocity", NORMS),
         Dimension("span", "str", "", "whole: every epoch after the start; settled: t >= settle_s", SPANS),
@@ -89,7 +63,14 @@ DIMENSIONS = {
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
         Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
+        Dimension("edited", "str", "", "sensor whose readings the filter edits, by its name in the campaign"),
+        Dimension("channel", "str", "", "channel of a sensor as the filter takes its readings: sensor and channel"),
+        Dimension("lag", "<f8", "1", "distance between residuals, readings of the channel", LAGS),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
+        Dimension("case", "<i8", "1", "number of the case, from 0"),
+        Dimension("bound_case", "<i8", "1", "number of the case that the bound is of, from 0"),
+        Dimension("perfect_bound_case", "<i8", "1", "number of the case that the perfect model's bound is of, from 0"),
+        Dimension("observed_case", "<i8", "1", "number of the case that the observability is of, from 0"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }
@@ -189,6 +170,13 @@ SERIES = (
     Dataset("nees", ("run", "time"), _F4, "1", "normalised estimation error squared e^T P^-1 e, 6 components"),
 )  # fmt: skip
 
+COVARIANCE = Dataset(
+    "covariance_root", ("run", "time", "factor"), _F4, STATE_UNITS,
+    "lower-triangular Cholesky factor L of the covariance that the filter states of position and velocity, P = L L^T; "
+    "NaN once failed (m in the rows of x y z, m/s in those of vx vy vz)",
+)  # fmt: skip
+"""Only where the campaign stores covariances (``clock.store_covariance``)."""
+
 DIAGNOSTICS = Dataset(
     "diagnostics", ("run", "diagnostic"), _F8, "1",
     "mean over updates of a number that the filter reports of its own working; of a flag, the share of updates; "
@@ -253,6 +241,22 @@ BY_SENSOR = (
     ),
 )  # fmt: skip
 """Where the filter's history tells its readings by sensor; not in files of relnav 0.1."""
+BY_CHANNEL = (
+    Dataset(
+        "channel_count", (*_PER_SPAN, "channel"), _I8, "1", "readings of the channel; 0: none",
+    ),
+    Dataset(
+        "channel_mean", (*_PER_SPAN, "channel"), _F8, "1",
+        "mean over readings of the residual in formal sigmas, z - h(prediction) over the root of its variance; 0 when "
+        "consistent",
+    ),
+    Dataset(
+        "channel_product", (*_PER_SPAN, "channel", "lag"), _F8, "1",
+        "mean over pairs of the product of residuals in formal sigmas so many readings apart; when consistent 1 at lag "
+        "0, else 0; NaN without a pair",
+    ),
+)  # fmt: skip
+"""Only where the campaign asks for it (``statistics.whiteness``)."""
 FORMER_DOF = 3
 """Degrees of freedom of every NIS in files that do not tell them: those of a radar, the only relative sensor then."""
 
@@ -290,7 +294,7 @@ OBSERVABILITY = (
     ),
 )  # fmt: skip
 """Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
-observable) and ``weakest`` (the direction in words) of the group go with it."""
+observable), ``weakest`` (the direction in words) and ``course`` (the same over time) of the group go with it."""
 
 LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
 """What a case's group or a filter's may hold of what readings can tell at most."""
@@ -304,7 +308,7 @@ FAILURES = (
 
 FILTER = (*SUMMARY, *SERIES)
 """What every filter's group holds."""
-OWN = (DIAGNOSTICS, *BY_SENSOR, AUGMENTED_UNIT, *AUGMENTED)
+OWN = (COVARIANCE, DIAGNOSTICS, *BY_SENSOR, *EDITING, *BY_CHANNEL, AUGMENTED_UNIT, *AUGMENTED)
 """What some hold besides."""
 
 SPAN_PREFIXES = ("", "settled_")
@@ -334,23 +338,42 @@ class Columns:
         augmented: Names of its augmented states.
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
+        edited: Names of the sensors whose readings it edits.
+        factor: Names of the entries of its covariances' roots, `FACTOR`; empty where they are not stored.
+        channels: Channels whose residuals its statistics are told by; empty where they are not.
     """
 
     diagnostics: tuple[str, ...] = ()
     augmented: tuple[str, ...] = ()
     augmented_units: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
+    edited: tuple[str, ...] = ()
+    factor: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:
         """The datasets of the group that have a row for each run."""
-        held = (((DIAGNOSTICS,), self.diagnostics), (BY_SENSOR, self.sensors), (AUGMENTED, self.augmented))
+        held = (
+            ((COVARIANCE,), self.factor),
+            ((DIAGNOSTICS,), self.diagnostics),
+            (BY_SENSOR, self.sensors),
+            (EDITING, self.edited),
+            (BY_CHANNEL, self.channels),
+            (AUGMENTED, self.augmented),
+        )
         return (*FILTER, *(spec for specs, names in held if names for spec in specs))
 
     @property
     def labels(self) -> dict[str, tuple[str, ...]]:
         """The entries along the dimensions that these names make."""
-        return {"diagnostic": self.diagnostics, "extra": self.augmented, "sensor": self.sensors}
+        return {
+            "diagnostic": self.diagnostics,
+            "extra": self.augmented,
+            "sensor": self.sensors,
+            "edited": self.edited,
+            "channel": self.channels,
+        }
 
     @property
     def lengths(self) -> dict[str, int]:

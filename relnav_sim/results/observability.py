@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.printable import printable
 
 NOT_OBSERVABLE = 0.9
 """Ratio of posterior to prior sigma above which, at the end of a run, the readings have told next to nothing."""
@@ -27,6 +29,8 @@ class Observability:
         sigma_ratio: Posterior over prior sigma of each state by itself at the end, (n,).
         blind: Number of independent directions of position and velocity with a ratio above `NOT_OBSERVABLE` at the end.
         weakest: The weakest direction in words.
+        course: The same over time: from when on, s, and the words; empty in files of earlier versions. Where several
+            directions have a ratio above `NOT_OBSERVABLE` it says how many.
     """
 
     sensors: tuple[str, ...]
@@ -36,6 +40,11 @@ class Observability:
     sigma_ratio: Array
     blind: int
     weakest: str
+    course: tuple[tuple[float, str], ...] = ()
+
+    def weakest_at(self, time_s: float) -> str:
+        """Return the weakest direction in words from the readings up to a time; empty: not known, or no reading yet."""
+        return next((words for from_s, words in reversed(self.course) if from_s <= time_s), "")
 
     @property
     def observable(self) -> bool:
@@ -44,7 +53,7 @@ class Observability:
 
     def agrees(self, other: Observability) -> bool:
         """Return whether both say the same, bit for bit."""
-        words = [(one.sensors, one.states, one.blind, one.weakest) for one in (self, other)]
+        words = [(one.sensors, one.states, one.blind, one.weakest, one.course) for one in (self, other)]
         return words[0] == words[1] and all(map(np.array_equal, self.arrays, other.arrays))
 
     @property
@@ -57,6 +66,19 @@ class Observability:
         """The augmented states of which the readings tell next to nothing."""
         pairs = list(zip(self.states, self.sigma_ratio, strict=True))[6:]
         return tuple(name for name, ratio in pairs if ratio > NOT_OBSERVABLE)
+
+
+def course_of(stored: Iterable[Any]) -> tuple[tuple[float, str], ...]:
+    """Return the weakest direction over time from plain data.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    course = tuple((float(from_s), printable(str(words))) for from_s, words in stored)
+    times = [from_s for from_s, _ in course]
+    if not np.isfinite(times).all() or sorted(set(times)) != times:
+        raise ValueError("the times do not ascend")
+    return course
 
 
 def not_observable(found: Mapping[str, Observability]) -> list[str]:

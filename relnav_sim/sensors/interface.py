@@ -18,6 +18,7 @@ from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, constant_part, has_white_part, noise_parts
+from relnav_sim.sensors.sensed import Sensed as Sensed
 from relnav_sim.sensors.streams import SensorStreams
 
 Craft = Literal["chief", "deputy"]
@@ -40,26 +41,6 @@ OWN_READINGS: Mapping[Role, tuple[Channel, ...]] = {
 }
 """The numbers of a reading of a host's own state: an ECI state; a quaternion, scalar last, that turns ECI into body
 components; two means of the specific force over the step before, plain and weighted with the time left, RTN."""
-
-
-@dataclass(frozen=True)
-class Sensed:
-    """The truth as one sensor meets it over a chunk of epochs; the leading axis is 1 where all runs share it.
-
-    Attributes:
-        times_s: The epochs (K,), s.
-        host: ECI states of the sensor's host when the readings are taken, (runs or 1, K, 6), m and m/s.
-        target: The same of the other craft.
-        felt: Mean specific force on the host over the step before each epoch, plain and weighted with the time that was
-            left, RTN of the host, (runs or 1, K, 2, 3), m/s^2; None where no sensor asks for it.
-        step_s: Time between epochs, s.
-    """
-
-    times_s: Array
-    host: Array
-    target: Array
-    felt: Array | None
-    step_s: float
 
 
 @dataclass(frozen=True)
@@ -149,6 +130,8 @@ class SensorOptions(Options):
     @classmethod
     def _fits(cls, noise: NoiseOption) -> NoiseOption:
         check_parts(noise_parts(noise), len(cls.channels))
+        if cls.role != "other" and any(getattr(part, "needs_other", False) for part in noise_parts(noise)):
+            raise ValueError("wrong_target is for sensors that measure the other craft; take step, ramp or stuck")
         return cls.with_white_part(noise)
 
     @classmethod
@@ -226,6 +209,11 @@ class RelativeSensorOptions(SensorOptions):
         description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
         "whether it knows; default 0",
     )
+    drawn_latency_s: Annotated[tuple[float, float] | None, AddedLater()] = Field(
+        default=None,
+        description="Shortest and longest time after which a reading arrives, s, drawn evenly between for each; it is "
+        "late from one step on. A filter's `out_of_sequence` says what becomes of late ones; default: none is late",
+    )
     time_tag_sigma_s: float = Field(
         default=0.0,
         ge=0,
@@ -244,6 +232,13 @@ class RelativeSensorOptions(SensorOptions):
     def _rising(cls, limits: tuple[float, float] | None) -> tuple[float, float] | None:
         if limits is not None and not 0 <= limits[0] < limits[1]:
             raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be two rising values from 0 up")
+        return limits
+
+    @field_validator("drawn_latency_s")
+    @classmethod
+    def _from_shortest(cls, limits: tuple[float, float] | None) -> tuple[float, float] | None:
+        if limits is not None and not (0 <= limits[0] <= limits[1] and limits[1] > 0):
+            raise ValueError(f"[{limits[0]:g}, {limits[1]:g}] must be the shortest and the longest, from 0 up")
         return limits
 
     def in_reach(self, truth: Sensed) -> Mask:

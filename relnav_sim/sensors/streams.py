@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from relnav_sim.arrays import Array
 from relnav_sim.sensors.jumps import Jumps
-from relnav_sim.sensors.noise import Noise, NoisePart
+from relnav_sim.sensors.noise import Fault, Noise, NoisePart, faults_of
 from relnav_sim.streams import RandomSource, Streams
 
 
@@ -22,7 +22,12 @@ class SensorStreams:
         channels: Numbers of a reading.
         source: Seed and runs of the block.
         step_s: Time between epochs, s.
+
+    Attributes:
+        faults: Its faults that do not add to the readings.
     """
+
+    faults: Sequence[Fault] = ()
 
     def __init__(
         self, name: str, parts: Sequence[NoisePart], channels: int, source: RandomSource, step_s: float
@@ -30,6 +35,7 @@ class SensorStreams:
         self._name = name
         self._source = source
         self._noise = Noise(parts, name, source, channels, step_s)
+        self.faults = faults_of(parts)
         self._going: dict[str, Streams] = {}
         self._constants: dict[str, Array] = {}
         self._jumps: dict[str, Jumps] = {}

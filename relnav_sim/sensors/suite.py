@@ -141,11 +141,16 @@ class SensorSuite:
             raise ValueError("accelerometers need the specific force that the craft feel")
         host, target = states if reader.host == "chief" else states[::-1]
         own = None if felt is None else felt[:, :, CRAFT.index(reader.host)]
-        z = options.sample(Sensed(times_s, host, target, own, self._step_s), reader.streams)
+        truth_met = Sensed(times_s, host, target, own, self._step_s)
+        for fault in reader.streams.faults:
+            truth_met = fault.seen(truth_met)
+        z = options.sample(truth_met, reader.streams)
         epochs = np.arange(first_epoch, first_epoch + len(times_s))
         read = due(epochs, options.period_s, options.offset_s, self._step_s)
         if not read.all():
             z[:, ~read] = np.nan
+        for fault in reader.streams.faults:
+            z = fault.reported(z, times_s)
         return z
 
 

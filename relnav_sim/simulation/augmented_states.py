@@ -9,7 +9,7 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
-from relnav_sim.dynamics.augmentation.kinds import Extension, extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import Extension, extension, sensor_of
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose
@@ -56,8 +56,16 @@ def augmented_measurement(
 def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gaussian:
     """Return the prior of [x; b] from that of x, mean (runs, 6 + e) and covariance (runs, 6 + e, 6 + e).
 
-    b starts at 0 with its sigmas. A position that is the first fix holds its sensor's errors: z = h(r) + H_b b makes it
-    wrong by J H_b b, J = (dh/dr)^-1, which is the opposite of the error in b = 0 that it goes with.
+    b starts at 0 with its sigmas; `extended_by` says what a position has to do with it that is the first fix.
+    """
+    return extended_by(prior, extra, config, fix_sensor(config) if isinstance(config.start, FirstFixStart) else None)
+
+
+def extended_by(prior: Gaussian, extra: Extension, config: CaseConfig, sensor: str | None, epoch: int = 0) -> Gaussian:
+    """Return the prior of [x; b] from that of x, whose position is the fix of a sensor or of none.
+
+    A fix holds its sensor's errors: z = h(r) + H_b b makes it wrong by J H_b b, J = (dh/dr)^-1, which is the opposite
+    of the error in b = 0 that it goes with.
     """
     runs, n = prior.mean.shape
     P_b = np.diag(np.square(extra.sigma))
@@ -65,10 +73,9 @@ def extended_prior(prior: Gaussian, extra: Extension, config: CaseConfig) -> Gau
     covariance = np.zeros((runs, n + len(P_b), n + len(P_b)))
     covariance[:, :n, :n] = prior.covariance
     covariance[:, n:, n:] = P_b
-    if isinstance(config.start, FirstFixStart):
-        name = fix_sensor(config)
-        base = sensor_measurement(name, config.sensors, nominal_chief(config.truth), config.clock.step_s)
-        H = augmented_measurement(extra, name, base, config).jacobian(mean, 0)
+    if sensor is not None:
+        base = sensor_measurement(sensor, config.sensors, nominal_chief(config.truth), config.clock.step_s)
+        H = augmented_measurement(extra, sensor, base, config).jacobian(mean, epoch)
         H = np.broadcast_to(H, (runs, *H.shape[-2:]))[:, :3]
         # Stacked solve: a run without a fix is NaN and stays so.
         moved = np.asarray(np.linalg.solve(H[:, :, :3], H[:, :, n:]), dtype=np.float64)

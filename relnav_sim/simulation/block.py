@@ -6,7 +6,7 @@ import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, cast
+from typing import Protocol
 
 import numpy as np
 
@@ -15,21 +15,24 @@ from relnav_sim.campaign import Case
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
-from relnav_sim.dynamics.context import FedDynamics
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
-from relnav_sim.filters.run import FilterHistory, advance
+from relnav_sim.filters.run import FilterHistory
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import relative_sensors
+from relnav_sim.simulation.afterwards import Afterwards, lag_epochs
 from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prior
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
-from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
-from relnav_sim.simulation.chunks import Chunk, chunks, told
-from relnav_sim.simulation.dynamics_inputs import SharedByDynamics, arrival, dynamics_context
+from relnav_sim.simulation.campaign_filter import filter_channels, sensor_forms
+from relnav_sim.simulation.chunks import Chunk, chunks
+from relnav_sim.simulation.fed_filter import FedFilter, Shared, tells_innovations
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
+from relnav_sim.simulation.repeated import Repeated
 from relnav_sim.simulation.start import starting_belief
-from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.statistics.channel_whiteness import ChannelWhiteness
+from relnav_sim.statistics.consistency import normalised_errors
+from relnav_sim.statistics.editing import EditingAccumulator
 from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
@@ -98,7 +101,7 @@ def filter_block(
     for chunk in arriving:
         if not tracks:
             prior = prior or starting_belief(config, chunk, source)
-            shared = Shared(ThrustInputs(config), SharedByDynamics(config), learned or Learned())
+            shared = Shared.fresh(config, learned or Learned())
             tracks = [
                 FilterTrack(name, entry, config, prior, source, shared, frozenset(chunk.late), watch)
                 for name, entry in config.filters.items()
@@ -108,6 +111,8 @@ def filter_block(
         stored = _stored(config, chunk)
         times.append(chunk.truth.times_s[stored])
         relative.append(chunk.truth.relative[:, stored])
+    for track in tracks:
+        track.finish()
     ended = dict(chunk.ended)
     is_dispersed = config.flown.truth.is_dispersed
     if not is_dispersed and ended:
@@ -129,21 +134,6 @@ def filter_block(
     return BlockOutcome(result, {track.name: track.broken for track in tracks if track.broken is not None})
 
 
-@dataclass(frozen=True)
-class Shared:
-    """What the filters of a block share.
-
-    Attributes:
-        thrust: What they are told of thrust.
-        by_dynamics: What their dynamics compute once for all of them.
-        learned: What their dynamics have learned.
-    """
-
-    thrust: ThrustInputs
-    by_dynamics: SharedByDynamics
-    learned: Learned
-
-
 class Watch(Protocol):
     """Looks at what filters make of each chunk."""
 
@@ -157,6 +147,10 @@ class Watch(Protocol):
             before: Mean one epoch before the chunk, (runs, n); at epoch 0 that of the start.
             history: What it said at the chunk's epochs.
         """
+        ...
+
+    def afterwards(self, name: str, chunk: Chunk, history: FilterHistory) -> None:
+        """Take a look at what a smoother has made of a chunk, once all of them have been filtered."""
         ...
 
 
@@ -191,36 +185,45 @@ class FilterTrack:
     ) -> None:
         self.name = name
         self._watch = watch
-        self._entry = entry
-        self._thrust_inputs = shared.thrust
-        self._known = known_thrust(entry, config)
-        self._shared = shared.by_dynamics.by(entry)
-        self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self.broken: Breakdown | None = None
         sensors = relative_sensors(config.sensors, entry.sensors).values()
         plugins = (filter_kinds()[entry.kind].factory, type(entry.dynamics), *map(type, sensors))
         packages = {plugin.__module__.partition(".")[0] for plugin in plugins}
         self._packages = packages - {"relnav_sim"} or packages
         self._epoch = 0
-        self._forms = sensor_forms(entry, config)
-        self._config = config
-        self._step_s = config.clock.step_s
         self._prior = prior
         self._errors = ErrorAccumulator(len(source.runs), scoring_rules(config))
         self._augmented: AugmentedTrack | None = None
+        self._afterwards: Afterwards | None = None
+        self._repeated: Repeated | None = None
+        self._editing: EditingAccumulator | None = None
+        if entry.editing is not None:
+            sensors_read = tuple(sensor_forms(entry, config))
+            self._editing = EditingAccumulator(
+                len(source.runs), self._errors.rules, sensors_read, entry.editing.max_rejects
+            )
+        self._whiteness: ChannelWhiteness | None = None
+        if config.statistics.whiteness and tells_innovations(entry):
+            channels = filter_channels(entry, config)
+            names = tuple(f"{sensor} {channel.label}" for sensor, own in channels.items() for channel in own)
+            self._whiteness = ChannelWhiteness(len(source.runs), names, self._errors.rules.settled_epoch)
         self._cpu_s = 0.0
         self._steps = 0
         with self._breaking_alone():
-            self._context = dynamics_context(entry, config, source.seed, shared.learned, len(source.runs), self._shared)
-            made = create_campaign_filter(entry, config, self._context, late)
-            self._filter, self._dynamics = made.filter, made.dynamics
-            self._thrust = made.thrust
-            if made.extension is not None:
-                self._prior = extended_prior(prior, made.extension, config)
-                self._augmented = AugmentedTrack(made.extension, entry, config.flown, self._errors.rules, source)
+            self._fed = FedFilter(entry, config, source, shared, late)
+            if entry.smoother is not None:
+                self._afterwards = Afterwards(self._fed.filter, lag_epochs(entry.smoother, config.clock.step_s))
+                self._fed.filter = self._afterwards.filter
+            if filter_kinds()[entry.kind].repeats:
+                self._repeated = Repeated(
+                    lambda: FedFilter(entry, config, source, Shared.fresh(config, shared.learned), late)
+                )
+            if self._fed.extension is not None:
+                self._prior = extended_prior(prior, self._fed.extension, config)
+                self._augmented = AugmentedTrack(self._fed.extension, entry, config.flown, self._errors.rules, source)
             # A copy: the prior is what all filters start from, and this one's epoch 0.
             own = Gaussian(self._prior.mean.copy(), self._prior.covariance.copy())
-            self._belief = self._filter.start(own, source)
+            self._belief = self._fed.start(own)
 
     def add(self, chunk: Chunk) -> None:
         """Filter the next chunk of measurements and count its errors, unless the filter is broken.
@@ -230,15 +233,52 @@ class FilterTrack:
         if self.broken is not None:
             return
         with self._breaking_alone():
-            begin = time.process_time() - self._shared.cpu_s
+            if self._repeated is not None:
+                self._repeated.add(chunk)
+                return
+            begin = time.process_time() - self._fed.shared_cpu_s
             before = np.asarray(self._belief.mean).copy() if self._watch is not None else None
-            history = self._advance(chunk)
-            self._cpu_s += time.process_time() - self._shared.cpu_s - begin
+            self._belief, history = self._fed.advance(
+                self._belief, chunk, self._prior, self._reached, self._watch is not None or self._whiteness is not None
+            )
+            self._cpu_s += time.process_time() - self._fed.shared_cpu_s - begin
             self._steps += history.nis.size
-            if chunk.truth_is_known:
+            if self._afterwards is not None:
+                self._afterwards.add(chunk, history)
+            elif chunk.truth_is_known:
                 self._score(chunk, history)
             if self._watch is not None and before is not None:
-                self._watch(self.name, self._filter, chunk, before, history)
+                self._watch(self.name, self._fed.filter, chunk, before, history)
+
+    def finish(self) -> None:
+        """Count the errors of a row whose estimates are known only once all of the run has been read."""
+        if self.broken is not None:
+            return
+        with self._breaking_alone():
+            begin = time.process_time()
+            for chunk, history in self._known_afterwards():
+                self._cpu_s += time.process_time() - begin
+                if chunk.truth_is_known:
+                    self._score(chunk, history)
+                begin = time.process_time()
+        self._afterwards = self._repeated = None  # with what they have kept
+
+    def _known_afterwards(self) -> Iterator[tuple[Chunk, FilterHistory]]:
+        """Yield the chunks with estimates that the whole run has told, from the first on."""
+        if self._afterwards is not None:
+            for chunk, history in self._afterwards.smoothed():
+                if self._watch is not None:
+                    self._watch.afterwards(self.name, chunk, history)
+                yield chunk, history
+        if self._repeated is not None:
+            before = self._prior.mean
+            watched = self._watch is not None
+            for fed, chunk, history in self._repeated.results(self._prior, self._reached, watched):
+                self._steps += history.nis.size
+                if self._watch is not None:
+                    self._watch(self.name, fed.filter, chunk, before, history)
+                before = history.mean[:, -1]
+                yield chunk, history
 
     def _score(self, chunk: Chunk, history: FilterHistory) -> None:
         """Count the errors of a chunk."""
@@ -259,6 +299,12 @@ class FilterTrack:
         )
         if self._augmented is not None:
             self._augmented.add(chunk, history, self._errors.failed_epoch)
+        if self._editing is not None:
+            nees, _, _ = normalised_errors(np.ascontiguousarray(error), covariance)
+            self._editing.add(chunk.first_epoch, nees[0], history.edits_by, self._errors.failed_epoch)
+        if self._whiteness is not None:
+            residuals = np.concatenate([one.normalised for one in history.residuals_by.values()], axis=2)
+            self._whiteness.add(chunk.first_epoch, residuals, self._errors.failed_epoch)
 
     @contextmanager
     def _breaking_alone(self) -> Iterator[None]:
@@ -273,28 +319,14 @@ class FilterTrack:
     def _reached(self, epoch: int) -> None:
         self._epoch = epoch
 
-    def _advance(self, chunk: Chunk) -> FilterHistory:
-        """Return the history over the chunk; epoch 0 is the prior, whose measurement belongs to the start."""
-        forces = None
-        if self._thrust is not None:
-            forces, noise = self._thrust_inputs.of(chunk, self._known, self._carries_bias)
-            self._thrust.take(forces, chunk.first_epoch, noise)
-        if (arrived := arrival(self._entry, self._context, chunk, forces)) is not None:
-            cast(FedDynamics, self._dynamics).feed(arrived)  # they have it: `build_dynamics` looks at that
-        z = told(chunk, self._forms, self._config)
-        if chunk.first_epoch > 0:
-            self._belief, history = self._on(z, chunk.first_epoch)
-            return history
-        self._belief, history = self._on({name: readings[:, 1:] for name, readings in z.items()}, 1)
-        return history.after(self._prior)
-
-    def _on(self, z: Mapping[str, Array], first_epoch: int) -> tuple[Any, FilterHistory]:
-        return advance(self._filter, self._belief, z, first_epoch, self._step_s, self._reached, self._watch is not None)
-
     def result(self) -> FilterResult:
         """Return the statistics and the stored series; a filter is charged all of what its dynamics share."""
-        result = self._errors.result(1e6 * (self._cpu_s + self._shared.cpu_s) / self._steps)
-        return result if self._augmented is None else replace(result, augmented=self._augmented.result())
+        result = self._errors.result(1e6 * (self._cpu_s + self._fed.shared_cpu_s) / self._steps)
+        if self._augmented is not None:
+            result = replace(result, augmented=self._augmented.result())
+        if self._editing is not None:
+            result = replace(result, editing=self._editing.result())
+        return result if self._whiteness is None else replace(result, by_channel=self._whiteness.result())
 
     def failures(self, runs: Sequence[int]) -> tuple[Failure, ...]:
         """Return what failed, by run."""
@@ -311,6 +343,7 @@ def scoring_rules(config: CaseConfig) -> ScoringRules:
         settle_s=statistics.settle_s,
         convergence_m=statistics.convergence_m,
         convergence_hold_s=statistics.convergence_hold_s,
+        store_covariance=clock.store_covariance,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Dynamics
@@ -18,8 +18,11 @@ from relnav_sim.dynamics.registry import build_dynamics
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
 from relnav_sim.filters.belief import Filter
 from relnav_sim.filters.covariance_matching import CovarianceMatching
+from relnav_sim.filters.editing import Restart, edited
 from relnav_sim.filters.read_only import ReadOnlyDynamics, read_only
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.rewinding import RewindableDynamics
+from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.several import SeveralMeasurements
@@ -28,26 +31,40 @@ from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
 from relnav_sim.simulation.thrust_inputs import known_thrust
 
+_RTN = tuple(
+    Channel(axis, "m", f"position, {what}")
+    for axis, what in zip("xyz", ("radial", "along-track", "normal"), strict=True)
+)
+
 
 @dataclass(frozen=True)
 class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries augmented states b.
+        filter: The filter, over [x; b] where it carries augmented states b; its readings edited where the entry says.
+        algorithm: The same with every reading taken.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
         extension: The augmented states; None without any.
+        rewindable: The dynamics of the filter where it is to go back; else None.
     """
 
     filter: Filter
+    algorithm: Filter
     dynamics: Dynamics
     thrust: KnownThrust | None
     extension: Extension | None
+    rewindable: RewindableDynamics | None = None
 
 
 def create_campaign_filter(
-    entry: FilterEntry, config: CaseConfig, context: DynamicsContext, late: Collection[str] = ()
+    entry: FilterEntry,
+    config: CaseConfig,
+    context: DynamicsContext,
+    late: Collection[str] = (),
+    rewinds: bool = False,
+    restart: Restart | None = None,
 ) -> CampaignFilter:
     """Return the filter of a campaign's entry, with its dynamics, its measurement and its augmented states.
 
@@ -56,6 +73,8 @@ def create_campaign_filter(
         config: The case.
         context: What the dynamics are built from.
         late: Sensors whose readings come with a latency of their own.
+        rewinds: Whether the filter is to go back to epochs of the chunk before.
+        restart: Where runs that are restarted begin.
     """
     orbit, step_s = context.orbit, context.step_s
     adaptive = entry.process_noise.adaptive
@@ -69,10 +88,13 @@ def create_campaign_filter(
     extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
     measurement = _measurement(entry, config, orbit, extension, late)
-    filter = factory(dynamics, measurement, entry)
+    rewindable = RewindableDynamics(dynamics) if rewinds else None
+    algorithm = factory(rewindable or dynamics, measurement, entry)
+    filter = algorithm
     if adaptive is not None:
         filter = CovarianceMatching(filter, white, adaptive.window)
-    return CampaignFilter(filter, coasting, thrust, extension)
+    filter = edited(filter, entry.editing, getattr(entry, "gate_probability", None), restart)
+    return CampaignFilter(filter, algorithm, coasting, thrust, extension, rewindable)
 
 
 def _told_noise(context: DynamicsContext) -> DynamicsContext:
@@ -111,3 +133,12 @@ def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
     """Return the sensors that a filter goes by, in order, with the form in which it takes their readings."""
     relative = relative_sensors(config.sensors, entry.sensors)
     return {name: form_taken(options, entry.measurement) for name, options in relative.items()}
+
+
+def filter_channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
+    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
+    sensors = relative_sensors(config.sensors)
+    return {
+        name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
+        for name, form in sensor_forms(entry, config).items()
+    }

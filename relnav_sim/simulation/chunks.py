@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
@@ -16,6 +16,7 @@ from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.measurements.delayed import with_latency
 from relnav_sim.measurements.frame_error import with_frame
 from relnav_sim.sensors import HostOrbit, SensorSuite, filter_inputs, frame_is_told, own_sensor, relative_sensors
+from relnav_sim.sensors.arrivals import Arrivals
 from relnav_sim.sensors.interface import Craft, Form
 from relnav_sim.sensors.suite import StreamsMaker, streams_of
 from relnav_sim.simulation.host_orbits import HostOrbits, believed_gravity, fixes_of
@@ -37,6 +38,7 @@ class Chunk:
         orbits: What hosts of relative sensors know of their orbits, where their fixes may be missing.
         late: How long before its epoch each reading was taken, on top of the sensor's own latency, (runs, K), s; by
             the relative sensors of which any was. Only recorded readings are.
+        delays: How many epochs after its own each reading arrives, (runs, K), by the sensors that draw a latency.
         truth_is_known: Whether the true states are any. Those of a recorded flight may be NaN throughout.
         errors_are_known: Whether the errors of the sensors are those that the campaign draws. Those of a recorded
             flight are not.
@@ -49,6 +51,7 @@ class Chunk:
     ended: Mapping[int, str]
     orbits: Mapping[Craft, HostOrbit] = field(default_factory=dict)
     late: Mapping[str, Array] = field(default_factory=dict)
+    delays: Mapping[str, Integers] = field(default_factory=dict)
     truth_is_known: bool = True
     errors_are_known: bool = True
 
@@ -90,13 +93,15 @@ def chunks(config: CaseConfig, source: RandomSource, streams: StreamsMaker = str
     suite = SensorSuite(flown.sensors, source, clock.step_s, streams)
     force = own_sensor(flown.sensors, "force")
     front_end = FrontEnd(config, len(source.runs))
+    arrivals = Arrivals(flown.sensors, source, clock.step_s)
     for first in range(0, clock.epochs, CHUNK_EPOCHS):
         epochs = np.arange(first, min(first + CHUNK_EPOCHS, clock.epochs))
         times_s = np.asarray(epochs * clock.step_s, dtype=np.float64)
         truth = trajectory.at(times_s)
         felt = None if force is None else trajectory.felt(truth, clock.step_s)
         z = suite.measure(truth, first, partial(_earlier, trajectory, times_s), felt)
-        yield front_end.completed(Chunk(first, truth, z, {}, dict(trajectory.failures)), truth)
+        delays = arrivals.delays(len(epochs))
+        yield front_end.completed(Chunk(first, truth, z, {}, dict(trajectory.failures), delays=delays), truth)
 
 
 class FrontEnd:
@@ -147,6 +152,14 @@ def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[st
             z = with_latency(z, chunk.late[name])
         given[name] = z
     return given
+
+
+def in_time(z: Mapping[str, Array], delays: Mapping[str, Integers]) -> dict[str, Array]:
+    """Return readings by sensor (runs, K, m) without those that arrive after their own epoch."""
+    return {
+        name: np.where((delays[name] > 0)[..., None], np.nan, readings) if name in delays else readings
+        for name, readings in z.items()
+    }
 
 
 def _earlier(trajectory: Trajectory, times_s: Array, latency_s: float) -> tuple[Array, Array]:

@@ -49,17 +49,30 @@ def estimated_orbit(campaign: Campaign, case: int, filter: str, run: int) -> Est
     config = whole.config.model_copy(update={"filters": {filter: whole.config.filters[filter]}})
     alone = Case(whole.id, whole.label, whole.variables, config)
     source = RandomSource(campaign.seed, (run,))
-    parts: list[EstimatedOrbit] = []
-
-    def watch(name: str, filter: Filter, chunk: Chunk, before: Array, history: FilterHistory) -> None:
-        parts.append(_estimated(chunk, history))
-
+    watch = _Estimates()
     outcome = filter_block(alone, source, chunks(config, source), case, watch=watch)
     if outcome.broken:
         raise RuntimeError(outcome.broken[filter].reason)
+    parts = watch.smoothed or watch.filtered
     return EstimatedOrbit(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in ("times_s", "states", "covariance"))
     )
+
+
+class _Estimates:
+    """Keeps the orbit as it is estimated, chunk by chunk."""
+
+    def __init__(self) -> None:
+        self.filtered: list[EstimatedOrbit] = []
+        self.smoothed: list[EstimatedOrbit] = []
+
+    def __call__(self, name: str, filter: Filter, chunk: Chunk, before: Array, history: FilterHistory) -> None:
+        """Keep what a filter says."""
+        self.filtered.append(_estimated(chunk, history))
+
+    def afterwards(self, name: str, chunk: Chunk, history: FilterHistory) -> None:
+        """Keep what a smoother makes of it."""
+        self.smoothed.append(_estimated(chunk, history))
 
 
 def _estimated(chunk: Chunk, history: FilterHistory) -> EstimatedOrbit:

@@ -15,8 +15,8 @@ from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.channel_residuals import ChannelResiduals
 from relnav_sim.filters.history import FilterHistory
 from relnav_sim.filters.recorded_flow import RecordedFlow, joined_flow, recorded_flow
+from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.smoother import smooth
-from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.partial import all_channels, sensors_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.results import layout
@@ -24,7 +24,7 @@ from relnav_sim.sensors import readings_layout, relative_sensors
 from relnav_sim.sensors.campaign_sensors import reading_names
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.block import filter_block
-from relnav_sim.simulation.campaign_filter import sensor_forms
+from relnav_sim.simulation.campaign_filter import filter_channels
 from relnav_sim.simulation.chunks import Chunk
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch, on_clock, recorded_chunks
@@ -107,6 +107,7 @@ class _Collector:
         self._n = mean_motion_rad_s
         self._histories: dict[str, list[FilterHistory]] = {}
         self._flows: dict[str, list[RecordedFlow]] = {}
+        self._smoothed: dict[str, list[FilterHistory]] = {}
         self.read: dict[str, int] = {}
         self.lost: dict[str, int] = {}
         self.held: dict[str, list[Array]] = {}
@@ -131,6 +132,10 @@ class _Collector:
         self._flows.setdefault(name, []).append(recorded_flow(filter.dynamics, means, first_epoch, self._step_s))
         if chunk.late:
             self._take_down_held(filter, chunk, history)
+
+    def afterwards(self, name: str, chunk: Chunk, history: FilterHistory) -> None:
+        """Take down what a smoother has made of a chunk."""
+        self._smoothed.setdefault(name, []).append(history)
 
     def _take_down_held(self, filter: Filter, chunk: Chunk, history: FilterHistory) -> None:
         """Take down by how many sigmas late readings are off because velocities are held constant meanwhile.
@@ -161,10 +166,17 @@ class _Collector:
             return np.concatenate(series, axis=1)
 
         mean, covariance = joined([part.mean for part in parts]), joined([part.covariance for part in parts])
+        changed = np.full(mean.shape, np.nan)
+        if not filter_kinds()[entry.kind].repeats:  # what has been fitted to all readings is not changed by later ones
+            changed = _smoothed_change(mean, covariance, joined_flow(self._flows[name]), self._step_s)
+        if name in self._smoothed:
+            mean, covariance = (
+                joined([getattr(part, each) for part in self._smoothed[name]]) for each in ("mean", "covariance")
+            )
         sensors = list(parts[0].nis_by)
         extension = extension_of(entry, config)
         return ReplayedFilter(
-            channels=_channels(entry, config),
+            channels=filter_channels(entry, config),
             names=(*layout.COMPONENTS, *(() if extension is None else extension.names)),
             mean=mean,
             sigma=np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)),
@@ -177,24 +189,9 @@ class _Collector:
                 )
                 for sensor in sensors
             },
-            smoothed_change=_smoothed_change(mean, covariance, joined_flow(self._flows[name]), self._step_s),
+            smoothed_change=changed,
             failures=tuple(failure for part in parts for failure in part.failures),
         )
-
-
-_RTN = tuple(
-    Channel(axis, "m", f"position, {what}")
-    for axis, what in zip("xyz", ("radial", "along-track", "normal"), strict=True)
-)
-
-
-def _channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
-    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
-    sensors = relative_sensors(config.sensors)
-    return {
-        name: sensors[name].channels if form == sensors[name].forms[0] else _RTN
-        for name, form in sensor_forms(entry, config).items()
-    }
 
 
 def _relative_acceleration(states: Array, n: float) -> Array:
@@ -221,6 +218,12 @@ def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s:
 def _check_sensors(config: CaseConfig, recorded: Readings) -> None:
     """Refuse readings of sensors that the campaign does not have, and a lack of those that it needs."""
     sensors = {reading: sensor for reading, (sensor, _) in reading_names(config.sensors).items()}
+    for name, each in relative_sensors(config.sensors).items():
+        if each.drawn_latency_s is not None:
+            raise ReplayError(
+                f"{name} draws a latency for each reading, and files of readings do not say when they arrived; leave "
+                f"it out: --set sensors.{name}.drawn_latency_s=null"
+            )
     names = readings_layout(config.sensors)
     if unknown := [name for name in recorded.sensors if name not in names]:
         known = listed(list(names), "and")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from relnav_sim.arrays import Array
 from relnav_sim.campaign.models import CaseConfig, DispersedStart, FirstFixStart, GivenStart
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.sensors import relative_sensors, sensor_measurement
@@ -27,13 +28,7 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
     start, flown, B = config.start, config.flown.start, len(source.runs)
     if isinstance(start, FirstFixStart):
         assert isinstance(flown, FirstFixStart)  # no stress changes the kind of a start
-        name = fix_sensor(config)
-        options = relative_sensors(config.sensors)[name]
-        orbit, step_s = nominal_chief(config.truth), config.clock.step_s
-        model = sensor_measurement(name, config.sensors, orbit, step_s, assumed_noise="nominal")
-        fix = options.first_fix(model, first.inputs[name][options.forms[0]][:, 0])
-        assert fix is not None  # the sensor is one that gives fixes
-        position, position_covariance = fix
+        position, position_covariance = FixMaker(config, fix_sensor(config)).fix(first, 0)
         mean = np.concatenate([position, np.broadcast_to(flown.velocity_m_s, (B, 3))], axis=1)
         covariance = np.zeros((B, 6, 6))
         covariance[:, :3, :3] = position_covariance
@@ -47,6 +42,26 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
     assert isinstance(flown, GivenStart)
     state = np.array([*flown.position_m, *flown.velocity_m_s])
     return Gaussian(np.broadcast_to(state, (B, 6)).copy(), covariance)
+
+
+class FixMaker:
+    """What a sensor that gives a position by itself says the position is.
+
+    Args:
+        config: The case.
+        name: The sensor.
+    """
+
+    def __init__(self, config: CaseConfig, name: str) -> None:
+        self._name, self._options = name, relative_sensors(config.sensors)[name]
+        orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+        self._model = sensor_measurement(name, config.sensors, orbit, step_s, assumed_noise="nominal")
+
+    def fix(self, chunk: Chunk, k: int) -> tuple[Array, Array]:
+        """Return position (runs, 3), RTN m, and its covariance (runs, 3, 3) by the reading at column k of a chunk."""
+        fix = self._options.first_fix(self._model, chunk.inputs[self._name][self._options.forms[0]][:, k])
+        assert fix is not None  # the sensor is one that gives fixes
+        return fix
 
 
 def fix_sensor(config: CaseConfig) -> str:

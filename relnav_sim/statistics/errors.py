@@ -17,6 +17,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results import layout
 from relnav_sim.results.block import Failure, FilterResult
+from relnav_sim.results.covariance_root import covariance_roots
 from relnav_sim.statistics import consistency, moments, quantiles
 from relnav_sim.statistics.convergence import RELATIVE_CONVERGENCE, Convergence
 from relnav_sim.statistics.convergence_seen import hold_epochs
@@ -39,6 +40,7 @@ class ScoringRules:
         settle_s: Start of the settled span, s.
         convergence_m: Threshold of the convergence time, m.
         convergence_hold_s: How long the error must stay below it, s.
+        store_covariance: Whether the covariance is stored whole with the series.
     """
 
     step_s: float
@@ -47,6 +49,7 @@ class ScoringRules:
     settle_s: float
     convergence_m: float
     convergence_hold_s: float
+    store_covariance: bool = False
 
     @property
     def stored_s(self) -> Array:
@@ -121,7 +124,8 @@ class ErrorAccumulator:
         self._convergence = Convergence(runs, rules.convergence_m, held)
         lengths = layout.sizes(runs, len(rules.stored_s))
         self._series = {
-            spec.name: np.full(layout.shape(spec, lengths), np.nan, dtype=spec.dtype) for spec in layout.SERIES
+            spec.name: np.full(layout.shape(spec, lengths), np.nan, dtype=spec.dtype)
+            for spec in (*layout.SERIES, *((layout.COVARIANCE,) if rules.store_covariance else ()))
         }
 
     @property
@@ -222,7 +226,15 @@ class ErrorAccumulator:
         }
         diagnostics = {name: _share(total, count) for name, (count, total) in self._extras.items()}
         by_sensor = None if self._readings is None else self._readings.result([whole.sensors, settled.sensors])
-        return FilterResult(summary, **self._series, diagnostics=diagnostics, augmented=None, by_sensor=by_sensor)
+        return FilterResult(
+            summary,
+            **self._series,
+            diagnostics=diagnostics,
+            augmented=None,
+            by_sensor=by_sensor,
+            editing=None,
+            by_channel=None,
+        )
 
     def _advance(self, times_s: Array, error: Array, covariance: Array) -> int:
         runs, K = self._runs, len(times_s)
@@ -264,6 +276,12 @@ class ErrorAccumulator:
             self._series["sigma"][:, rows] = np.where(good[..., None], np.sqrt(variances), np.nan)
             self._series["nis"][:, rows] = np.where(good, nis[:, chosen], np.nan)
             self._series["nees"][:, rows] = np.where(good, nees[:, chosen], np.nan)
+            if self.rules.store_covariance:
+                # Epochs first, as covariances lie in memory; a slice spares the copy where every epoch is stored.
+                every = slice(-int(epochs[0]) % self.rules.store_every, None, self.rules.store_every)
+                roots = covariance_roots(covariance.swapaxes(0, 1)[every]).swapaxes(0, 1)
+                known = roots if good.all() else np.where(good[..., None], roots, np.nan)
+                self._series[layout.COVARIANCE.name][:, rows] = known
 
     def _readings_of(self, given: NisOfSensors) -> ReadingSeries:
         """Return where the readings of these sensors are stored; begin with it at the first chunk."""

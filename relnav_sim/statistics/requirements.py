@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,40 +22,23 @@ from relnav_sim.campaign.requirements import (
     FailedRequirement,
     NeesRequirement,
     NisRequirement,
+    RecoveryRequirement,
     RmsRequirement,
 )
 from relnav_sim.results import layout
-from relnav_sim.statistics import means
 from relnav_sim.statistics.convergence_seen import seen_until_s
 from relnav_sim.statistics.divergence import diverged_runs
-from relnav_sim.statistics.intervals import Interval, mean_interval, runs_to_decide
-from relnav_sim.statistics.proportions import Share, runs_for_share, share_of_epochs, share_of_runs
+from relnav_sim.statistics.error_requirements import EVERY_EPOCH, on_errors, stored_epochs
+from relnav_sim.statistics.findings import Finding, Verdict, on_a_mean, on_a_share
+from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.proportions import share_of_runs
+from relnav_sim.statistics.recovery import recovered_in_time
+from relnav_sim.wording import counted
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-Verdict = Literal["pass", "fail", "undecided"]
-
-EVERY_EPOCH = "every epoch"
 CANNOT_BE_JUDGED = "cannot be judged: the run is not longer than the hold time"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What the runs say about a requirement's figure.
-
-    Attributes:
-        figure: The figure with its interval at the requirement's confidence.
-        verdict: What follows.
-        certainty: Largest one-sided confidence at which the requirement is met or, where the figure is on the wrong
-            side, missed.
-        runs_to_decide: Runs that would decide an undecided one; None: decided, or no number would.
-    """
-
-    figure: Interval
-    verdict: Verdict
-    certainty: float
-    runs_to_decide: int | None
 
 
 @dataclass(frozen=True)
@@ -93,42 +76,13 @@ def overall(verdicts: Iterator[Verdict] | list[Verdict]) -> Verdict:
     return "fail" if "fail" in found else "undecided" if "undecided" in found else "pass"
 
 
-def on_a_share(share: Share, limit: float, confidence: float) -> Finding:
-    """Return what a share says about a requirement to be at least ``limit``."""
-    figure = share.interval(confidence)
-    verdict: Verdict = "pass" if figure.low >= limit else "fail" if figure.high < limit else "undecided"
-    certainty = max(share.certainty_at_least(limit), share.certainty_below(limit))
-    needed = runs_for_share(share, limit, confidence) if verdict == "undecided" else None
-    return Finding(figure, verdict, certainty, needed)
-
-
-def on_a_mean(values: Array, low: float, high: float, confidence: float) -> Finding:
-    """Return what one figure per run says about a requirement that their mean lie between two limits.
-
-    Args:
-        values: One figure per run (runs,), finite.
-        low: Lower limit; -inf: none.
-        high: Upper limit.
-        confidence: Of the interval.
-    """
-    figure = mean_interval(values, level=confidence)
-    inside = low <= figure.low and figure.high <= high
-    outside = figure.high < low or figure.low > high
-    verdict: Verdict = "pass" if inside else "fail" if outside else "undecided"
-    within = [_certainty_beyond(values - low), _certainty_beyond(high - values)]
-    certainty = min(within) if low <= figure.estimate <= high else 1 - min(within)
-    nearest = high if abs(figure.estimate - high) <= abs(figure.estimate - low) else low
-    needed = runs_to_decide(values - nearest, confidence) if verdict == "undecided" else None
-    return Finding(figure, verdict, certainty, needed)
-
-
 def judge(results: Results, name: str, requirement: AnyRequirement, case: int, filter: str) -> Judgement:
     """Return whether a filter meets a requirement in one case."""
     if not len(results.case_runs(case, filter)):
         return Judgement(name, requirement, case, filter, None, "no run yet")
     match requirement:
         case ErrorsRequirement():
-            finding, basis = _errors(results, requirement, case, filter)
+            finding, basis = on_errors(results, requirement, case, filter)
         case RmsRequirement():
             finding, basis = _rms(results, requirement, case, filter), EVERY_EPOCH
         case NeesRequirement():
@@ -137,39 +91,14 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _nis(results, requirement, case, filter)
         case ConvergedRequirement():
             finding, basis = _converged(results, requirement, case, filter)
+        case RecoveryRequirement():
+            finding, basis = _recovered(results, requirement, case, filter)
         case FailedRequirement() | DivergedRequirement():
             finding, basis = _lost(results, requirement, case, filter)
     if finding is None and basis == EVERY_EPOCH:
         failed = results.statistic(case, filter, "failed") == 1
         basis = "no completed run" if failed.all() else "no figure in the span"
     return Judgement(name, requirement, case, filter, finding, basis)
-
-
-def _errors(results: Results, rule: ErrorsRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
-    times_s = results.time_s(case)
-    error = results.error(case, filter)
-    if rule.quantity in ("r", "v"):
-        parts = slice(0, 3) if rule.quantity == "r" else slice(3, 6)
-        size = np.linalg.norm(error[..., parts], axis=-1)
-    else:
-        size = np.abs(error[..., layout.COMPONENTS.index(rule.quantity)])
-    counted = np.broadcast_to((times_s > 0) & (times_s >= rule.from_s), size.shape)
-    if rule.inside_m is not None:
-        counted = counted & (results.distance(case, filter) <= rule.inside_m)
-    # A run that has failed has NaN from there on, which no limit holds.
-    hits = (counted & (size < rule.limit)).sum(axis=1)
-    basis = stored_epochs(results, case)
-    if not counted.any():
-        return None, "no such epoch"
-    return on_a_share(share_of_epochs(hits, counted.sum(axis=1), rule.confidence), rule.share, rule.confidence), basis
-
-
-def stored_epochs(results: Results, case: int) -> str:
-    """Return in words which epochs the stored series has."""
-    times_s = results.time_s(case)
-    step_s = results.campaign_content.get("clock", {}).get("step_s")
-    every = round((times_s[1] - times_s[0]) / step_s) if step_s and len(times_s) > 1 else 0
-    return EVERY_EPOCH if every == 1 else f"stored epochs, one in {every}" if every else "stored epochs"
 
 
 def _rms(results: Results, rule: RmsRequirement, case: int, filter: str) -> Finding | None:
@@ -226,6 +155,24 @@ def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: 
     return Finding(figure, "undecided", math.nan, None), basis
 
 
+def _recovered(results: Results, rule: RecoveryRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
+    editing = results.editing(case, filter)
+    if editing is None:
+        return None, "the filter edits no reading"
+    found = recovered_in_time(editing, results.statistic(case, filter, "failed") == 1, rule.within_s)
+    runs, met, possible = (int(part.sum()) for part in (found.concerned, found.met, found.possible))
+    basis = f"the {counted(runs, 'run')} locked out or lost"
+    if not runs:
+        return None, "no run was locked out or lost"
+    finding, best = (on_a_share(share_of_runs(part, runs), rule.share, rule.confidence) for part in (met, possible))
+    if met == possible or finding.verdict == "pass":
+        return finding, basis
+    basis += f"; {counted(possible - met, 'run')} end too soon to tell"
+    if best.verdict == "fail":
+        return best, basis
+    return Finding(replace(finding.figure, high=best.figure.high), "undecided", math.nan, None), basis
+
+
 def _lost(
     results: Results, rule: FailedRequirement | DivergedRequirement, case: int, filter: str
 ) -> tuple[Finding, str]:
@@ -248,11 +195,3 @@ def _completed(results: Results, case: int, filter: str, name: str) -> Array:
 
 def _known(values: Array) -> Array:
     return values[~np.isnan(values)]
-
-
-def _certainty_beyond(values: Array) -> float:
-    """Return the one-sided confidence that the mean of the values is positive."""
-    if len(values) < 2 or not np.isfinite(values).all():
-        return 1.0 if np.isposinf(values).all() else 0.0
-    one_sided = means.p_value(values) / 2
-    return 1 - one_sided if values.mean() > 0 else one_sided

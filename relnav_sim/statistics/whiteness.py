@@ -65,17 +65,29 @@ def whiteness(series: Sequence[Array], most_lags: int = LAGS) -> Whiteness:
     runs = [np.asarray(run, dtype=float) for run in series if len(run)]
     count = sum(map(len, runs))
     lags = min(most_lags, max((len(run) for run in runs), default=0) // 5)
-    low = lag1_band(count, CONFIDENCE).low
-    if lags < 2:
-        return Whiteness(count, np.zeros(0), -low, float("nan"), float("nan"))
-    mean = float(np.concatenate(runs).mean())
+    mean = float(np.concatenate(runs).mean()) if count else 0.0
     runs = [run - mean for run in runs]
     square = sum(float(run @ run) for run in runs)
     pairs = np.array([sum(max(0, len(run) - k) for run in runs) for k in range(1, lags + 1)])
+    products = [sum(float(run[k:] @ run[:-k]) for run in runs if len(run) > k) for k in range(1, lags + 1)]
+    return of_products(count, square, np.array(products), pairs)
+
+
+def of_products(count: int, square: float, products: Array, pairs: Array) -> Whiteness:
+    """Return how a series is correlated with itself, from sums over all its runs.
+
+    Args:
+        count: Number of values.
+        square: Sum of their squares about the mean.
+        products: Sum over the pairs at the lags 1, 2, ... of their products about the mean (L,).
+        pairs: Number of these pairs (L,).
+    """
+    lags, low = len(products), lag1_band(count, CONFIDENCE).low
+    if lags < 2:
+        return Whiteness(count, np.zeros(0), -low, float("nan"), float("nan"))
     if not square > 0:  # all values are the same
         return Whiteness(count, np.zeros(lags), -low, 0.0, 1.0)
-    products = [sum(float(run[k:] @ run[:-k]) for run in runs if len(run) > k) for k in range(1, lags + 1)]
-    correlation = np.array(products) / square
+    correlation = products / square
     statistic = float(count * (count + 2) * np.sum(np.square(correlation) / pairs))
     return Whiteness(count, correlation, -low, statistic, _chi_square_tail(statistic, lags))
 

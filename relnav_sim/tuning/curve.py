@@ -112,6 +112,7 @@ _SHOWN = {
     "position": ("position_rms_m",),
     "velocity": ("velocity_rms_m_s",),
     "consistency": ("anees",),
+    "in_band": ("position_rms_m", "anees"),
     "both": ("position_rms_m", "anees"),
 }
 

@@ -72,8 +72,8 @@ class FilterTuning:
 
     @property
     def least(self) -> Evaluation:
-        """The least objective; of equals the one tried first."""
-        return min(self.evaluations, key=lambda evaluation: evaluation.score.value)
+        """The least objective, in the band where there is one; of equals the one tried first."""
+        return min(self.evaluations, key=lambda tried: (not tried.score.feasible, tried.score.value))
 
     @property
     def best(self) -> Evaluation:
@@ -83,11 +83,16 @@ class FilterTuning:
         objective those that change the fewest of the campaign's numbers (the rule of Breiman et al. 1984, section
         3.4.3); of these the one nearest to the start whose objective is the least of them to within `EQUAL`.
         """
-        near = [evaluation for evaluation in self.evaluations if _within_standard_error(evaluation, self.least)]
+        near = [tried for tried in self._as_feasible if _within_standard_error(tried, self.least)]
         fewest = min(map(self._changed, near))
         simple = [evaluation for evaluation in near if self._changed(evaluation) == fewest]
         enough = min(evaluation.score.value for evaluation in simple) + EQUAL
         return min((e for e in simple if e.score.value <= enough), key=self._distance)
+
+    @property
+    def _as_feasible(self) -> list[Evaluation]:
+        """The candidates that keep to the band as well as the least does."""
+        return [tried for tried in self.evaluations if tried.score.feasible >= self.least.score.feasible]
 
     def _changed(self, evaluation: Evaluation) -> int:
         return sum(a != b for a, b in zip(evaluation.values, self.start.values, strict=True))
@@ -108,7 +113,7 @@ class FilterTuning:
 
     def as_good(self) -> list[tuple[float, float]]:
         """Return the least and greatest value of each scalar that the runs cannot tell from the least objective."""
-        near = [evaluation.values for evaluation in self.evaluations if _undecided(evaluation, self.least)]
+        near = [tried.values for tried in self._as_feasible if _undecided(tried, self.least)]
         return [(min(column), max(column)) for column in zip(*near, strict=True)]
 
 

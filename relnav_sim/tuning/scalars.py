@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -69,6 +69,15 @@ class Scalar:
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
+
+
+def alike(scalars: Sequence[Scalar]) -> int:
+    """Return how many numbers at the front have the range of the first: the same thing on several axes."""
+    first = scalars[0]
+    same = [
+        (one.low, one.high, one.log, one.whole) == (first.low, first.high, first.log, first.whole) for one in scalars
+    ]
+    return same.index(False) if False in same else len(same)
 
 
 def declared(options: Options, path: Path = ()) -> Iterator[Scalar]:
@@ -166,7 +175,7 @@ def value_of(entry: FilterEntry, path: Path) -> float | None:
 
 def _of_use(entry: FilterEntry, objective: TuneObjective) -> Iterator[Scalar]:
     """Yield the declared numbers but those that would only waste candidates."""
-    counts_covariance = objective in ("consistency", "both")
+    counts_covariance = objective in ("consistency", "both", "in_band")
     for scalar in declared(entry):
         if not entry.dynamics.uses_process_noise and scalar.path[0] == "process_noise":
             continue

@@ -1,5 +1,7 @@
 """A deterministic search of the unit cube in rounds: the first axis by itself, then all axes together.
 
+Axes at the front that are the same thing, three densities say, move as one at first: alone, none would show much.
+
 Rounds, because all points of a round are tried on the same simulated measurements at once. A line of points along the
 first axis comes first; each further round takes the minimum of a surrogate (a quadratic and cubic radial basis
 functions through the nearest points; Gutmann, J. Global Optimization 19, 2001), and the points one reach away from the
@@ -38,14 +40,22 @@ _BOX = 2.0  # they lie within so many reaches of the best
 _NEIGHBOURS = 2  # points that the surrogate goes through, in units of what a quadratic needs
 
 
-def search(start: Point, budget: int) -> Search:
+def search(start: Point, budget: int, together: int = 1) -> Search:
     """Yield rounds of points in [0, 1]^d, the start first; take their values, infinite where a point failed.
 
     Args:
         start: Where to begin; the first axis gets a line of points from end to end.
         budget: Most points in all, at least 3.
+        together: So many axes at the front keep their distances from the first while it is searched by itself.
     """
     known: dict[Point, float] = {}
+    if together > 1:
+        share = min(budget, max(LINE, round(FIRST_SHARE * budget)))
+        yield from _lifted(search((start[0],), share), start, together, known)
+        reach = np.full(len(start), FIRST_REACH)
+        reach[:together] = FIRST_REACH_AGAIN
+        yield from _close_in(known, reach, range(len(start)), budget)
+        return
     d = len(start)
     line = min(LINE_ALONE if d == 1 else LINE, budget - 1)
     along = [(i / (line - 1), *start[1:]) for i in range(line)]
@@ -58,6 +68,19 @@ def search(start: Point, budget: int) -> Search:
         reach = np.full(d, FIRST_REACH)
         reach[0] = FIRST_REACH_AGAIN
         yield from _close_in(known, reach, range(d), budget)
+
+
+def _lifted(line: Search, start: Point, together: int, known: dict[Point, float]) -> Search:
+    """Ask for what a search of one axis asks for, with the other axes moved along."""
+    points = next(line)
+    while True:
+        moved = [rounded((*(u + place - start[0] for u in start[:together]), *start[together:])) for (place,) in points]
+        values = yield moved
+        known.update(zip(moved, values, strict=True))
+        try:
+            points = line.send(values)
+        except StopIteration:
+            return
 
 
 def _close_in(known: dict[Point, float], reach: Array, axes: range, budget: int) -> Search:

@@ -13,7 +13,7 @@ import numpy as np
 from relnav_sim.arrays import Mask
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.models import LARGEST_SEED, TuneOptions
+from relnav_sim.campaign.models import LARGEST_SEED, TuneObjective, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
 from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.pool import Pool
@@ -23,7 +23,7 @@ from relnav_sim.tuning.bench import Bench
 from relnav_sim.tuning.objective import Figures, Score, objective
 from relnav_sim.tuning.progress import progress_of
 from relnav_sim.tuning.result import Check, Evaluation, FilterTuning, Tuning
-from relnav_sim.tuning.scalars import Scalar, TuningError, free_scalars, value_of, with_values
+from relnav_sim.tuning.scalars import Scalar, TuningError, alike, free_scalars, value_of, with_values
 from relnav_sim.tuning.search import Point, Search, rounded, search
 
 SEARCH_WORD = "tune"
@@ -114,7 +114,7 @@ class _Plan:
         self.evaluations: list[Evaluation] = []
         places = (scalar.place(value) for scalar, value in zip(self.scalars, self.own, strict=True))
         self._places = rounded(tuple(places))
-        self._search: Search = search(self._places, self.options.budget)
+        self._search: Search = search(self._places, self.options.budget, alike(self.scalars))
         self.waiting = self._values(next(self._search))
 
     def entries(self, values: Sequence[float]) -> list[FilterEntry]:
@@ -124,7 +124,8 @@ class _Plan:
 
     def take(self, round: int, figures: Sequence[Figures]) -> None:
         """Take what the waiting candidates gave, and ask the search for more."""
-        scores = [objective(f, self.options.objective, self.options.weight) for f in figures]
+        options = self.options
+        scores = [objective(f, options.objective, options.weight, options.anees_band) for f in figures]
         self.evaluations += [
             Evaluation(round, values, f, score) for values, f, score in zip(self.waiting, figures, scores, strict=True)
         ]
@@ -178,8 +179,11 @@ def _checked(
 def _check(start: Figures, tuned: Figures, options: TuneOptions) -> Check:
     both = ~(start.broken | tuned.broken)
 
+    # Within a band it is the position that is compared: how far the start is outside is not a gain.
+    kind: TuneObjective = "position" if options.objective == "in_band" else options.objective
+
     def score(figures: Figures) -> Score:
-        return objective(figures.of(both), options.objective, options.weight)
+        return objective(figures.of(both), kind, options.weight)
 
     if both.sum() < 2:
         return Check(start, tuned, None)

@@ -11,7 +11,7 @@ from relnav_sim.campaign.problems import listed
 from relnav_sim.report.metrics import ANEES, POSITION_RMS, VELOCITY_RMS
 from relnav_sim.statistics.intervals import Comparison, fewest_runs_to_decide
 from relnav_sim.tuning.edit import number_text
-from relnav_sim.tuning.objective import Figures, mean_log
+from relnav_sim.tuning.objective import Figures, band_of, mean_log
 from relnav_sim.tuning.result import FilterTuning, Tuning
 
 NUMBERS = ("filter", "number", "start", "tuned", "cannot be told from the best")
@@ -65,12 +65,30 @@ def sentences(tuning: Tuning) -> list[str]:
             for scalar, value, before in zip(found.scalars, found.best.values, found.start.values, strict=True)
             if found.found and value != before and value in (scalar.low, scalar.high)
         ]
+    if options.objective == "in_band":
+        words += [_band_words(name, found, options) for name, found in tuning.filters.items() if found.found]
     if tuning.lost:
         words.append(
             f"left out: {listed([f'run {run}' for run in tuning.lost], 'and')}, which no candidate of any filter "
             "got through"
         )
     return words
+
+
+def _band_words(name: str, found: FilterTuning, options: TuneOptions) -> str:
+    """Return whether a tuned filter keeps to the band of the ANEES: in the search, and on the held-out runs."""
+    low, high = band_of(found.best.figures, options.anees_band)
+    words = f"{name}: ANEES in [{low:.3g}, {high:.3g}] in every case"
+    if not found.best.score.feasible:
+        words = f"{name}: NO candidate has its ANEES in [{low:.3g}, {high:.3g}] in every case; the nearest was taken"
+    if found.check is None or not (tuned := found.check.tuned).sound:
+        return words
+    low, high = band_of(tuned, options.anees_band)
+    anees = tuned.anees.mean(axis=1)
+    inside = bool(((anees >= low) & (anees <= high)).all())
+    spread = f"{anees.min():.3g}" if len(anees) == 1 else f"{anees.min():.3g} to {anees.max():.3g}"
+    verdict = "inside" if inside else "OUTSIDE"
+    return f"{words}; held out: {spread}, {verdict} [{low:.3g}, {high:.3g}]"
 
 
 def check_words(found: FilterTuning, options: TuneOptions) -> str:
@@ -121,6 +139,9 @@ def _arrow(before: float, after: float) -> str:
 def _objective_words(options: TuneOptions) -> str:
     if options.objective == "both":
         return f"ln position RMS + {options.weight:g} (ln ANEES)^2"
+    if options.objective == "in_band":
+        band = "its 95 % chi-square band" if options.anees_band is None else "{:g} to {:g}".format(*options.anees_band)
+        return f"position RMS with the ANEES in {band}"
     return {"position": "position RMS", "velocity": "velocity RMS", "consistency": "(ln ANEES)^2"}[options.objective]
 
 
@@ -130,7 +151,7 @@ def _difference_words(comparison: Comparison, options: TuneOptions) -> str:
     if math.isnan(interval.low):
         return f"not decided: {interval.runs} runs in common, it takes {fewest_runs_to_decide(1)} or more"
     ends = (interval.estimate, interval.low, interval.high)
-    if options.objective in ("position", "velocity"):
+    if options.objective in ("position", "velocity", "in_band"):
         middle, low, high = (f"{100 * math.expm1(end):+.1f}" for end in ends)
         numbers = f"{middle} % [{low}, {high}]"
     else:

@@ -1,6 +1,8 @@
 """A campaign with every kind of source, and its Monte Carlo with some of them switched on."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +12,7 @@ from relnav_sim.sensors.streams import SensorStreams
 from relnav_sim.sensors.suite import streams_of
 from relnav_sim.simulation.block import filter_block
 from relnav_sim.simulation.chunks import chunks
-from relnav_sim.streams import RandomSource
+from relnav_sim.streams import RandomSource, Streams
 from relnav_sim.truth import nominal_truth
 
 TEXT = """
@@ -58,11 +60,26 @@ def campaign(*overrides: str) -> Campaign:
     return parse_campaign(TEXT, overrides)
 
 
+class Number(NamedTuple):
+    """One of the numbers that a run draws: its stream (SENSOR.WORD, truth.WORD, start) and its place in it."""
+
+    stream: str
+    place: int
+
+
+def only(values, place):
+    """Return draws with the numbers of all places but one at 0."""
+    flat = values.reshape(*values.shape[:1], -1) if values.ndim > 1 else values[:, None]
+    left = np.zeros_like(flat)
+    left[:, place] = flat[:, place]
+    return left.reshape(values.shape)
+
+
 class Some(SensorStreams):
     """A sensor's random numbers, of which only some are left."""
 
-    def __init__(self, whole: SensorStreams, kept: Callable[[str, int], bool], name: str) -> None:
-        self._whole, self._kept, self._sensor = whole, kept, name
+    def __init__(self, whole: SensorStreams, kept: Callable[[str, int], bool], name: str, number: Number) -> None:
+        self._whole, self._kept, self._sensor, self._number = whole, kept, name, number
 
     @property
     def runs(self):
@@ -74,10 +91,45 @@ class Some(SensorStreams):
         return np.where(np.isnan(values) | mask, values, 0.0)
 
     def normal(self, word, epochs, *shape):
+        if self._number.stream == f"{self._sensor}.{word}" and int(np.prod(shape)) == 1:
+            return self._whole.normal(word, epochs, *shape)
         return np.zeros((self.runs, epochs, *shape))
 
     def constant(self, word, *shape):
+        if self._number.stream == f"{self._sensor}.{word}":
+            return only(self._whole.constant(word, *shape), self._number.place)
         return np.zeros((self.runs, *shape))
+
+
+class Kept(Streams):
+    """A stream of truth or start, with one number left, or with none."""
+
+    def __init__(self, generators, place):
+        super().__init__(generators)
+        self._place = place
+
+    def normal(self, *shape):
+        values = super().normal(*shape)
+        return np.zeros_like(values) if self._place is None else only(values, self._place)
+
+    def uniform(self, *shape):
+        return 0.5 + self._about(super().uniform(*shape) - 0.5)
+
+    def _about(self, values):
+        return np.zeros_like(values) if self._place is None else only(values, self._place)
+
+
+@dataclass(frozen=True)
+class OneSource(RandomSource):
+    """The seed's streams of truth and start, of which one number is left."""
+
+    number: Number
+
+    def streams(self, name):
+        drawn = super().streams(name)
+        if name == "start" or name.startswith("truth."):
+            return Kept(drawn.generators, self.number.place if self.number.stream == name else None)
+        return drawn
 
 
 def errors(
@@ -86,6 +138,7 @@ def errors(
     runs: int,
     kept: Callable[[str, int], bool] | None = None,
     nominal: bool = True,
+    number: Number | None = None,
 ):
     """Return the errors (runs, T, 6) of a filter with the noise of some channels; None: of all that there is.
 
@@ -95,16 +148,19 @@ def errors(
         runs: How many.
         kept: Whether the noise of a sensor's channel is there.
         nominal: Whether the truth is the nominal one.
+        number: The one number that is drawn beside the noise of channels; None: all of them, or none with `kept`.
     """
     case = campaign.cases[0]
     config = case.config.model_copy(update={"filters": {filter: case.config.filters[filter]}})
     if nominal:
         config = config.model_copy(update={"truth": nominal_truth(config.truth)})
     source = RandomSource(campaign.seed, tuple(range(runs)))
+    if number is not None:
+        source = OneSource(campaign.seed, tuple(range(runs)), number)
 
     def streams(name, *rest):
         whole = streams_of(name, *rest)
-        return whole if kept is None else Some(whole, kept, name)
+        return whole if kept is None else Some(whole, kept, name, number or Number("", 0))
 
     found = []
 

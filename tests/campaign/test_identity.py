@@ -44,6 +44,9 @@ COSMETIC = {
     "a word by its name now": lambda text: text.replace("kind: ekf", "kind: ekf\n    measurement: spherical"),
     "a kind that is the name": lambda text: text.replace("radar: {range_sigma_m", "radar: {kind: radar, range_sigma_m"),
     "a default that came later": lambda text: text.replace("gnss: {", "gnss: {offset_s: 0, "),
+    "a default of the clock that came later": lambda text: text.replace(
+        "  duration_s: 600", "  store_covariance: false\n  duration_s: 600"
+    ),
     "quotes": lambda text: text.replace("kind: ekf", 'kind: "ekf"'),
     "other line ends": lambda text: text.replace("\n", "\r\n"),
     "another order": lambda text: yaml.safe_dump(shuffled(yaml.safe_load(text), random.Random(3)), sort_keys=False),
@@ -102,6 +105,7 @@ REAL = {
     "another noise": ("angle_sigma_deg: 0.1", "angle_sigma_deg: 0.11"),
     "another value of the grid": ("fraction: 0.1", "fraction: 0.2"),
     "another process noise": ("1.0e-7} # what", "1.1e-7} # what"),
+    "covariances stored": ("  duration_s: 600", "  store_covariance: true\n  duration_s: 600"),
     "another settling time": ("settle_s: 120", "settle_s: 121"),
 }
 
@@ -141,7 +145,8 @@ def test_names_and_seeds_are_no_part_of_a_case(demo):
 
 def test_content_is_the_file_with_defaults(demo):
     campaign = parse_campaign(demo)
-    assert campaign.content["clock"] == {"duration_s": 600.0, "step_s": 1.0, "store_every_s": 5.0}
+    clock = {"duration_s": 600.0, "step_s": 1.0, "store_every_s": 5.0, "store_covariance": False}
+    assert campaign.content["clock"] == clock
     assert campaign.content["start"]["velocity_sigma_m_s"] == [0.5, 0.5, 0.5]
     assert campaign.content["filters"]["ekf"]["measurement"] == "spherical"
     assert [value["kind"] for value in campaign.content["grid"]["sensors.radar.noise"]] == ["gaussian", "mixture"]

@@ -40,6 +40,11 @@ def test_they_are_read_and_change_no_hash(demo: str) -> None:
             "{kind: errors, below_m: 1, share: 0.9, from_s: 600}",
             "requirements.wanted.from_s: 600 s leaves nothing of a run",
         ),
+        (
+            "{kind: errors, interpretation: ensemble, below_m: 1, share: 0.9, of_runs: 0.9}",
+            "of_runs belongs to the temporal interpretation, not to ensemble",
+        ),
+        ("{kind: errors, interpretation: ensembel, below_m: 1, share: 0.9}", "did you mean 'ensemble'?"),
         ("{below_m: 1}", "requirements.wanted.kind: this key is missing"),
     ],
 )

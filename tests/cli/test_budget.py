@@ -33,13 +33,15 @@ def test_the_example_of_the_page(demo):
     command, table = re.search(r"\$ relnav budget ([^\n]*)\n(.*?)```", PAGE, re.DOTALL).groups()
     done = invoke(*command.split())
     assert done.exit_code == 0, done.output
-    printed = {line[:39].strip(): line[39:].split() for line in done.stdout.splitlines() if line[:39].strip()}
-    rows = [line for line in table.splitlines() if re.search(r"\d %|^formal", line)]
+    first, _, phases = done.stdout.partition("position sigma at the end of each phase")
+    printed = {line[:39].strip(): line[39:].split() for line in first.splitlines() if line[:39].strip()}
+    assert "120 s: steady state; 600 s: end" in phases and "radar range noise" in phases
+    rows = [line for line in table.splitlines() if re.search(r"\d %", line)]
     assert len(rows) > 12
     for row in rows:
         name, numbers = row[:39].strip(), row[39:].split()
         for stated, found in zip(numbers, printed[name], strict=True):
-            if stated != "%" and abs(float(stated)) > 1e-4:
+            if re.fullmatch(r"-?[\d.]+", stated) and abs(float(stated)) > 1e-4:
                 assert float(found) == pytest.approx(float(stated), rel=0.02), row
 
 
@@ -51,6 +53,7 @@ def test_the_series_as_csv(demo):
     at_end = {row["source"]: float(row["variance_y_m2"]) for row in rows if float(row["time_s"]) == 20}
     total, _ = at_end.pop("total"), at_end.pop("formal")
     assert sum(at_end.values()) == pytest.approx(total, rel=1e-10)
+    assert {row["ends"] for row in rows} == {"", "steady state", "end"}
     assert "exists already" in invoke(demo, "--csv", "budget.csv").stderr
 
 
@@ -60,6 +63,7 @@ def test_the_series_as_csv(demo):
         (["--filter", "imm"], "relnav: filter 'imm' has no error budget: its gain depends on the readings"),
         (["--filter", "ekg"], "relnav: there is no filter 'ekg'; there are kf, ekf, ukf, imm"),
         (["--case", "2"], "relnav: --case 2: there is no such case; the campaign has 2, counted from 0"),
+        (["--figure", "budget.svg"], "relnav: --figure takes a name that ends with .png or .pdf, not budget.svg"),
         (["--result", "results/none.h5"], "relnav: results/none.h5: No such file"),
     ],
 )
@@ -72,7 +76,8 @@ def test_beside_a_monte_carlo(demo):
     short = ["--set", "clock.duration_s=60", "--set", "statistics.settle_s=20"]
     run = CliRunner().invoke(app, ["run", str(demo), *short, "--backend", "sequential", "--runs", "12"])
     assert run.exit_code == 0, run.output
-    same = invoke(demo, "--filter", "ekf", *short)
+    same = invoke(demo, "--filter", "ekf", "--figure", "budget.png", *short)
+    assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
     assert "results/demo.h5: position error of 12 runs" in same.stdout and "linear here" in same.stdout
     assert "results/demo.h5 is of another version of the campaign" in invoke(demo, *SHORT).stdout
     refused = invoke(demo, *SHORT, "--result", "results/demo.h5")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from relnav_sim.cli.catalogue import stated_cost
 from relnav_sim.filters.registry import filter_kinds
 
 PAGE = Path(__file__).parents[2] / "docs" / "filters.md"
@@ -28,8 +29,8 @@ def test_no_row_is_left_over():
 def test_row_is_fresh(name):
     kind = filter_kinds()[name]
     what = " ".join(kind.description.partition("\n\n")[0].split()).replace("|", "\\|")
-    _, _, source, when, _, _ = ROWS.get(name, ["", "", "SOURCE", "WHEN", "", ""])
-    fresh = [f"`{name}`", what, source, when, kind.measurement, f"{kind.cost_us:g}"]
+    _, _, source, when, *_ = ROWS.get(name, ["", "", "SOURCE", "WHEN", "", ""])
+    fresh = [f"`{name}`", what, source, when, kind.measurement, f"{kind.cost_us:g}", *stated_cost(kind)]
     assert ROWS.get(name) == fresh, f"the row in {PAGE.name} should be: | {' | '.join(fresh)} |"
     assert when
     # The source is one that the filter itself names: authors and year.

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from every_filter import KINDS, small_options
+from every_filter import CAUSAL, KINDS, small_options
 from radar_problem import SIGMAS, polar, polar_jacobian, radar_problem
 from scipy.stats import binom, chi2
 
@@ -30,9 +30,15 @@ FURTHER = {
     "particle": [{"mcmc_steps": 2}],
 }
 WAYS = [(kind, options) for kind in KINDS for options in ({}, *FURTHER.get(kind, []))]
-every_way = pytest.mark.parametrize(
-    "kind, options", WAYS, ids=["-".join([kind, *map(str, options.values())]) for kind, options in WAYS]
-)
+
+
+def each_of(ways):
+    names = ["-".join([kind, *map(str, options.values())]) for kind, options in ways]
+    return pytest.mark.parametrize("kind, options", ways, ids=names)
+
+
+every_way = each_of(WAYS)
+every_causal_way = each_of([way for way in WAYS if way[0] in CAUSAL])
 
 
 def build(kind, dynamics, measurement, **options):
@@ -115,7 +121,7 @@ def test_an_absent_channel_is_as_if_the_sensor_did_not_have_it(kind, options, no
         assert np.allclose(partial.extras[name], value, rtol=1e-9, atol=1e-9, equal_nan=True), name
 
 
-@every_way
+@every_causal_way
 @pytest.mark.parametrize("noise", ["independent", "one switch", "switch by channel"])
 def test_an_absent_channel_changes_nothing_else(kind, options, noise):
     z = radar().z[:, :10].copy()
@@ -217,7 +223,7 @@ def test_one_after_the_other_is_all_at_once(kind, options):
     assert distance_to_kalman(in_turn) <= 1.5 * distance_to_kalman(at_once) + 1e-12
 
 
-@every_way
+@every_causal_way
 def test_the_mean_nis_is_the_number_of_channels_read(kind, options):
     z = linear()[3]
     at_once, history = both_ways(kind, tuple(options.items()))

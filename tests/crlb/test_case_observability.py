@@ -7,8 +7,9 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.crlb.case_bound import case_bound
 from relnav_sim.crlb.case_observability import MOST_STEPS, case_observability
-from relnav_sim.plots import rms_over_time
+from relnav_sim.plots import observability_over_time, rms_over_time
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.report.observability_table import observability_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
 from relnav_sim.runner.warnings import observability_warnings
@@ -78,6 +79,18 @@ def test_a_manoeuvre_helps_the_filter_that_knows_of_it(own_sensors):
     assert more / told == pytest.approx(9, rel=0.1)
 
 
+def test_over_time_it_says_which_direction_is_the_weakest(own_sensors):
+    """A radar needs two readings for six states; until then several directions are left, and it says how many."""
+    found = observed(TEXT)
+    assert found["camera"].course[-1][1].startswith("the state itself")
+    assert found["camera"].weakest_at(3000) == found["camera"].weakest and found["camera"].weakest_at(0) == ""
+    times = [from_s for from_s, _ in found["radar"].course]
+    assert times[0] == 10 and times == sorted(times)
+    few = observed(TEXT, "sensors.radar.period_s=1000")["radar"]
+    assert few.weakest_at(990) == "6 of 6 directions" and few.weakest_at(1000) == "3 of 6 directions"
+    assert few.weakest_at(3000) == few.weakest and few.observable
+
+
 def test_it_takes_few_steps_however_many_epochs_there_are(own_sensors):
     coarse, fine = observed(TEXT), observed(TEXT, "clock.step_s=1")
     assert MOST_STEPS == 300
@@ -130,6 +143,14 @@ def test_validate_and_the_report_say_the_same_and_rank_the_others(own_sensors, t
         (pair,) = ranking.position
         assert {pair.first, pair.second} == {"both", "radar"}
         assert results.observability(0, "camera").blind == 1
+        assert results.observability(0, "camera").course == observed(TEXT)["camera"].course
+        table = observability_table(ranking.case)
+        assert [row.label for row in table.rows] == ["settled, t = 1000 s", "end of the run, t = 3000 s"]
+        assert [group for group, _ in table.groups] == ["both", "camera", "radar"]
+        shown = [cell.value for row in table.rows for cell in row.cells[2::6]]
+        np.testing.assert_allclose(shown, results.observability(0, "camera").ratio[[10, 30]])
+        panel = observability_over_time(results, filters=["camera"]).axes[0]
+        np.testing.assert_array_equal(panel.lines[0].get_ydata(), results.observability(0, "camera").ratio)
 
 
 def test_a_case_with_nothing_observable_has_no_ranking(own_sensors, tmp_path):

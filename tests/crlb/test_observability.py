@@ -120,3 +120,24 @@ def test_a_direction_is_named_by_its_parts_in_prior_sigmas():
     sigmas = np.array([1.0, 1, 1, 1e-3, 1e-3, 1e-3, 10])
     words = direction_in_words([0, 0.8, 0, 0, 0, 7e-4, -9], np.diag(sigmas**2), START, ["range_bias"])
     assert words == "range_bias, along-track position and normal velocity"
+
+
+def test_the_course_against_plain_matrix_algebra():
+    """Ratios of all directions after each epoch: the posterior with the prior's information, in units of the prior."""
+    M = bearings(flown()) + ranges(flown(), 200.0)
+    found = observability(F, M, PRIOR)
+    L, information, Phi = np.linalg.cholesky(PRIOR), np.zeros((6, 6)), np.eye(6)
+    for k in range(0, T):
+        Phi = F @ Phi
+        information = information + Phi.T @ M[k] @ Phi
+        if k in (0, 3, 40, T - 1):
+            values, vectors = np.linalg.eigh(np.eye(6) + L.T @ information @ L)
+            np.testing.assert_allclose(found.course[k], 1 / np.sqrt(values), rtol=1e-6)
+            assert found.course[k, 0] == pytest.approx(found.ratio[k], rel=1e-12)
+            if k:  # after a single reading the weakest direction is one of several
+                weakest = L @ vectors[:, 0]
+                assert abs(np.linalg.solve(L, found.directions[k]) @ vectors[:, 0]) == pytest.approx(1, abs=1e-6)
+                assert found.directions[k] @ weakest / np.linalg.norm(found.directions[k]) / np.linalg.norm(
+                    weakest
+                ) == pytest.approx(np.sign(found.directions[k] @ weakest), abs=1e-6)
+    np.testing.assert_allclose(found.directions[-1], found.direction, rtol=1e-9)

@@ -74,3 +74,21 @@ def test_bits_do_not_depend_on_block_or_chunk(fixes):
     alone = orbit_filter(orbit, runs=1)
     parts = np.concatenate([alone.advance(z[7:8, :11]), alone.advance(z[7:8, 11:30])], axis=1)
     assert np.array_equal(parts[0], whole[7])
+
+
+def test_it_tells_how_its_estimates_depend_on_fixes(fixes):
+    """Small errors of all fixes, carried by A and G, against two runs of the filter; and it stays as it stands."""
+    orbit, chief, z = fixes()
+    truth = chief.reshape(-1, EPOCHS, 6)[:1, :40]
+    perfect, wrong = truth.copy(), truth + 1e-2 * (z[:1, :40] - truth)
+    wrong[:, 7:9] = perfect[:, 7:9] = np.nan
+    one, other = orbit_filter(orbit, 1), orbit_filter(orbit, 1)
+    first = one.linearised(perfect[:, :15])
+    assert np.array_equal(one.advance(perfect[:, :15]), first[0][None])
+    second = one.linearised(perfect[:, 15:])
+    estimates, A, G = (np.concatenate(parts) for parts in zip(first, second, strict=True))
+    moved, error = other.advance(wrong)[0] - estimates, np.zeros(6)
+    assert not G[7:9].any()
+    for k in range(40):
+        error = A[k] @ error + G[k] @ np.nan_to_num(wrong - perfect)[0, k]
+        assert (np.abs(moved[k] - error) < 2e-3 * np.abs(moved).max(axis=0)).all(), k

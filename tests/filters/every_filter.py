@@ -4,6 +4,9 @@ from relnav_sim.filters.registry import filter_kinds
 
 KINDS = sorted(filter_kinds())
 
+# Those whose estimate of an epoch knows nothing of later readings.
+CAUSAL = [kind for kind in KINDS if not filter_kinds()[kind].repeats]
+
 # What it takes to run each filter in a test's time; the algorithm stays the same.
 SMALLER = {"samples": 200, "particles": 200}
 

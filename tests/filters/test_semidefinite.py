@@ -30,7 +30,7 @@ LIMITS = {  # of filters that tend to the Kalman filter
     "student_t": {"degrees_of_freedom": 1e12},
     "mckf": {"bandwidth": 1e9},
 }
-KALMAN = ("kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "imm", "gaussian_sum", *LIMITS)
+KALMAN = ("kf", "ekf", "ud_ekf", "iekf", "ukf", "ckf", "sr_ukf", "imm", "gaussian_sum", *LIMITS)
 NEED_NOISE = ("two_step", "adaptive_two_step", "adaptive_alpha_kf")
 
 SINGULAR = {
@@ -105,13 +105,15 @@ def test_singular_covariances_are_no_obstacle(name, case):
     assert_exact(run(name, problem), problem, 1e-11)
 
 
-@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
+@pytest.mark.parametrize(
+    "name", ["kf", "ekf", "ud_ekf", "srif", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"]
+)
 @pytest.mark.parametrize("case", WIDE)
 def test_a_wide_prior_meets_a_precise_reading(name, case):
     assert_exact(run(name, WIDE[case]), WIDE[case], 1e-6)
 
 
-@pytest.mark.parametrize("name", ["kf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
+@pytest.mark.parametrize("name", ["kf", "ud_ekf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "imm", "gaussian_sum"])
 @pytest.mark.parametrize("case", FROM_AFAR)
 def test_what_is_known_is_told_from_rounding(name, case):
     F, noise, H, R, z, mean0, covariance = FROM_AFAR[case]
@@ -165,6 +167,7 @@ def test_a_velocity_that_drowns_in_rounding_is_refused(name, R):
     problem = (CV, NONE, [[1, 0]], [[R]], TRUTH[:, :1], 1e8 * I2)
     assert run(name, problem).failures[0].epoch == 1
     assert not run("sr_ukf", problem).failures
+    assert not run("ud_ekf", problem).failures
 
 
 def test_a_singular_innovation_has_scipys_degenerate_density():
@@ -218,7 +221,7 @@ def test_filters_that_need_noise_say_so(name, case):
     assert np.isnan(history.mean).all()
 
 
-@pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "sr_ukf", "huber", "skf", "imm"])
+@pytest.mark.parametrize("name", ["kf", "ekf", "ud_ekf", "iekf", "ukf", "sr_ukf", "huber", "skf", "imm"])
 def test_a_reading_that_contradicts_what_is_known_fails_the_run_alone(name):
     z = np.array([[[0.0], [0.0]], [[0.0], [1e-3]]])
     flt = create_filter(name, LinearDynamics(I2, NONE), LinearMeasurement([[1, 0]], [[0.0]]))
@@ -296,7 +299,7 @@ def test_a_reading_outside_the_gate_does_not_fail_a_run():
 def test_rare_runs_do_not_touch_the_bits_of_the_others():
     rng = np.random.default_rng(3)
     z, covariance = rng.normal(size=(3, 8, 2)), np.stack([I2, NONE, 1e9 * I2])
-    for name in ("kf", "iekf", "ukf", "sr_ukf", "huber", "skf"):
+    for name in ("kf", "ud_ekf", "iekf", "ukf", "sr_ukf", "huber", "skf"):
         flt = create_filter(name, LinearDynamics(CV, Q), LinearMeasurement(I2, np.diag([1e-7, 1.0])))
         whole = run_filter(flt, z, [0, 0], covariance)
         for b in range(3):

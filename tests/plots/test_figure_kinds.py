@@ -11,15 +11,18 @@ from scipy.stats import chi2
 from relnav_sim.plots import conditions
 from relnav_sim.plots.choice import pareto_front
 from relnav_sim.plots.data import drawn_step, window
+from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
-from relnav_sim.plots.geometry import ellipse
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, png, write_figure
 from relnav_sim.plots.sweep_points import grid_paths, trends
 from relnav_sim.plots.sweeps import axis_label
 from relnav_sim.report import FIGURE_KINDS, figure
-from relnav_sim.results import open_results
+from relnav_sim.results import layout, open_results
+from relnav_sim.results.by_channel import ByChannel
+from relnav_sim.results.observability import Observability
 from relnav_sim.results.read import Results
+from relnav_sim.statistics.regret import regret
 
 ResultMaker = Callable[..., Path]
 ROOT = Path(__file__).parents[2]
@@ -50,7 +53,19 @@ def bounded(results: Results, monkeypatch: pytest.MonkeyPatch) -> Results:
     def bound(self: Results, case: int | str, filter: str | None = None) -> np.ndarray:
         return np.tile(levels * (1.5 if filter else 1.0), (len(self.time_s(case)), 1))
 
+    def observability(self: Results, case: int | str, filter: str) -> Observability:
+        ratio = np.linspace(1.0, 0.01, len(self.time_s(case)))
+        return Observability(("radar",), ratio, layout.COMPONENTS, np.ones(6), np.ones(6), 0, "radial position")
+
+    def by_channel(self: Results, case: int | str, filter: str) -> ByChannel:
+        shape = len(self.case_runs(case, filter)), 2, 1
+        product = np.zeros((*shape, len(layout.LAGS)))
+        product[..., 0] = 1.0
+        return ByChannel(("radar range",), np.full(shape, 500), np.zeros(shape), product)
+
     monkeypatch.setattr(Results, "bound", bound, raising=False)
+    monkeypatch.setattr(Results, "observability", observability)
+    monkeypatch.setattr(Results, "by_channel", by_channel)
     return results
 
 
@@ -69,9 +84,25 @@ def sensed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield opened
 
 
+@pytest.fixture(scope="module")
+def stressed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+    """One case and the same under two stresses; the ekf fails a run in each."""
+    path = invent(
+        tmp_path_factory.mktemp("stressed"),
+        labels=["base", "stress=noisy", "stress=heavy"],
+        runs=RUNS,
+        failed={"ekf": [4]},
+        stresses=["noisy", "heavy"],
+    )
+    with open_results(path) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("kind", FIGURE_KINDS)
-def test_one_call_draws_it_with_units_on_every_axis(bounded: Results, sensed: Results, kind: str) -> None:
-    drawn = figure(sensed if kind == "availability" else bounded, kind)
+def test_one_call_draws_it_with_units_on_every_axis(
+    bounded: Results, sensed: Results, stressed: Results, kind: str
+) -> None:
+    drawn = figure({"availability": sensed, "regret": stressed}.get(kind, bounded), kind)
     assert drawn.get_figwidth() == WIDTH_INCH
     assert png(drawn).startswith(b"\x89PNG")
     labels = [label for panel in drawn.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
@@ -336,15 +367,34 @@ def test_what_cannot_be_drawn_is_said(results: Results, arguments: dict[str, Any
         figure(results, **arguments)
 
 
+def test_regret_is_that_of_the_statistics(stressed: Results) -> None:
+    found = regret(stressed)
+    panel = figure(stressed, "regret").axes[0]
+    drawn = {container.lines[0].get_marker(): container.lines[0].get_ydata() for container in panel.containers}
+    assert len(drawn) == len(found.filters) == 3 and found.cases == ("nominal", "noisy", "heavy")
+    for row, ratio in enumerate(drawn.values()):
+        expected = 1 + found.regret[row]
+        np.testing.assert_allclose(ratio, np.where(np.isfinite(expected), expected, np.nan))
+    assert np.isinf(found.regret[found.filters.index("ekf")]).all()
+    lost = [line for line in panel.lines if line.get_marker() == "^" and len(line.get_xdata()) == 3]
+    assert {float(at) for line in lost for at in line.get_ydata()} >= {panel.get_ylim()[1]}
+
+
 @pytest.mark.parametrize(("runs", "failed"), [(2, [0, 1]), (1, [])])
 def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, runs: int, failed: list[int]) -> None:
     with open_results(make_result(filters={"ekf": 1.0}, runs=runs, failed={"ekf": failed}, times=11)) as results:
         for kind in FIGURE_KINDS:
             try:
-                figure(results, kind).canvas.draw()
+                figure(results, kind).draw_without_rendering()
             except ValueError as error:
                 told = "varie" in str(error) or (failed and "completed" in str(error))
-                assert told or (kind == "availability" and "tell sensors apart" in str(error)), kind
+                lacking = {
+                    "availability": "tell sensors apart",
+                    "observability": "does not say what the filters can observe",
+                    "whiteness": "holds no residuals by channel",
+                    "regret": "has no stressed cases",
+                }
+                assert told or (kind in lacking and lacking[kind] in str(error)), kind
 
 
 def test_a_campaign_without_runs_is_said(make_result: ResultMaker) -> None:

@@ -14,20 +14,21 @@ from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.facts import CaseFacts, case_facts
 from relnav_sim.report.case_tables import (
     case_table_makers,
-    comparison_table,
     consistency_table,
     convergence_table,
     reliability_table,
     spread_table,
 )
+from relnav_sim.report.comparison_table import comparison_table
 from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_table
+from relnav_sim.report.metrics import NIS, nis_ratio
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
 from relnav_sim.report.tables import Number, Table, comma_separated
 from relnav_sim.report.write import write_report
 from relnav_sim.results import open_results
-from relnav_sim.statistics.intervals import paired_differences
+from relnav_sim.statistics.intervals import mean_interval, paired_differences
 from relnav_sim.wording import MISSING
 
 ResultMaker = Callable[..., Path]
@@ -252,3 +253,19 @@ def test_a_filter_that_is_told_of_a_mixture_has_no_chi_square_band(make_result: 
     assert [cell.text == MISSING for cell in rows[1].cells] == [True] + [False] * (len(case.filters) - 1)
     assert f"{case.filters[0].name}: noise assumed as a mixture" in consistency_table(told).caption
     assert "mixture" not in consistency_table(case).caption
+
+
+def test_its_nis_has_the_interval_of_the_bootstrap(make_result: ResultMaker) -> None:
+    """BCa of SciPy on the same runs: both have their own resamples, 2000 and 9999 of them."""
+    values = np.random.default_rng(3).gamma(2.0, 1.5, RUNS)
+    summary = {"nis_mean": np.stack([values] * 2, axis=1), "updates": np.full((RUNS, 2), 50)}
+    case = facts_of(make_result(runs=RUNS, filters={"imm": 1.0}, summaries={"imm": summary}))
+    item = replace(case.filters[0], mixture_sensors=("radar",))
+    found = NIS.value(item, case.span)
+    expected = stats.bootstrap((values,), np.mean, method="BCa", rng=1).confidence_interval
+    spread = expected.high - expected.low
+    assert found.estimate == pytest.approx(values.mean())
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=0.06 * spread)
+    assert NIS.value(case.filters[0], case.span) == mean_interval(values)
+    ratio = nis_ratio(3 * 50 * values, np.full(RUNS, 150), chi_square=False)
+    assert (ratio.low, ratio.high) == pytest.approx((found.low, found.high))

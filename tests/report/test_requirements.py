@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 from typer.testing import CliRunner
 
+from relnav_sim.campaign.requirements import ErrorsRequirement
 from relnav_sim.cli.app import app
 from relnav_sim.report.requirements import in_sentences, judgements, requirement_in_words, requirements_table
-from relnav_sim.results import open_results
+from relnav_sim.results import layout, open_results
 from relnav_sim.results.block import ResultsError
 from relnav_sim.statistics.requirements import Judgement
 
@@ -42,6 +44,103 @@ def test_errors_are_counted_in_the_stored_series(make_result: ResultMaker) -> No
         assert found.finding is not None
         assert found.finding.figure.estimate == pytest.approx(share, rel=1e-12)
         assert found.basis == "stored epochs, one in 100"
+
+
+def _with_largest(make_result: ResultMaker, rule: dict[str, Any], largest: np.ndarray, **options: Any) -> Judgement:
+    """Return the judgement where the largest position errors of the runs, whole and settled, are (runs, 2)."""
+    values = np.ones((len(largest), 2, len(layout.QUANTITIES)))
+    values[..., layout.QUANTITIES.index("r")] = largest
+    return one(make_result, rule, runs=len(largest), summaries={"ekf": {"max": values}}, **options)
+
+
+def _stored_largest(make_result: ResultMaker, runs: int) -> np.ndarray:
+    with open_results(make_result(runs=runs, filters={"ekf": 1.0})) as results:
+        r = np.linalg.norm(results.error(0, "ekf")[..., :3], axis=-1)
+        settled = results.time_s(0) >= 500
+    return np.stack([r[:, 1:].max(axis=1), r[:, settled].max(axis=1)], axis=1)
+
+
+def test_ensemble_counts_runs_by_their_largest_error_at_every_epoch(make_result: ResultMaker) -> None:
+    """Against the binomial closed form; two runs have a peak that no stored epoch shows, a third one failed."""
+    stored = _stored_largest(make_result, 80)
+    limit = float(stored.max()) + 0.1
+    largest = stored.copy()
+    largest[[4, 9], 0] = limit + 1
+    rule = {"kind": "errors", "interpretation": "ensemble", "below_m": limit, "share": 0.9}
+    found = _with_largest(make_result, rule, largest, failed={"ekf": [3]})
+    exact = stats.binomtest(77, 80).proportion_ci(0.95, "exact")
+    assert found.finding is not None and found.basis == "every epoch, by the largest error of each run"
+    figure = found.finding.figure
+    assert (figure.estimate, figure.low, figure.high) == pytest.approx((77 / 80, exact.low, exact.high))
+    assert found.verdict == ("pass" if exact.low >= 0.9 else "undecided")
+    assert found.finding.certainty == pytest.approx(1 - stats.binom.sf(76, 80, 0.9))
+    # After settling the two peaks are over; the failed run stays a miss.
+    late = _with_largest(make_result, rule | {"from_s": 500.0}, largest, failed={"ekf": [3]})
+    assert late.finding is not None and late.finding.figure.estimate == pytest.approx(79 / 80)
+
+
+def test_ensemble_is_not_decided_by_what_lies_between_stored_epochs(make_result: ResultMaker) -> None:
+    """From 1000 s on no span fits: the settled maximum clears runs, and cannot tell when others had their peak."""
+    stored = _stored_largest(make_result, 80)
+    limit = float(stored.max()) + 0.1
+    rule = {"kind": "errors", "interpretation": "ensemble", "below_m": limit, "share": 0.9, "from_s": 1000.0}
+    clear = _with_largest(make_result, rule, stored)
+    assert clear.verdict == "pass" and clear.finding is not None and clear.finding.figure.estimate == 1
+    peaks = stored.copy()
+    peaks[:20] = limit + 1
+    open_ = _with_largest(make_result, rule, peaks)
+    assert open_.verdict == "undecided" and open_.finding is not None
+    assert open_.basis == "stored epochs, one in 100; 20 runs may exceed the limit between them"
+    low, high = stats.binomtest(60, 80).proportion_ci(0.95, "exact").low, 1.0
+    assert (open_.finding.figure.low, open_.finding.figure.high) == pytest.approx((low, high))
+    few = _with_largest(make_result, rule | {"share": 0.5}, peaks)
+    assert few.verdict == "pass"  # even if all of them do
+    low_limit = float(np.sort(stored[:, 1])[10])
+    missed = _with_largest(make_result, rule | {"below_m": low_limit}, peaks)
+    assert missed.verdict == "fail"
+
+
+def test_temporal_counts_runs_by_their_share_of_time(make_result: ResultMaker) -> None:
+    path = make_result(runs=80, filters={"ekf": 1.0}, failed={"ekf": [3]})
+    with open_results(path) as results:
+        r = np.linalg.norm(results.error(0, "ekf")[..., :3], axis=-1)[:, 1:]
+    share = 0.9
+    limit = float(np.nanquantile(r, 0.95))
+    kept = int(((r < limit).mean(axis=1) >= share).sum())
+    assert 0 < kept < 80
+    rule = {"kind": "errors", "interpretation": "temporal", "below_m": limit, "share": share, "of_runs": 0.5}
+    found = one(make_result, rule, runs=80, failed={"ekf": [3]})
+    exact = stats.binomtest(kept, 80).proportion_ci(0.95, "exact")
+    assert found.finding is not None and found.basis == "stored epochs, one in 100"
+    figure = found.finding.figure
+    assert (figure.estimate, figure.low, figure.high) == pytest.approx((kept / 80, exact.low, exact.high))
+    # A limit above all errors: every run but the failed one; by default 95 % of the runs must, which 80 can't show.
+    loose = one(make_result, rule | {"below_m": 1e6, "of_runs": None}, runs=80, failed={"ekf": [3]})
+    assert loose.verdict == "undecided" and loose.finding is not None
+    assert loose.finding.figure.estimate == pytest.approx(79 / 80)
+
+
+def test_all_runs_met_is_wilks(make_result: ResultMaker) -> None:
+    """At 90 %, which leaves 5 % on each side, 59 runs without a miss show 95 %, and 58 do not (Wilks 1941)."""
+    rule = {"kind": "errors", "interpretation": "temporal", "below_m": 1e6, "share": 0.9, "confidence": 0.9}
+    assert one(make_result, rule, runs=59).verdict == "pass"
+    one_less = one(make_result, rule, runs=58)
+    assert one_less.verdict == "undecided" and one_less.finding is not None
+    assert one_less.finding.runs_to_decide == 59
+
+
+def test_the_interpretation_is_said() -> None:
+    said = {
+        interpretation: requirement_in_words(
+            ErrorsRequirement(kind="errors", interpretation=interpretation, below_m=2, share=0.997)
+        )
+        for interpretation in ("ensemble", "temporal", "mixed")
+    }
+    assert said == {
+        "ensemble": "position errors below 2 m at all times in 99.7 % of the runs, ensemble interpretation",
+        "temporal": "position errors below 2 m for 99.7 % of the time in 95 % of the runs, temporal interpretation",
+        "mixed": "99.7 % of position errors below 2 m, mixed interpretation",
+    }
 
 
 def test_errors_inside_a_distance(make_result: ResultMaker) -> None:
@@ -143,7 +242,7 @@ def test_words_and_table(make_result: ResultMaker) -> None:
         table = requirements_table(results, found)
     words = list(dict.fromkeys(requirement_in_words(item.requirement) for item in found))
     assert words == [
-        "99.7 % of position errors below 1 m inside 500 m",
+        "99.7 % of position errors below 1 m inside 500 m, mixed interpretation",
         "converged within 60 s in 95 % of the runs",
         "RMS of vx errors below 0.001 m/s, settled span",
     ]

@@ -27,7 +27,12 @@ HASH = "feedbeef"
 SEED = 2**80 + 1
 FILTERS = ("ekf", "alpha_0.5")
 BIASES = layout.Columns(
-    augmented=("range_bias", "azimuth_bias"), augmented_units=("m", "rad"), sensors=("radar", "camera")
+    augmented=("range_bias", "azimuth_bias"),
+    augmented_units=("m", "rad"),
+    sensors=("radar", "camera"),
+    edited=("radar",),
+    factor=layout.FACTOR,
+    channels=("radar range", "camera elevation"),
 )
 CHANNELS = {
     "radar": (Channel("range", "m", "range"), Channel("azimuth", "rad", "azimuth", True)),
@@ -40,7 +45,8 @@ def filter_result(case: int, runs: Sequence[int], name: str) -> FilterResult:
     for run in runs:
         rng = np.random.default_rng([case, run, FILTERS.index(name)])
         arrays = {}
-        for spec in (*layout.FILTER, *layout.AUGMENTED, *layout.BY_SENSOR):
+        own = (*layout.AUGMENTED, *layout.BY_SENSOR, *layout.EDITING, *layout.BY_CHANNEL, layout.COVARIANCE)
+        for spec in (*layout.FILTER, *own):
             shape = layout.shape(spec, layout.sizes(1, TIMES) | BIASES.lengths)
             numbers = rng.standard_normal(shape) if spec.dtype.startswith("<f") else rng.integers(0, 2, shape)
             arrays[spec.name] = numbers.astype(spec.dtype)
@@ -94,7 +100,10 @@ def observability(case: int, name: str) -> Observability:
     rng = np.random.default_rng([case, len(name), 7])
     states = (*layout.COMPONENTS, *(() if name == "ekf" else ("range_bias",)))
     numbers = rng.uniform(size=TIMES), rng.uniform(size=len(states)), rng.uniform(size=len(states))
-    return Observability(("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position")
+    course = ((10.0, "2 of 6 directions"), (30.0, "normal position"))
+    return Observability(
+        ("camera", "radar"), numbers[0], states, *numbers[1:], len(name) % 2, "normal position", course
+    )
 
 
 def header(runs: int = 5, cases: int = 2, filters: Sequence[str] = FILTERS) -> ResultHeader:

@@ -14,6 +14,10 @@ from relnav_sim.sensors.noise import (
     Noise,
     NoiseOption,
     OutageNoise,
+    RampNoise,
+    StepNoise,
+    StuckNoise,
+    WrongTargetNoise,
     check_parts,
     noise_kinds,
     white_law,
@@ -27,6 +31,10 @@ EXAMPLES = {
     "bias": BiasNoise(value=(0.1, -0.2, 0.3)),
     "gauss_markov": GaussMarkovNoise(tau_s=20.0, scale=0.5),
     "outage": OutageNoise(windows_s=((3.0, 5.0),), rate_per_hour=400.0, mean_duration_s=4.0),
+    "step": StepNoise(from_s=3.0, until_s=9.0, value=(1.0, -2.0, 0.0)),
+    "ramp": RampNoise(from_s=3.0, until_s=9.0, rate_per_s=0.5),
+    "stuck": StuckNoise(from_s=3.0),
+    "wrong_target": WrongTargetNoise(from_s=3.0, offset_m=(10.0, 0.0, 0.0)),
 }
 
 

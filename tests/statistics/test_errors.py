@@ -219,3 +219,21 @@ def test_a_diverged_but_finite_run_is_counted_without_a_warning(draw_estimates, 
     assert summary["failed"].tolist() == [0, 0]
     assert summary["max"][0, 0, 0] == 1e200 and not np.isfinite(summary["rms"][0, 0, 6])
     assert np.isfinite(summary["rms"][1]).all()
+
+
+def test_covariances_are_stored_whole_where_they_are_asked_for(draw_estimates, accumulated) -> None:
+    rules = dataclasses.replace(RULES, store_covariance=True)
+    one = draw_estimates(3, EPOCHS - 1)
+    one.error[1, 150, 2] = np.nan
+    found = accumulated(one, rules, 64).result()
+    assert found.covariance_root.dtype == np.float32
+    stored = np.arange(10, EPOCHS, 10)
+    expected = np.linalg.cholesky(one.covariance[:, stored - 1])[..., *np.tril_indices(6)]
+    good = np.ones((3, len(stored)), dtype=bool)
+    good[1, stored > 150] = False
+    roots = found.covariance_root[:, 1:]
+    np.testing.assert_allclose(roots[good], expected[good], rtol=2e-7, atol=1e-7)
+    assert np.isnan(roots[~good]).all()
+    parts = [accumulated(one.part([run]), rules, 37).result().covariance_root[0] for run in range(3)]
+    assert np.array(parts).tobytes() == found.covariance_root.tobytes()
+    assert accumulated(one, RULES, 64).result().covariance_root is None

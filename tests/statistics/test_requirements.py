@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from relnav_sim.statistics.findings import on_a_mean, on_a_share
 from relnav_sim.statistics.proportions import share_of_runs
-from relnav_sim.statistics.requirements import on_a_mean, on_a_share, overall
+from relnav_sim.statistics.requirements import overall
 
 
 @pytest.mark.parametrize(("hits", "verdict"), [(60, "undecided"), (20, "fail"), (40, "undecided")])

@@ -1,7 +1,16 @@
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from relnav_sim.tuning.objective import Figures, mean_log, mean_square_log, objective
+from relnav_sim.tuning.objective import (
+    PENALTY,
+    Figures,
+    band_of,
+    mean_distance_log,
+    mean_log,
+    mean_square_log,
+    objective,
+)
 
 
 def figures(position, anees=None, failed=None):
@@ -44,3 +53,28 @@ def test_shares_of_the_runs_have_the_value_as_mean_and_its_sampling_error(score)
 def test_a_run_without_a_figure_is_infinitely_bad(bad):
     assert objective(figures([[1, bad]]), "position", 1).value == np.inf
     assert objective(figures([[1, 2]], failed=[[False, True]]), "both", 1).value == np.inf
+
+
+def test_in_a_band_it_is_the_position_and_outside_the_distance_is_added():
+    inside = figures([[1, 3], [20, 40]], anees=[[1.0, 1.1], [0.9, 0.95]])
+    position = objective(inside, "position", 1)
+    found = objective(inside, "in_band", 1, (0.9, 1.1))
+    assert found.feasible and found.value == position.value
+    np.testing.assert_array_equal(found.per_run, position.per_run)
+    outside = figures([[1, 3], [20, 40]], anees=[[1.0, 3.0], [0.4, 0.5]])
+    found = objective(outside, "in_band", 1, (0.9, 1.1))
+    assert not found.feasible
+    assert found.value == pytest.approx(position.value + PENALTY * (np.log(2 / 1.1) + np.log(0.9 / 0.45)) / 2)
+
+
+def test_the_default_band_is_that_of_as_many_errors_as_runs():
+    assert band_of(figures(np.ones((1, 20))), None) == pytest.approx(tuple(chi2.ppf([0.025, 0.975], 120) / 120))
+
+
+def test_shares_of_the_distance_have_its_sampling_error():
+    x = np.random.default_rng(2).gamma(20, 0.1, (3, 400))
+    found = mean_distance_log(x, (0.8, 1.5))
+    without = np.array([mean_distance_log(np.delete(x, run, axis=1), (0.8, 1.5)).value for run in range(400)])
+    jackknife = np.sqrt(399 / 400 * np.square(without - without.mean()).sum())
+    assert found.per_run.mean() == pytest.approx(found.value) and found.value > 0
+    assert found.per_run.std(ddof=1) / np.sqrt(400) == pytest.approx(jackknife, rel=0.02)

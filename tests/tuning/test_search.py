@@ -4,10 +4,10 @@ import pytest
 from relnav_sim.tuning.search import search
 
 
-def run(function, start, budget):
+def run(function, start, budget, together=1):
     """Return the points tried with their values, in rounds."""
     rounds = []
-    asking = search(start, budget)
+    asking = search(start, budget, together)
     points = next(asking)
     while True:
         rounds.append([(point, function(np.array(point))) for point in points])
@@ -81,3 +81,17 @@ def test_the_same_again():
         return float(np.square(u - 0.3).sum())
 
     assert run(bowl, (0.5, 0.5), 30) == run(bowl, (0.5, 0.5), 30)
+
+
+def test_axes_that_are_alike_move_as_one_at_first():
+    """Three densities five decades too low: each alone shows next to nothing, as the other two spoil it."""
+
+    def worst(u):
+        return float(np.abs(u - [0.62, 0.6, 0.64]).max())
+
+    start = (0.2, 0.2, 0.25)
+    rounds = run(worst, start, 25, together=3)
+    tried = [point for points in rounds for point, _ in points]
+    assert len(tried) == 25 and tried[0] == start
+    assert best(rounds)[1] < 0.05 < best(run(worst, start, 25))[1]
+    np.testing.assert_allclose(np.subtract(*np.array(tried[:6])[:, [1, 0]].T), 0.0, atol=1e-4)

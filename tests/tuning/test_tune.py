@@ -10,6 +10,7 @@ from relnav_sim.tuning import tune as tuning_module
 from relnav_sim.tuning.objective import Figures, objective
 from relnav_sim.tuning.search import search
 from relnav_sim.tuning.tune import CHECK_WORD, SEARCH_WORD, derived_seed
+from relnav_sim.tuning.words import sentences
 
 TRUE_PSD, TRUE_SIGMA, RUNS, STEPS = 1e-3, 2.0, 40, 150
 
@@ -182,3 +183,30 @@ def test_a_number_that_says_nothing_stays(make_campaign, fake_bench):
     assert found.best.values[1] == 1.0
     assert np.log10(found.best.values[0]) == pytest.approx(-6.5, abs=0.1)
     assert found.as_good()[1][1] > 1
+
+
+def test_in_a_band_the_least_error_that_is_consistent_is_taken(make_campaign, monkeypatch):
+    """The error falls with the process noise, and the ANEES with it: the band's lower end decides."""
+
+    class Fake:
+        def __init__(self, cases, seed, runs, *rest):
+            self.runs = runs
+
+        def figures(self, candidates):
+            psds = [psd_of(entry) for entry, *_ in candidates]
+            ones, failed = np.ones((1, self.runs)), np.zeros((1, self.runs), dtype=bool)
+            return [Figures(ones * np.exp(-psd), ones, ones * 10 ** (-(psd + 7) / 4), failed) for psd in psds]
+
+    monkeypatch.setattr(tuning_module, "Bench", Fake)
+    options = TuneOptions(objective="in_band", anees_band=(0.8, 1.2))
+    found = tune_campaign(make_campaign(), options, ("ekf",)).filters["ekf"]
+    assert found.best.score.feasible and 0.8 <= found.best.figures.anees.mean() < 0.83
+    out_of_reach = TuneOptions(objective="in_band", anees_band=(1e6, 2e6))
+    tuning = tune_campaign(make_campaign(), out_of_reach, ("ekf",))
+    assert not tuning.filters["ekf"].best.score.feasible
+    assert any("NO candidate has its ANEES in [1e+06, 2e+06]" in sentence for sentence in sentences(tuning))
+
+
+def test_a_band_the_wrong_way_round_is_refused():
+    with pytest.raises(ValueError, match="anees_band must be two numbers above 0, the smaller one first"):
+        TuneOptions(anees_band=(1.1, 0.9))

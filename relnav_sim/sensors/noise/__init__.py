@@ -16,6 +16,7 @@ from pydantic import Discriminator, Field, Tag
 from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.bias import BiasNoise
+from relnav_sim.sensors.noise.fault import Fault, FaultOptions, faults_of
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.law import (
@@ -31,10 +32,16 @@ from relnav_sim.sensors.noise.law import (
 from relnav_sim.sensors.noise.mixture import MixtureNoise
 from relnav_sim.sensors.noise.outage import OutageNoise
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
+from relnav_sim.sensors.noise.ramp import RampNoise
+from relnav_sim.sensors.noise.step import StepNoise
+from relnav_sim.sensors.noise.stuck import StuckNoise
+from relnav_sim.sensors.noise.wrong_target import WrongTargetNoise
 from relnav_sim.streams import RandomSource
 
 __all__ = [
     "BiasNoise",
+    "Fault",
+    "FaultOptions",
     "GaussMarkovNoise",
     "GaussianNoise",
     "MixtureNoise",
@@ -44,9 +51,14 @@ __all__ = [
     "NoiseProcess",
     "NoiseSetting",
     "OutageNoise",
+    "RampNoise",
+    "StepNoise",
+    "StuckNoise",
     "WhiteLaw",
+    "WrongTargetNoise",
     "check_parts",
     "constant_part",
+    "faults_of",
     "has_outages",
     "has_white_part",
     "is_white",
@@ -58,7 +70,17 @@ __all__ = [
 ]
 
 
-NoisePart = GaussianNoise | MixtureNoise | BiasNoise | GaussMarkovNoise | OutageNoise
+NoisePart = (
+    GaussianNoise
+    | MixtureNoise
+    | BiasNoise
+    | GaussMarkovNoise
+    | OutageNoise
+    | StepNoise
+    | RampNoise
+    | StuckNoise
+    | WrongTargetNoise
+)
 """The registered kinds of noise."""
 
 _Part = Annotated[NoisePart, Field(discriminator="kind")]
@@ -88,13 +110,15 @@ def check_parts(parts: Sequence[NoisePart], channels: int) -> None:
     """Check that the parts fit a sensor.
 
     Raises:
-        ValueError: Two mixtures, or a bias for another number of channels.
+        ValueError: Two mixtures, or a bias or a fault for another number of channels.
     """
     if sum(isinstance(part, MixtureNoise) for part in parts) > 1:
         raise ValueError("the parts of a noise may hold one mixture, not more")
     for part in parts:
-        if isinstance(part, BiasNoise) and isinstance(part.value, tuple) and len(part.value) != channels:
-            raise ValueError(f"the bias has {len(part.value)} values; this sensor has {channels} channels")
+        if isinstance(part, BiasNoise | FaultOptions):
+            values = part.value if isinstance(part, BiasNoise) else part.per_channel
+            if isinstance(values, tuple) and len(values) != channels:
+                raise ValueError(f"the {part.stream} has {len(values)} values; this sensor has {channels} channels")
 
 
 class Noise:

@@ -12,6 +12,7 @@ from scipy.special import ndtr
 from relnav_sim.arrays import Array
 from relnav_sim.options import Options
 from relnav_sim.sensors.noise.bias import BiasNoise
+from relnav_sim.sensors.noise.fault import FaultOptions
 from relnav_sim.sensors.noise.gauss_markov import GaussMarkovNoise
 from relnav_sim.sensors.noise.gaussian import GaussianNoise
 from relnav_sim.sensors.noise.mixture import MixtureNoise
@@ -44,13 +45,13 @@ def has_outages(parts: Sequence[Options]) -> bool:
 
 
 def is_white(parts: Sequence[Options]) -> bool:
-    """Return whether all errors are white: no bias, nothing correlated."""
-    return not any(isinstance(part, GaussMarkovNoise | BiasNoise) for part in parts)
+    """Return whether all errors are white: no bias, nothing correlated, no fault."""
+    return not any(isinstance(part, GaussMarkovNoise | BiasNoise | FaultOptions) for part in parts)
 
 
 def constant_part(parts: Sequence[Options], channels: int) -> Array:
-    """Return the sum (channels,) of the biases, in sigmas; NaN where correlated noise drifts on top of them."""
-    if any(isinstance(part, GaussMarkovNoise) for part in parts):
+    """Return the sum (channels,) of the biases, in sigmas; NaN where correlated noise or a fault comes on top."""
+    if any(isinstance(part, GaussMarkovNoise | FaultOptions) for part in parts):
         return np.full(channels, np.nan)
     return sum(
         (np.broadcast_to(part.value, channels) for part in parts if isinstance(part, BiasNoise)), np.zeros(channels)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from relnav_sim.arrays import Array
 from relnav_sim.streams import RandomSource, Streams
 
@@ -15,6 +17,14 @@ class NoiseProcess(Protocol):
     def sample(self, times_s: Array) -> Array:
         """Return the noise at the next epochs, in sigmas: broadcasts to (runs, len(times_s), channels)."""
         ...
+
+
+class Silent:
+    """A process that adds nothing: that of a fault which changes readings in another way."""
+
+    def sample(self, times_s: Array) -> Array:
+        """Return zeros."""
+        return np.zeros((1, len(times_s), 1))
 
 
 @dataclass(frozen=True)

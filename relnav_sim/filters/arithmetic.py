@@ -1,0 +1,99 @@
+"""The arithmetic that a filter computes in: float64, or the float32 of many flight computers."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from relnav_sim.arrays import Array
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.measurements.interface import Measurement, linearised
+from relnav_sim.options import AddedLater, Options
+
+EPS = float(np.finfo(np.float64).eps)
+"""The unit of rounding of float64."""
+
+Arithmetic = Literal["float64", "float32"]
+
+
+class ArithmeticOptions(Options):
+    """What filters say that can compute in single precision."""
+
+    arithmetic: Annotated[Arithmetic, AddedLater()] = Field(
+        default="float64",
+        description="What the filter computes in: float64 (default), or float32 as many flight computers do: its "
+        "belief, the matrices that its models give it, its prediction and its update. Truth, sensors, statistics and "
+        "the inside of the models stay float64",
+    )
+
+
+class ModelsInArithmetic:
+    """Dynamics and measurement as a filter of some arithmetic sees them.
+
+    In float64 what they return, as it is. In float32 the functions are evaluated in float64 at the states of the
+    filter, and what they return is rounded; so are readings, before predicted ones are subtracted from them.
+
+    Args:
+        dynamics: The filter's.
+        measurement: The filter's.
+        arithmetic: What it computes in.
+
+    Attributes:
+        single: Whether that is float32.
+        eps: Its unit of rounding.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, arithmetic: Arithmetic) -> None:
+        self._dynamics, self._measurement = dynamics, measurement
+        self.single = arithmetic == "float32"
+        self._dtype = np.dtype(arithmetic)
+        self.eps = float(np.finfo(self._dtype).eps)
+
+    def own(self, A: Array) -> Array:
+        """Return an array in the filter's arithmetic, in C order; a matrix (p, q) for all runs as (1, p, q)."""
+        return np.ascontiguousarray(A, dtype=self._dtype)
+
+    def propagate(self, mean: Array, step: Step) -> Array:
+        """Return f(mean), (runs, n)."""
+        return self.own(self._dynamics.propagate(_double(mean), step))
+
+    def matrices(self, mean: Array, step: Step) -> tuple[Array, Array]:
+        """Return F and Q at `mean` (runs, n), (runs, n, n) each, or (1, n, n) for all runs."""
+        m = _double(mean)
+        return self._by_run(self._dynamics.transition(m, step)), self._by_run(self._dynamics.process_noise(m, step))
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual (runs, m), H and R, (runs or 1, m, n) and (runs or 1, m, m), of a reading z at `mean`."""
+        measurement, m = self._measurement, _double(mean)
+        if self.single:
+            # The difference of two numbers of float32, taken in float64 and rounded, is their difference in float32.
+            expected = self.own(measurement.predict(m, epoch))
+            residual = measurement.residual(_double(self.own(z)), _double(expected))
+            H, R = measurement.jacobian(m, epoch), measurement.noise(m, epoch)
+        else:
+            residual, H, R = linearised(measurement, z, m, epoch)
+        return self.own(residual), self._by_run(H), self._by_run(R)
+
+    def coarse(self, mean: Array, covariance: Array) -> dict[int, str]:
+        """Return why runs can't go on, by place, whose states are rounded by more than their sigmas.
+
+        Args:
+            mean: (runs, n).
+            covariance: (runs, n, n), in float64.
+        """
+        variance = np.einsum("bii->bi", covariance)
+        lost = (np.square(self.eps * mean.astype(np.float64)) > variance) & (variance > 0)
+        return {
+            run: f"float32 holds state {int(np.argmax(lost[run])) + 1} more coarsely than its sigma; take float64, or "
+            "states that are small against their sigmas"
+            for run in np.flatnonzero(lost.any(axis=1)).tolist()
+        }
+
+    def _by_run(self, A: Array) -> Array:
+        return self.own(A if A.ndim == 3 else A[None])
+
+
+def _double(A: Array) -> Array:
+    return np.ascontiguousarray(A, dtype=np.float64)

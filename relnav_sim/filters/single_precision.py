@@ -1,0 +1,85 @@
+"""The Kalman filter in float32, its covariance held as such and updated in Joseph's form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from relnav_sim import kernels
+from relnav_sim.arrays import Array
+from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.arithmetic import ModelsInArithmetic
+from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
+from relnav_sim.measurements.interface import Measurement
+
+INDEFINITE = (
+    "the covariance is not positive definite any more in float32; take ud_ekf, whose covariance can't lose that, or "
+    "float64"
+)
+
+
+@dataclass(frozen=True)
+class SingleGaussian:
+    """A Gaussian belief per run in float32: mean x (runs, n) and covariance P (runs, n, n)."""
+
+    x: Array
+    P: Array
+
+    @property
+    def mean(self) -> Array:
+        """The mean (runs, n), in float64."""
+        return self.x.astype(np.float64)
+
+    @property
+    def covariance(self) -> Array:
+        """The covariance (runs, n, n), in float64."""
+        return self.P.astype(np.float64)
+
+
+class SinglePrecision:
+    """Prediction and update of a filter with linearised models, in float32.
+
+    The short form of the update, P - W^T W, loses as many digits as the prior is wider than the noise, and float32 has
+    seven. So Joseph's form is taken throughout; a run whose covariance is not positive definite after it has failed.
+
+    Args:
+        dynamics: The filter's.
+        measurement: The filter's.
+    """
+
+    def __init__(self, dynamics: Dynamics, measurement: Measurement) -> None:
+        self._models = ModelsInArithmetic(dynamics, measurement, "float32")
+        self._by_transition = getattr(dynamics, "moves_by_transition", False)
+        self._considered = list(considered_states(dynamics))
+
+    def own(self, belief: Gaussian | SingleGaussian) -> SingleGaussian:
+        """Return a belief, rounded to float32."""
+        return SingleGaussian(self._models.own(belief.mean), self._models.own(belief.covariance))
+
+    def predict(self, belief: Gaussian | SingleGaussian, step: Step) -> SingleGaussian:
+        """Return the belief with mean f(m) and covariance F P F^T + Q."""
+        prior, models = self.own(belief), self._models
+        F, Q = models.matrices(prior.x, step)
+        mean, P = kernels.kalman.predict_linear_single(prior.x, prior.P, F, Q)
+        return SingleGaussian(mean if self._by_transition else models.propagate(prior.x, step), P)
+
+    def linearised(self, z: Array, belief: Gaussian | SingleGaussian, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual, H and R of a reading at the mean, in float32."""
+        return self._models.linearised(z, belief.mean, epoch)
+
+    def joseph_update(
+        self, belief: Gaussian | SingleGaussian, residual: Array, H: Array, R: Array
+    ) -> tuple[SingleGaussian, Innovation]:
+        """Return the update, in which considered states stay as predicted (Schmidt 1962)."""
+        prior, models = self.own(belief), self._models
+        x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
+            prior.x, prior.P, models.own(residual), models.own(H), models.own(R), models.eps
+        )
+        if self._considered:
+            x[:, self._considered] = prior.x[:, self._considered]
+            block = np.ix_(range(len(x)), self._considered, self._considered)
+            P[block] = prior.P[block]
+        corrected = SingleGaussian(x, P)
+        failed = models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
+        return corrected, Innovation(nis, log_likelihood, failed=failed)
