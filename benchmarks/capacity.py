@@ -26,7 +26,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 from relnav_sim.campaign import Campaign, load_campaign
 from relnav_sim.runner.bound_task import Task
 from relnav_sim.runner.compute import Outcome, compute
-from relnav_sim.runner.executors.interface import Ended
+from relnav_sim.runner.executors.interface import LOOKED_AT_EVERY_S, Ended
 from relnav_sim.runner.executors.on_worker import Came
 from relnav_sim.runner.executors.received import receive
 from relnav_sim.runner.pool import Pool
@@ -150,7 +150,8 @@ class Stub:
         self._tick()
         self.now = max(self.now, self._running[0][0])
         ended = []
-        while self._running and self._running[0][0] <= self.now:
+        began = self.now
+        while self._running and self._running[0][0] <= self.now < began + LOOKED_AT_EVERY_S:
             _, _, task = heapq.heappop(self._running)
             seconds, taking = self._costs[tuple(task.case.config.filters)]
             self.now += taking
