@@ -180,6 +180,8 @@ def test_the_command_from_another_terminal(campaign, tmp_path, monkeypatch):
     seen = CliRunner().invoke(app, ["status", f"{out}.shards"])
     assert seen.exit_code == 0 and "finished" in seen.output and "12 of 12" in seen.output
     assert status_of(out).failures == 0
+    seen = CliRunner().invoke(app, ["status", str(out), f"{out}.shards"])
+    assert seen.output.count("finished  12 of 12") == 1, "it is one result, and a row keeps its columns"
     ours = [event["event"] for event in read_events(log)]
     assert ours == [event["event"] for event in read_events(tmp_path / "out.h5.shards" / "log.jsonl")]
     assert ours == ["begin", "start", "done", "end", "begin", "start", "done", "start", "done", "end"]
