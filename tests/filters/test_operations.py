@@ -72,7 +72,7 @@ EXACT = [
 ]
 
 
-@pytest.mark.parametrize("n, m", [(6, 3), (4, 2)])
+@pytest.mark.parametrize("n, m", [(4, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind, options", EXACT, ids=[kind for kind, _ in EXACT])
 def test_formula_is_what_kernels_count(kind, options, n, m, monkeypatch):
     # R is the same for both runs, so that a factor of it alone counts half.
