@@ -20,10 +20,13 @@ def newest_result(folder: Path) -> Path:
     Raises:
         UserError: There is none.
     """
+    from relnav_sim.results.shard_files import newest_shard_s
+
     times = {path: path.stat().st_mtime for path in folder.glob("*.h5") if path.is_file()}
-    for shard in folder.glob(f"*.h5{SHARDS}/*.h5"):
-        path = folder / shard.parent.name.removesuffix(SHARDS)
-        times[path] = max(times.get(path, 0.0), shard.stat().st_mtime)
+    for shards in folder.glob(f"*.h5{SHARDS}"):
+        if newest_s := newest_shard_s(shards):
+            path = folder / shards.name.removesuffix(SHARDS)
+            times[path] = max(times.get(path, 0.0), newest_s)
     if not times:
         raise UserError(f"there is no result in {folder}/; first: relnav run FILE")
     return max(times, key=lambda path: times[path])

@@ -17,7 +17,8 @@ from relnav_sim.plots.axes import (
     turned_sigmas,
     turned_states,
 )
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
+from relnav_sim.plots.facts import CaseFacts, case_facts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import time_unit
 from relnav_sim.results import layout
 

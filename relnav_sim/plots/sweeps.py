@@ -18,7 +18,8 @@ from relnav_sim.plots.data import (
     sizes,
     speed_unit,
 )
-from relnav_sim.plots.facts import CaseFacts, Statistic, case_facts
+from relnav_sim.plots.facts import CaseFacts, case_facts
+from relnav_sim.plots.filter_facts import Statistic
 from relnav_sim.plots.panels import log_axis, say, upright_boxes
 from relnav_sim.plots.style import (
     BOUND,
@@ -241,6 +242,7 @@ def heat_map(
     filter: str | None = None,
     along: Sequence[str] | None = None,
     quantity: Quantity = "position",
+    cases: Sequence[Case] | None = None,
 ) -> Figure:
     """Draw the RMS error over a grid of two varied parameters, in colours and numbers.
 
@@ -250,6 +252,7 @@ def heat_map(
         along: The two paths, or their ends: horizontal, then vertical; default: the two with the most values. Of
             cases that differ in a third value the first counts.
         quantity: ``position`` or ``velocity``.
+        cases: The cases; default: all.
     """
     from matplotlib.colors import LogNorm, Normalize
 
@@ -258,8 +261,9 @@ def heat_map(
     columns, rows = (_in_order(varied[path]) for path in (across, up))
     values = np.full((len(rows), len(columns)), np.nan)
     names = [[""] * len(columns) for _ in rows]
-    for index in results.nominal:
-        facts = case_facts(results, index)
+    for case in results.nominal if cases is None else cases:
+        facts = case_facts(results, case)
+        index = facts.index
         row, column = rows.index(varied[up][index]), columns.index(varied[across][index])
         if not facts.filters or np.isfinite(values[row, column]):
             continue
