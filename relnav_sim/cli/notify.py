@@ -29,6 +29,7 @@ class Notice:
         campaign: Name of the campaign.
         summary: What came of it, in a sentence.
         failed: Failed runs of filters.
+        process: The command, once it has been started.
     """
 
     command: str | None
@@ -36,17 +37,18 @@ class Notice:
     campaign: str = ""
     summary: str = ""
     failed: int | None = None
+    process: subprocess.Popen[bytes] | None = None
     _began: float = field(default_factory=time.monotonic)
     _sent: threading.Event = field(default_factory=threading.Event)
 
-    def send(self, code: int) -> subprocess.Popen[bytes] | None:
+    def send(self, code: int) -> None:
         """Start the command, if there is one and it has not been started; it outlives this process.
 
         Args:
             code: The exit code of this command.
         """
         if self.command is None or self._sent.is_set():
-            return None
+            return
         self._sent.set()
         variables = {
             "RELNAV_RESULT": self.result,
@@ -58,7 +60,7 @@ class Notice:
             "RELNAV_SECONDS": f"{time.monotonic() - self._began:.0f}",
         }
         try:
-            return subprocess.Popen(
+            self.process = subprocess.Popen(
                 self.command,
                 shell=True,
                 env={**os.environ, **variables},
@@ -68,7 +70,6 @@ class Notice:
             )
         except (OSError, ValueError) as error:
             say(f"warning: --notify could not be started: {error}", err=True)
-            return None
 
 
 @contextmanager
@@ -85,7 +86,8 @@ def notifying(notice: Notice) -> Iterator[Notice]:
         code = end.code if isinstance(end.code, int) else 1
         raise
     finally:
-        _wait(notice.send(code), code)
+        notice.send(code)
+        _wait(notice.process, code)
 
 
 def _wait(process: subprocess.Popen[bytes] | None, code: int) -> None:

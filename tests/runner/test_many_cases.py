@@ -7,14 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from relnav_sim import load_campaign, open_results, run_campaign
+from relnav_sim import load_campaign, open_results, regret, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.report import write_report
 from relnav_sim.results import journal, shard_files, stacks
 from relnav_sim.results.comparable import same_numbers
+from relnav_sim.results.contents import contents_of
 from relnav_sim.results.shard_files import held_shards
+from relnav_sim.results.stored_campaign import stored_campaign
 from relnav_sim.runner import job
 from relnav_sim.runner.merging import merge_results
+from relnav_sim.runner.so_far import contents_so_far
 from relnav_sim.runner.unfinished import is_unfinished, results_so_far
 from relnav_sim.sensors import conformity
 
@@ -100,6 +103,7 @@ def test_shards_are_packed_and_the_campaign_goes_on_from_them(many, again, monke
     assert is_unfinished(out) and len(held_shards(folder)[0]) == CASES - 1
     with results_so_far(out) as so_far, open_results(so_far) as results:
         assert len(results.missing()) == 1
+        assert contents_so_far(out) == contents_of(results)
     run_campaign(campaign, out, backend="sequential")
     with open_results(out) as results, open_results(many) as reference:
         assert same_numbers(results, reference)
@@ -124,3 +128,31 @@ def test_a_report_shows_closely_what_is_asked_for(many, tmp_path) -> None:
     text = page.read_text()
     assert f"2 of {CASES} cases are shown closely" in text and "--case CASE" in text
     assert "Case 4:" in text and "Case 8:" in text and "Case 5:" not in text
+
+
+def test_stressed_cases_turn_groups_of_cases_into_stacks(tmp_path) -> None:
+    """A stress takes a result over the border between the layouts; what was there stays, bit for bit."""
+    few = CASES // 2
+    text = TEXT.replace(f"{[round(1 + 0.1 * i, 3) for i in range(CASES)]}", f"{list(range(1, few + 1))}")
+    text = text.replace("runs: 2", "runs: 1")
+    campaign = parse_campaign(text + "stress:\n  noisy: {sensors.radar.range_sigma_m: {times: 3}}\n")
+    out = run_campaign(campaign, tmp_path / "few.h5", backend="sequential")
+    before = shutil.copy(out, tmp_path / "before.h5")
+    run_campaign(campaign.with_stress(), out, backend="sequential")
+    assert not is_unfinished(out)
+    with open_results(before) as nominal, open_results(out) as results:
+        assert nominal.headers == results.headers[:few]
+        assert len(results.headers) == 2 * few > stacks.STACKED_CASES and not results.missing()
+        assert results.nominal == tuple(range(few)) and results.stressed(3) == {"noisy": few + 3}
+        assert [header.stress for header in results.headers] == [""] * few + ["noisy"] * few
+        assert results.headers[few + 3].nominal == results.headers[3].id
+        for case in range(few):
+            assert nominal.error(case, "ekf").tobytes() == results.error(case, "ekf").tobytes()
+        # The truth and the draws are the same, the noise is three times that which the filter is told of.
+        assert results.truth(few).tobytes() == results.truth(0).tobytes()
+        assert results.error(few, "ekf").tobytes() != results.error(0, "ekf").tobytes()
+        stress = results.summary()["stress"]
+        assert stress.tolist() == [""] * few + ["noisy"] * few
+        against = regret(results, 3)
+        assert against.indices == (3, few + 3)
+        assert [case.id for case in stored_campaign(results).cases] == [header.id for header in results.headers]
