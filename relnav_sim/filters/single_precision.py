@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
@@ -76,10 +76,24 @@ class SinglePrecision:
         x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
             prior.x, prior.P, models.own(residual), models.own(H), models.own(R), models.eps
         )
+        return self._told(prior, x, P, Innovation(nis, log_likelihood), lost)
+
+    def _told(
+        self, prior: SingleGaussian, x: Array, P: Array, innovation: Innovation, lost: Indices
+    ) -> tuple[SingleGaussian, Innovation]:
+        """Return an update with considered states as predicted, and which runs can't go on.
+
+        Args:
+            prior: The prediction.
+            x: The optimal update, changed in place, as P.
+            P: Its covariance.
+            innovation: What is known of it otherwise.
+            lost: The runs that are indefinite.
+        """
         if self._considered:
             x[:, self._considered] = prior.x[:, self._considered]
             block = np.ix_(range(len(x)), self._considered, self._considered)
             P[block] = prior.P[block]
         corrected = SingleGaussian(x, P)
-        failed = models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
-        return corrected, Innovation(nis, log_likelihood, failed=failed)
+        failed = self._models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
+        return corrected, replace(innovation, failed=failed)
