@@ -232,8 +232,11 @@ def double_only(kind: str) -> str:
     """Return why a kind of filter has no `arithmetic`, and which kinds have it."""
     kinds = filter_kinds()
     have = [name for name, known in kinds.items() if known.in_single]
-    why = getattr(kinds[kind].factory, "double_only", "its algorithm is written in float64 only")
-    return f"the {kind} filter computes in float64 only: {why}; float32 is for {', '.join(have[:-1])} and {have[-1]}"
+    why = getattr(kinds[kind].factory, "double_only", "its kernels are")
+    return (
+        f"the {kind} filter computes in float64 only, as {why}; leave the key out, or take a filter that has "
+        f"float32: {', '.join(have[:-1])} and {have[-1]}"
+    )
 
 
 M = TypeVar("M", bound=Options)

@@ -52,7 +52,7 @@ class SinglePoints(SinglePrecision):
         )
 
     def update(self, belief: Gaussian | SingleGaussian, z: Array, step: Step) -> tuple[SingleGaussian, Innovation]:
-        """Return the update, in which considered states stay as predicted."""
+        """Return the optimal update."""
         prior, models = self.own(belief), self._models
         points, offsets = self._points(prior)
         images, deviations = models.images(points, step.epoch)
@@ -64,7 +64,7 @@ class SinglePoints(SinglePrecision):
         x, P, nis, log_likelihood, lost = kernels.joseph.update_by_points(
             prior.x, offsets, deviations, residual, S, C, R, self._weight, self._centre_weight, models.eps
         )
-        return self._told(prior, x, P, Innovation(nis, log_likelihood), lost)
+        return self._told(x, P, Innovation(nis, log_likelihood), lost)
 
     def _points(self, belief: SingleGaussian) -> tuple[Array, Array]:
         """Return sigma points (runs, 2 n + 1, n) and their offsets; NaN where the covariance is indefinite.
