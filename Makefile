@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench scale schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -53,6 +53,9 @@ $(BENCH)/installed: pyproject.toml
 bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 10 minutes on a quiet machine
 	mkdir -p build
 	for script in $(BENCHMARKS); do $(BENCH)/bin/python benchmarks/$$script.py --docs $(BENCH_OPTIONS) || exit 1; done
+
+scale: setup  ## Measure how commands grow with runs, cases, filters and epochs, for docs/clusters.md; an hour on a quiet machine
+	PYTHONPATH=benchmarks $(BIN)/python -m scale $(SCALE_OPTIONS)
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models
 	$(BIN)/relnav schema --out campaigns/schema.json --overwrite

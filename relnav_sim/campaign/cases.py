@@ -121,7 +121,7 @@ def _validated(point: Point, validator: PartValidator) -> tuple[ValidatedPoint, 
         if len(problems) > SHOWN:
             break
     together = Parts(**parts, filters=filters)
-    return ValidatedPoint(point, together), [*problems, *check_together(together)]
+    return ValidatedPoint(point, together), [*problems, *check_together(together, validator.tried)]
 
 
 def _sensors(section: Any, validator: PartValidator) -> tuple[dict[str, Any] | None, list[Problem]]:

@@ -14,12 +14,12 @@ from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.containment import Containment
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import extension, sensor_of
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
 from relnav_sim.sensors import ErrorShares, Sensors, form_taken, hosts_of, own_sensor, relative_sensors, sensor_kinds
-from relnav_sim.sensors.conformity import complaints
+from relnav_sim.sensors.conformity import TriedSensors
 from relnav_sim.truth import AnyTruth, EphemerisTruthOptions, nominal_chief
 from relnav_sim.truth.flown_orbits import flown
 from relnav_sim.truth.thrust import CRAFT
@@ -39,8 +39,13 @@ class Parts:
     filters: Mapping[str, FilterEntry] = field(default_factory=dict)
 
 
-def check_together(parts: Parts) -> Iterator[Problem]:
-    """Yield what does not fit together; a part that is missing or wrong is left out of the checks."""
+def check_together(parts: Parts, tried: TriedSensors) -> Iterator[Problem]:
+    """Yield what does not fit together; a part that is missing or wrong is left out of the checks.
+
+    Args:
+        parts: The parts of a case.
+        tried: Tries its sensors.
+    """
     if parts.clock is not None:
         yield from _check_clock(parts.clock)
         if parts.sensors is not None:
@@ -61,7 +66,8 @@ def check_together(parts: Parts) -> Iterator[Problem]:
         if parts.clock is not None:
             for name in parts.sensors:
                 yield from (
-                    Problem(("sensors", name), said) for said in complaints(name, parts.sensors, parts.clock.step_s)
+                    Problem(("sensors", name), said)
+                    for said in tried.complaints(name, parts.sensors, parts.clock.step_s)
                 )
     for name, entry in parts.filters.items():
         if name in RESERVED_NAMES:

@@ -12,7 +12,7 @@ from typing import Any
 from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
 from relnav_sim.campaign.problems import Path, Problem, did_you_mean, dotted, listed, quoted
 
-MOST_CASES = 1000
+MOST_CASES = 10_000
 BASE_LABEL = "base"
 """The label of a campaign's only case where nothing is varied."""
 LONGEST_LABEL = 120

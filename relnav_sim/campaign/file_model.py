@@ -37,6 +37,7 @@ from relnav_sim.campaign.requirements import AnyRequirement
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.options import Options
 from relnav_sim.sensors import SensorOptions, sensor_kinds
+from relnav_sim.sensors.conformity import TriedSensors
 from relnav_sim.truth import TruthSection
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
@@ -194,12 +195,16 @@ class PartValidator:
     Args:
         folder: Where the file is; the files that it names are looked for from there. None: the data are no file's,
             but were validated before, with the content of such files filled in.
+
+    Attributes:
+        tried: Tries the sensors of all cases.
     """
 
     def __init__(self, folder: FilePath | None = FilePath()) -> None:
         self._context = {} if folder is None else {"folder": folder}
         self._known: dict[tuple[Path, int], tuple[Any, Options | None, list[Problem]]] = {}
         self._whole: Shape | None = None
+        self.tried = TriedSensors()
 
     def settings(self, data: dict[str, Any]) -> tuple[Settings | None, list[Problem]]:
         """Return the keys that hold for all cases."""

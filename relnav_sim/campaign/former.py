@@ -133,11 +133,19 @@ def former_content(
         }
     for section in ("grid", "zip"):
         if section in first:
-            first[section] = dict(
-                _former_variable(text, values, content, sections, sensors, filters)
-                for text, values in first[section].items()
-            )
+            first[section] = former_variables(first[section], content, sections, sensors, filters)
     return first
+
+
+def former_variables(
+    lists: Mapping[str, Any],
+    content: Mapping[str, Any],
+    sections: Models,
+    sensors: Models,
+    filters: type[Options],
+) -> dict[str, Any]:
+    """Return varied paths and their values in their first spelling, see `former_content`."""
+    return dict(_former_variable(text, values, content, sections, sensors, filters) for text, values in lists.items())
 
 
 def _former_value(path: Path, value: Any, model: type[Options]) -> Any:

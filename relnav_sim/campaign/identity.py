@@ -8,11 +8,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.campaign.former import former_content, former_filter
+from relnav_sim.campaign.former import former_content, former_filter, former_variables
 from relnav_sim.campaign.models import Clock, StatisticsOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options
+from relnav_sim.same_object import remembered
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
@@ -44,10 +45,29 @@ def case_id(content: Mapping[str, Any], variables: Mapping[str, Any]) -> str:
         variables: The values of the varied paths.
     """
     varied = {path: [value] for path, value in variables.items() if path.split(".")[0] == "filters"}
-    first = in_first_spelling({**content, "grid": varied})
-    own = {key: value for key, value in first.items() if key not in ("filters", "grid")}
-    own["filters"] = {path: values[0] for path, values in first["grid"].items()}
-    return _digest(own)[:12]
+    first = former_variables(varied, content, {}, sensor_kinds(), FilterEntry)
+    texts = {key: _section_text(value, key) for key, value in content.items() if key not in ("filters", "sensors")}
+    texts["filters"] = _text({path: values[0] for path, values in first.items()})
+    if "sensors" in content:
+        own = {name: _sensor_text(entry, name) for name, entry in content["sensors"].items()}
+        absent = dict.fromkeys(in_first_spelling({"sensors": {}})["sensors"], _text(None))
+        texts["sensors"] = _joined(absent | own)
+    return hashlib.sha256(_joined(texts).encode()).hexdigest()[:12]
+
+
+@remembered
+def _section_text(section: Any, key: str) -> str:
+    return _text(in_first_spelling({key: section})[key])
+
+
+@remembered
+def _sensor_text(entry: Any, name: str) -> str:
+    return _text(in_first_spelling({"sensors": {name: entry}})["sensors"][name])
+
+
+def _joined(texts: Mapping[str, str]) -> str:
+    """Return the text of a section from those of its parts, the same that `_text` makes of the whole."""
+    return "{" + ",".join(f"{json.dumps(key)}:{texts[key]}" for key in sorted(texts)) + "}"
 
 
 def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
@@ -55,6 +75,7 @@ def stressed_id(nominal: str, flown: Mapping[str, Any]) -> str:
     return _digest({"case": nominal, "flown": in_first_spelling(flown)})[:12]
 
 
+@remembered
 def filter_id(entry: FilterEntry) -> str:
     """Return the id of a filter's settings, 12 hexadecimal digits."""
     return _digest(former_filter(FilterEntry, _options(), dynamics_kinds(), entry.model_dump(mode="json")))[:12]
@@ -65,8 +86,11 @@ def _options() -> dict[str, type[Options]]:
 
 
 def _digest(content: Any) -> str:
-    text = json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(_text(content).encode()).hexdigest()
+
+
+def _text(content: Any) -> str:
+    return json.dumps(_plain(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def _plain(value: Any) -> Any:

@@ -25,6 +25,8 @@ from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement, NisRequirement
 from relnav_sim.campaign.stress import Stress, read_stress, stressed
 from relnav_sim.kernels.compiling import interpreted
+from relnav_sim.options import Options
+from relnav_sim.same_object import remembered
 from relnav_sim.sensors import sensor_kinds
 
 
@@ -221,14 +223,24 @@ def _error(problems: Sequence[Problem], source: Source) -> CampaignError:
 
 
 def _case(name: str, valid: ValidatedPoint) -> Case:
-    config = CaseConfig(name=name, **vars(valid.parts))
-    content = config.model_dump(mode="json", exclude={"name"})
+    # The parts are valid: to validate them again for each of thousands of cases would take most of the time.
+    config = CaseConfig.model_construct(name=name, **vars(valid.parts))
+    content = {
+        key: {name: _plain(one) for name, one in part.items()} if isinstance(part, Mapping) else _plain(part)
+        for key, part in vars(valid.parts).items()
+    }
     kinds = sensor_kinds()
     variables = {
         variable.text: value_at(content, present_path(variable.path, content, kinds))
         for variable, _ in valid.point.choices
     }
     return Case(case_id(content, variables), valid.point.label, variables, config)
+
+
+@remembered
+def _plain(part: Options) -> dict[str, Any]:
+    """Return a section, sensor or filter as plain data."""
+    return part.model_dump(mode="json")
 
 
 def _stressed(case: Case, stress: Stress, config: CaseConfig) -> Case:

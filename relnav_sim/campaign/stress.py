@@ -194,7 +194,7 @@ def _untold(
         else:
             parts[str(place[0])] = value
     if not problems:
-        problems += check_together(Parts(clock=config.clock, **parts))
+        problems += check_together(Parts(clock=config.clock, **parts), validator.tried)
     problems = [stress.written(problem) for problem in problems]
     if problems:
         return None, problems

@@ -34,6 +34,15 @@ def report(
             "--format", help="What to write, separated by commas, of html, md, csv and latex; figures come with each."
         ),
     ] = "html,md,csv",
+    case: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--case",
+            metavar="CASE",
+            help="A case to show closely, with its tables and figures, by number from 0, id or label; may be repeated.",
+            show_default="all, of more than 50 the first",
+        ),
+    ] = None,
     axes: Annotated[
         ReportAxes,
         typer.Option(
@@ -62,7 +71,9 @@ def report(
         if target.exists() and not target.is_dir():
             raise UserError(f"{target} is a file; give --out the name of a folder")
         verdict = _checked(file) if check else None
-        page = write_report(file, target, formats=words, axes=axes.value, say=lambda words: say(words, err=True))
+        page = write_report(
+            file, target, formats=words, axes=axes.value, cases=_chosen(case), say=lambda words: say(words, err=True)
+        )
         say(f"wrote {page}")
     if verdict is not None:
         say(f"requirements: {verdict}")
@@ -70,6 +81,11 @@ def report(
         raise typer.Exit(Exit.REQUIREMENT_MISSED)
     if verdict == "undecided":
         raise typer.Exit(Exit.REQUIREMENT_UNDECIDED)
+
+
+def _chosen(cases: list[str] | None) -> list[int | str] | None:
+    """Return cases by their number where it is one."""
+    return [int(case) if case.isdecimal() else case for case in cases] if cases else None
 
 
 def _checked(path: Path) -> str:

@@ -141,14 +141,17 @@ class CovarianceMatching:
         rows = np.flatnonzero(read)
         window[rows, (belief.taken[rows] % self._window).astype(int)] = sample[rows]
         taken = belief.taken + read
-        full = read & (taken >= self._window)
-        fitted = _fitted(window.mean(axis=1), gained, belief.predicted_covariance)
-        factor = 1 + STRIDE / self._window
-        fitted = np.clip(fitted, belief.densities / factor, belief.densities * factor)
+        # In a window that is not full, that of a run that has read nothing yet say, there may be nothing to fit.
+        full = np.flatnonzero(read & (taken >= self._window))
+        densities = belief.densities.copy()
+        if len(full):
+            fitted = _fitted(window[full].mean(axis=1), gained[full], belief.predicted_covariance[full])
+            factor = 1 + STRIDE / self._window
+            densities[full] = np.clip(fitted, densities[full] / factor, densities[full] * factor)
         return replace(
             belief,
             made=np.where(read[:, None, None, None], 0.0, belief.made),
-            densities=np.where(full[:, None], fitted, belief.densities),
+            densities=densities,
             window=window,
             taken=taken,
         )

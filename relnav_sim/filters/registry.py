@@ -222,6 +222,11 @@ def create_filter(
 
 def not_edited(kind: str) -> str:
     """Return why a kind of filter has no editing."""
+    if filter_kinds()[kind].repeats:
+        return (
+            f"the {kind} filter has no editing: each reading is part of the fit that it would be judged by, so its NIS "
+            "is not chi-square, and no quantile says which to reject; use a filter of flight (ekf, ukf, ...)"
+        )
     return (
         f"the {kind} filter has no editing: its belief is no single Gaussian, so its NIS is not chi-square where the "
         "filter is right, and no quantile says which readings to reject; use a Gaussian filter (ekf, ukf, ...)"

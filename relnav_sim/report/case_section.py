@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -106,6 +106,14 @@ def _with_budget(
     files = section.file_tables if tables else (*section.file_tables, *found.tables)
     section = replace(section, notes=(*section.notes, found.note), more_tables=tables, file_tables=files)
     return section, () if picture is None else (picture,)
+
+
+def rank_cases(result_path: Path, indices: Sequence[int], axes: Axes) -> list[Ranking]:
+    """Return the order of the filters in some cases of a result, by their numbers from 0."""
+    from relnav_sim.results.read import open_results
+
+    with open_results(result_path) as results:
+        return [rank(case_facts(results, index, axes)) for index in indices]
 
 
 def _section(ranking: Ranking, cases: int) -> CaseSection:

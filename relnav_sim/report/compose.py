@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import reproduce_commands
 from relnav_sim.report import campaign_facts, html
 from relnav_sim.report.attempts import attempted
-from relnav_sim.report.case_section import compose_case
+from relnav_sim.report.case_section import compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.drawing import within
 from relnav_sim.report.error_budget import budgeted_cases
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 MOST_FIGURES = 100
+MANY_CASES = 50
+"""Of more cases a page shows only those closely that are asked for."""
 _LARGEST_HTML = 4_700_000
 _WORTH_A_PROCESS = 12  # cases times filters, about 4 s of drawing: less than that, starting a process takes longer
 
@@ -54,7 +57,12 @@ _WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep 
 
 
 def compose(
-    results: Results, figure_folder: Path, axes: Axes, most_figures: int = MOST_FIGURES, workers: int = 2
+    results: Results,
+    figure_folder: Path,
+    axes: Axes,
+    most_figures: int = MOST_FIGURES,
+    workers: int = 2,
+    shown: Sequence[int] | None = None,
 ) -> Page:
     """Return the report of an opened result, its figures drawn into a folder.
 
@@ -64,10 +72,12 @@ def compose(
         axes: The axes of tables and figures.
         most_figures: How many figures to draw; the first case always gets its own.
         workers: Processes that make the cases of a large campaign.
+        shown: Numbers from 0 of the cases to show closely; default: all, of more than `MANY_CASES` the first.
     """
-    parts = _cases(results, figure_folder, axes, most_figures, workers)
+    closely = _closely(results, shown)
+    parts = _cases(results, closely, figure_folder, axes, most_figures, workers)
     # Stressed cases have sections of their own; what is said of all cases is said of the others.
-    rankings = [parts[index][0] for index in results.nominal]
+    rankings = _rankings(results, {ranking.case.index: ranking for ranking, _ in parts}, axes, workers)
     page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
     left = _LARGEST_HTML - len(html.render(page).encode())
     top, left = within(overall_pictures(results, rankings, figure_folder), left)
@@ -83,19 +93,42 @@ def compose(
     return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections))
 
 
+def _closely(results: Results, shown: Sequence[int] | None) -> list[int]:
+    """Return the numbers of the cases to show closely."""
+    if shown is not None:
+        return sorted(set(shown))
+    return list(range(len(results.headers)) if len(results.headers) <= MANY_CASES else range(1))
+
+
+def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, workers: int) -> list[Ranking]:
+    """Return the rankings of the nominal cases, those that are not known by several processes at once."""
+    left = [index for index in results.nominal if index not in known]
+    found = dict(known)
+    if left:
+        import joblib
+
+        parts = [left[first :: min(workers, len(left))] for first in range(min(workers, len(left)))]
+        with safe_path():
+            made = joblib.Parallel(n_jobs=len(parts), max_nbytes=None)(
+                joblib.delayed(rank_cases)(results.path, part, axes) for part in parts
+            )
+        found |= {ranking.case.index: ranking for part in made for ranking in part}
+    return [found[index] for index in results.nominal]
+
+
 def _cases(
-    results: Results, figure_folder: Path, axes: Axes, most_figures: int, workers: int
+    results: Results, closely: Sequence[int], figure_folder: Path, axes: Axes, most_figures: int, workers: int
 ) -> list[tuple[Ranking, CaseSection]]:
     drawn: list[bool] = []
     figures_left = most_figures
-    for header in results.headers:
-        figures_left -= FIGURES_OF_A_CASE + len(header.filters)
-        drawn.append(not drawn or (not header.stress and figures_left >= 0 and drawn[-1]))
-    chart = points_of(len(results.headers), len(results.filters))
-    budgeted = budgeted_cases(results)
+    for index in closely:
+        figures_left -= FIGURES_OF_A_CASE + len(results.headers[index].filters)
+        drawn.append(not drawn or (not results.headers[index].stress and figures_left >= 0 and drawn[-1]))
+    chart = points_of(len(closely), len(results.filters))
+    budgeted = budgeted_cases(results, closely)
     todo = [
-        (results.path, index, axes, figure_folder, draw_it, *chart, draw_it and budgeted[index])
-        for index, draw_it in enumerate(drawn)
+        (results.path, index, axes, figure_folder, draw_it, *chart, draw_it and budget_it)
+        for index, draw_it, budget_it in zip(closely, drawn, budgeted, strict=True)
     ]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
         return [compose_case(*arguments) for arguments in todo]
@@ -125,7 +158,9 @@ def _without_pictures(
             *(shared or ()),
             *campaign_facts.leakage(results),
             *_stopped(results),
+            *_not_shown(results, sections),
         ),
+        all_cases=len(results.headers),
         overview=attempted("The overview", partial(overview_table, rankings), missing),
         requirements=attempted("The table of requirements", partial(requirements_table, results, judged), missing)
         if judged
@@ -143,6 +178,15 @@ def _without_pictures(
         filter_names=results.filters,
         missing=tuple(missing),
     )
+
+
+def _not_shown(results: Results, sections: Sequence[CaseSection]) -> tuple[str, ...]:
+    left, count = len(results.headers) - len(sections), len(results.headers)
+    if not left:
+        return ()
+    closely = f"{len(sections)} of {count} cases {'is' if len(sections) == 1 else 'are'} shown closely"
+    ask = f"relnav report {shlex.quote(results.path.name)} --case CASE shows others with their tables and figures"
+    return (f"{closely}; {ask}. The overview holds the figures of all {count}.",)
 
 
 def _stopped(results: Results) -> tuple[str, ...]:

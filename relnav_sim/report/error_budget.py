@@ -39,13 +39,13 @@ class BudgetSection:
     note: str
 
 
-def budgeted_cases(results: Results) -> list[bool]:
-    """Return which cases of a result get their error budgets in its report: the first ones, while time allows."""
+def budgeted_cases(results: Results, closely: Sequence[int]) -> list[bool]:
+    """Return which of the cases that a report shows closely get their error budgets: the first, while time allows."""
     if results.replay is not None:
-        return [False] * len(results.headers)
+        return [False] * len(closely)
     left, found = MOST_EPOCHS, []
     clock = results.campaign_content.get("clock", {})
-    for header in results.headers:
+    for header in (results.headers[index] for index in closely):
         own = {name: header.variables.get(f"clock.{name}", clock.get(name)) for name in ("duration_s", "step_s")}
         epochs = own["duration_s"] / own["step_s"] if all(isinstance(v, int | float) for v in own.values()) else left
         found.append(epochs <= left)

@@ -41,7 +41,10 @@ class RegretSection:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report; ``missing`` says of each part outside the cases that could not be made why."""
+    """A whole report; ``missing`` says of each part outside the cases that could not be made why.
+
+    ``cases`` are those that it shows closely, of ``all_cases`` in the result.
+    """
 
     name: str
     facts: tuple[str, ...]
@@ -61,6 +64,7 @@ class Page:
     curves: str = ""
     filter_names: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
+    all_cases: int = 1
 
     @property
     def all_missing(self) -> tuple[str, ...]:

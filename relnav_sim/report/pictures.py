@@ -55,7 +55,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
             grid = grid_paths(results)
         except plots.FigureError:
             return None
-        figure = plots.heat_map(results)
+        figure = plots.heat_map(results, cases=cases)
         return _described("heat_map", figure, cases[0], grid)
 
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from relnav_sim.plots.axes import checked_axes
@@ -25,6 +25,7 @@ def write_report(
     axes: str = "rtn",
     most_figures: int = MOST_FIGURES,
     workers: int = 2,
+    cases: Sequence[int | str] | None = None,
     say: Callable[[str], object] | None = None,
 ) -> Path:
     """Write the report of a result.
@@ -41,6 +42,8 @@ def write_report(
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
             the functions of ``relnav_sim.plots``.
         workers: Processes that draw the cases of a large campaign.
+        cases: The cases to show closely, each with its tables and figures, by number from 0, label or id; default:
+            all, of more than 50 the first.
         say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
             the places of those parts.
 
@@ -58,8 +61,9 @@ def write_report(
     path = Path(result_path)
     folder = Path(out_dir) if out_dir is not None else path.with_suffix("")
     with open_results(path) as results:
+        shown = None if cases is None else [results.case_index(case) for case in cases]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
-        page = compose(results, folder / "figures", turned, most_figures, workers)
+        page = compose(results, folder / "figures", turned, most_figures, workers, shown)
     if say is not None:
         for sentence in page.all_missing:
             say(sentence)

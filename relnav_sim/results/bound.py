@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,12 +13,13 @@ import h5py
 import numpy as np
 
 from relnav_sim.printable import printable
-from relnav_sim.results import layout, store
-from relnav_sim.results.atomic import written_whole
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
 from relnav_sim.results.header import read_header
-from relnav_sim.results.observability import Observability
+from relnav_sim.results.observability import Observability, course_of
 from relnav_sim.results.shards import checksum
+from relnav_sim.results.stored_cases import StoredCases
 
 SUFFIX = ".bound"
 _LONGEST_REASON = 2000
@@ -69,6 +70,16 @@ def write_bound(path: Path, bound: BoundResult) -> None:
     Raises:
         OSError: The file can't be written.
     """
+    write_bundle(path, layout.BOUND_FORMAT, *_parts(bound))
+
+
+def bound_digest(bound: BoundResult) -> str:
+    """Return the checksum that the file of a bound holds."""
+    return written(*_parts(bound))[0]["checksum"]
+
+
+def _parts(bound: BoundResult) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+    """Return what says what a bound is of, and its arrays."""
     arrays = {"perfect": bound.perfect} if bound.perfect is not None else {}
     arrays |= {f"filters/{name}": array for name, array in bound.filters.items()}
     arrays |= {f"perfect_of/{name}": array for name, array in bound.perfect_of.items()}
@@ -92,13 +103,16 @@ def write_bound(path: Path, bound: BoundResult) -> None:
         "reason": bound.reason,
         "retry": bound.retry,
     }
-    with written_whole(path) as temporary, store.create_file(temporary) as file:
-        file.attrs["format"] = layout.BOUND_FORMAT
-        file.attrs["format_version"] = layout.FORMAT_VERSION
-        file.attrs["header"] = json.dumps(header)
-        file.attrs["checksum"] = checksum(header, arrays)
-        for name, array in arrays.items():
-            file.create_dataset(name, data=array, track_times=False)
+    return header, arrays
+
+
+def open_bound(path: Path) -> Bundle:
+    """Return a bound's file as a bundle: what it says about itself, its numbers when they are asked for.
+
+    Raises:
+        ResultsError: The file is missing, torn or no bound.
+    """
+    return open_bundle(path, layout.BOUND_FORMAT, _former_arrays)
 
 
 def read_bound(path: Path) -> BoundResult:
@@ -107,26 +121,42 @@ def read_bound(path: Path) -> BoundResult:
     Raises:
         ResultsError: The file is missing, torn, or its numbers differ from those written.
     """
-    with store.open_checked(path, layout.BOUND_FORMAT) as file:
-        header = store.json_value(file, "header", dict)
-        try:
-            arrays = {name: _array(file, name) for name in map(str, header["stored"])}
-            bound = BoundResult(
-                seed=int(header["seed"]),
-                case_id=str(header["case_id"]),
-                filter_ids={str(name): str(key) for name, key in header["filters"].items()},
-                perfect=arrays.get("perfect"),
-                filters=_part(arrays, "filters"),
-                perfect_of=_part(arrays, "perfect_of"),
-                observability=_observed(header.get("observability", {}), arrays),  # earlier versions have none
-                reason=str(header["reason"]),
-                retry=bool(header.get("retry", False)),  # files of earlier versions do not say
-            )
-        except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
-            raise ResultsError(f"{path}: the header is damaged") from None
-        if store.text(file, "checksum") != checksum(header, arrays):
-            raise ResultsError(f"{path}: checksum does not match; the file is damaged")
-    return bound
+    return bound_of(read_bundle(path, layout.BOUND_FORMAT, _former_arrays))
+
+
+def bound_of(bundle: Bundle) -> BoundResult:
+    """Return the bounds of a case after verifying their checksum.
+
+    Raises:
+        ResultsError: They differ from those written, or are no bounds.
+    """
+    arrays, header = bundle.load(), bundle.header
+    try:
+        return BoundResult(
+            seed=int(header["seed"]),
+            case_id=str(header["case_id"]),
+            filter_ids={str(name): str(key) for name, key in header["filters"].items()},
+            perfect=arrays.get("perfect"),
+            filters=_part(arrays, "filters"),
+            perfect_of=_part(arrays, "perfect_of"),
+            observability=_observed(header.get("observability", {}), arrays),  # earlier versions have none
+            reason=str(header["reason"]),
+            retry=bool(header.get("retry", False)),  # files of earlier versions do not say
+        )
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
+        raise ResultsError(f"{bundle.path}: the header is damaged") from None
+
+
+def _former_arrays(file: h5py.File, header: Mapping[str, Any]) -> dict[str, AnyArray]:
+    """Return the arrays of a file of version 1, in which each is a dataset."""
+    path = Path(file.filename)
+    try:
+        arrays = {name: _array(file, name) for name in map(str, header["stored"])}
+    except (KeyError, TypeError):
+        raise ResultsError(f"{path}: the header is damaged") from None
+    if store.text(file, "checksum") != checksum(header, arrays):
+        raise ResultsError(f"{path}: checksum does not match; the file is damaged")
+    return arrays
 
 
 _OBSERVED = tuple(spec.name for spec in layout.OBSERVABILITY)
@@ -155,23 +185,10 @@ def _observed(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> dict
             arrays[f"sigma_ratio/{name}"],
             int(words["blind"]),
             str(words["weakest"]),
-            _course(words.get("course", ())),
+            course_of(words.get("course", ())),
         )
         for name, words in header.items()
     }
-
-
-def _course(stored: Iterable[Any]) -> tuple[tuple[float, str], ...]:
-    """Return the weakest direction over time from plain data.
-
-    Raises:
-        ValueError: It is damaged.
-    """
-    course = tuple((float(from_s), printable(str(words))) for from_s, words in stored)
-    times = [from_s for from_s, _ in course]
-    if not np.isfinite(times).all() or sorted(set(times)) != times:
-        raise ValueError("the times do not ascend")
-    return course
 
 
 def result_bounds(path: Path) -> list[BoundResult]:
@@ -183,17 +200,19 @@ def result_bounds(path: Path) -> list[BoundResult]:
     bounds = []
     with store.open_checked(path, layout.FORMAT) as file:
         header, _ = read_header(file)
+        cases = StoredCases(file)
         for index, case in enumerate(header.cases):
-            group = store.subgroup(file, layout.case_group(index))
-            held = {name: store.subgroup(group, name) for name in case.filters if name in store.names(group)}
+            beside = cases.case(index)
+            found = {name: cases.filter(index, name) for name in case.filters}
+            held = {name: part for name, part in found.items() if part is not None}
             bound = BoundResult(
                 seed=header.seed,
                 case_id=case.id,
                 filter_ids=dict(case.filter_ids),
-                perfect=stored_bound(group),
-                filters=_known({name: stored_bound(own) for name, own in held.items()}),
-                perfect_of=_known({name: stored_bound(own, layout.PERFECT_BOUND) for name, own in held.items()}),
-                observability=_known({name: stored_observability(own) for name, own in held.items()}),
+                perfect=None if beside is None else beside.limit(layout.BOUND),
+                filters=_known({name: own.limit(layout.BOUND) for name, own in held.items()}),
+                perfect_of=_known({name: own.limit(layout.PERFECT_BOUND) for name, own in held.items()}),
+                observability=_known({name: own.observability() for name, own in held.items()}),
             )
             if bound.perfect is not None or bound.filters or bound.perfect_of or bound.observability:
                 bounds.append(bound)
@@ -204,76 +223,84 @@ def _known(found: Mapping[str, T | None]) -> dict[str, T]:
     return {name: one for name, one in found.items() if one is not None}
 
 
-def stored_bound(group: h5py.Group, spec: layout.Dataset = layout.BOUND) -> AnyArray | None:
-    """Return a bound in the group of a case or of a filter, (times, 8); None where there is none.
+@dataclass(frozen=True)
+class CaseLimits:
+    """What readings can tell at most in a case, from all its bounds.
 
-    Raises:
-        ResultsError: It is damaged.
+    Attributes:
+        arrays: Bounds, (times, 8), by dataset of the layout and filter; by an empty name the case's own.
+        observed: The observability by filter.
     """
-    return store.read(group, spec) if spec.name in store.names(group) else None
+
+    arrays: Mapping[tuple[layout.Dataset, str], AnyArray] = field(default_factory=dict)
+    observed: Mapping[str, Observability] = field(default_factory=dict)
 
 
-def stored_observability(group: h5py.Group) -> Observability | None:
-    """Return the observability in the group of a filter; None where there is none.
+def case_limits(case: CaseHeader, bounds: Iterable[BoundResult], times: int, held: Collection[str]) -> CaseLimits:
+    """Return the limits of a case; a bound known twice must agree.
 
-    Raises:
-        ResultsError: It is damaged.
-    """
-    if _OBSERVED[0] not in store.names(group):
-        return None
-    ratio, direction, sigma_ratio = (store.read(group, spec) for spec in layout.OBSERVABILITY)
-    states = tuple(map(str, store.read(group, layout.DIMENSIONS["state"])))
-    blind, weakest = store.whole_number(group, "blind"), store.text(group, "weakest")
-    sensors = tuple(map(str, store.json_value(group, "sensors", list)))
-    course: tuple[tuple[float, str], ...] = ()
-    if "course" in group.attrs:  # earlier versions have none
-        try:
-            course = _course(store.json_value(group, "course", list))
-        except (TypeError, ValueError):
-            raise ResultsError(f"{group.file.filename}: the course of {group.name} is damaged") from None
-    return Observability(sensors, ratio, states, direction, sigma_ratio, blind, weakest, course)
-
-
-def write_case_bound(group: h5py.Group, case: CaseHeader, bounds: Iterable[BoundResult]) -> None:
-    """Write the bounds of a case beside its truth and its filters, whose groups exist; a bound known twice must agree.
+    Args:
+        case: The case.
+        bounds: Its bounds.
+        times: Number of its stored epochs.
+        held: Its filters that runs have been computed of.
 
     Raises:
         RefusedError: Two disagree, or they don't fit the case's epochs.
     """
-    found: dict[tuple[str, str], AnyArray] = {}
+    found: dict[tuple[layout.Dataset, str], AnyArray] = {}
     observed: dict[str, Observability] = {}
     for bound in bounds:
         mine = {name for name, key in bound.filter_ids.items() if case.filter_ids.get(name) == key}
-        parts = {(layout.BOUND.name, ""): bound.perfect} if bound.perfect is not None else {}
+        parts = {(layout.BOUND, ""): bound.perfect} if bound.perfect is not None else {}
         for spec, arrays in ((layout.BOUND, bound.filters), (layout.PERFECT_BOUND, bound.perfect_of)):
-            parts |= {(spec.name, name): array for name, array in arrays.items() if name in mine}
+            parts |= {(spec, name): array for name, array in arrays.items() if name in mine}
         for place, array in parts.items():
             if not np.array_equal(found.setdefault(place, array), array, equal_nan=True):
                 raise RefusedError(f"case {case.label}: two parts disagree about the bound of {place[1] or 'the case'}")
         for name, one in bound.observability.items():
             if name in mine and not observed.setdefault(name, one).agrees(one):
                 raise RefusedError(f"case {case.label}: two parts disagree about the observability of {name}")
-    for (what, name), array in found.items():
-        if name and name not in group:
-            continue  # of a filter that no run has been computed of yet
-        if len(array) != len(group["time"]):
-            raise RefusedError(f"case {case.label}: its bound has {len(array)} epochs, its series {len(group['time'])}")
-        spec = layout.BOUND if what == layout.BOUND.name else layout.PERFECT_BOUND
+    kept = {place: array for place, array in found.items() if place[1] in ("", *held)}
+    for array in kept.values():
+        if len(array) != times:
+            raise RefusedError(f"case {case.label}: its bound has {len(array)} epochs, its series {times}")
+    return CaseLimits(kept, {name: one for name, one in observed.items() if name in held})
+
+
+def write_limits(group: h5py.Group, limits: CaseLimits) -> None:
+    """Write the limits of a case into its own group and those of its filters, which exist."""
+    for (spec, name), array in limits.arrays.items():
         place = group[name] if name else group
         store.write_dimensions(place, [spec])
         store.write(place, spec, array)
-    for name, one in observed.items():
-        if name in group:
-            _write_observability(group[name], one)
+    for name, one in limits.observed.items():
+        place = group[name]
+        store.write_dimensions(place, layout.OBSERVABILITY, state=one.states)
+        for spec, values in zip(layout.OBSERVABILITY, one.arrays, strict=True):
+            store.write(place, spec, values)
+        place.attrs["sensors"] = json.dumps(one.sensors)
+        place.attrs["blind"], place.attrs["weakest"] = one.blind, one.weakest
+        place.attrs["course"] = json.dumps(one.course)
 
 
-def _write_observability(group: h5py.Group, found: Observability) -> None:
-    store.write_dimensions(group, layout.OBSERVABILITY, state=found.states)
-    for spec, values in zip(layout.OBSERVABILITY, found.arrays, strict=True):
-        store.write(group, spec, values)
-    group.attrs["sensors"] = json.dumps(found.sensors)
-    group.attrs["blind"], group.attrs["weakest"] = found.blind, found.weakest
-    group.attrs["course"] = json.dumps(found.course)
+def write_stacked_limits(group: h5py.Group, of_cases: Mapping[int, CaseLimits]) -> None:
+    """Write the limits of the cases of a stack, by their numbers; states are alike in all that observe a filter."""
+    for spec, name in dict.fromkeys(place for limits in of_cases.values() for place in limits.arrays):
+        rows = {i: limits.arrays[spec, name] for i, limits in of_cases.items() if (spec, name) in limits.arrays}
+        place, whole = group[name] if name else group, stacks.stacked(spec)
+        store.write_dimensions(place, [whole], **{whole.dims[0]: list(rows)})
+        store.write(place, whole, np.stack(list(rows.values())))
+    for name in dict.fromkeys(name for limits in of_cases.values() for name in limits.observed):
+        found = {i: limits.observed[name] for i, limits in of_cases.items() if name in limits.observed}
+        specs, facts = [stacks.stacked(spec) for spec in layout.OBSERVABILITY], list(found.values())
+        axes = {"state": facts[0].states, specs[0].dims[0]: list(found)}
+        store.write_dimensions(group[name], [*specs, *stacks.OBSERVED_FACTS], **axes)
+        for place_of, spec in enumerate(specs):
+            store.write(group[name], spec, np.stack([one.arrays[place_of] for one in facts]))
+        words = [(json.dumps(one.sensors), one.blind, one.weakest, json.dumps(one.course)) for one in facts]
+        for spec, values in zip(stacks.OBSERVED_FACTS, zip(*words, strict=True), strict=True):
+            store.write(group[name], spec, values)
 
 
 def bounds_of(header: ResultHeader, bounds: Iterable[BoundResult]) -> dict[str, list[BoundResult]]:

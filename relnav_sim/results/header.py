@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import h5py
 
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.results import layout, store
+from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import CaseHeader, ReplayHeader, ResultHeader, ResultsError
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
 from relnav_sim.results.sound import odd_header
@@ -22,7 +23,7 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
     file.attrs.update(
         {
             "format": layout.FORMAT,
-            "format_version": layout.FORMAT_VERSION,
+            "format_version": stacks.result_version(len(header.cases)),
             "campaign_name": header.campaign_name,
             "campaign_text": header.text,
             "campaign_content": json.dumps(header.content),
@@ -42,19 +43,33 @@ def write_header(file: h5py.File, header: ResultHeader, provenance: Provenance) 
             continue
         file.attrs[name] = json.dumps(value) if isinstance(value, dict | tuple) else value
     file.create_group("constants").attrs.update(dict(header.constants))
+    if len(header.cases) > stacks.STACKED_CASES:
+        _write_cases(file, header.cases)
+        return
     for index, case in enumerate(header.cases):
-        file.create_group(layout.case_group(index)).attrs.update(
-            {
-                "id": case.id,
-                "label": case.label,
-                "variables": json.dumps(dict(case.variables)),
-                "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
-                "channels": json.dumps(
-                    {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
-                ),
-                **({"stress": case.stress, "nominal": case.nominal} if case.stress else {}),
-            }
-        )
+        file.create_group(layout.case_group(index)).attrs.update(_texts_of(case))
+
+
+def _texts_of(case: CaseHeader) -> dict[str, str]:
+    return {
+        "id": case.id,
+        "label": case.label,
+        "variables": json.dumps(dict(case.variables)),
+        "filters": json.dumps({name: case.filter_ids[name] for name in case.filters}),
+        "channels": json.dumps(
+            {sensor: [asdict(channel) for channel in channels] for sensor, channels in case.channels.items()}
+        ),
+        **({"stress": case.stress, "nominal": case.nominal} if case.stress else {}),
+    }
+
+
+def _write_cases(file: h5py.File, cases: Sequence[CaseHeader]) -> None:
+    """Write what the cases are as a table: a group for each would take longer than their numbers."""
+    group = file.create_group(stacks.CASES)
+    store.write_dimensions(group, stacks.CASE_TABLE, case=range(len(cases)))
+    rows = [_texts_of(case) for case in cases]
+    for spec in stacks.CASE_TABLE:
+        store.write(group, spec, [row.get(spec.name, "") for row in rows])
 
 
 def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
@@ -63,9 +78,7 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
     Raises:
         ResultsError: Something is missing or damaged.
     """
-    groups = [store.subgroup(file, name) for name in sorted(store.names(file)) if name.startswith("case_")]
-    ordered = sorted(groups, key=_number)
-    cases = tuple(_read_case(group) for group in ordered)
+    cases = _read_cases(file)
     try:
         seed = int(store.text(file, "seed"))
     except ValueError:
@@ -85,8 +98,6 @@ def read_header(file: h5py.File) -> tuple[ResultHeader, Provenance]:
     )
     if odd := odd_header(header):
         raise ResultsError(f"{file.filename}: {odd}; the file is damaged")
-    if [group.name for group in ordered] != [f"/{layout.case_group(index)}" for index in range(len(ordered))]:
-        raise ResultsError(f"{file.filename}: some of its cases are missing")
     provenance = Provenance(
         versions=_texts(file, "versions"),
         git_commit=store.text(file, "git_commit"),
@@ -138,17 +149,48 @@ def _read_sessions(file: h5py.File) -> tuple[Session, ...]:
         raise ResultsError(f"{file.filename}: its list of sessions is damaged") from None
 
 
+def _read_cases(file: h5py.File) -> tuple[CaseHeader, ...]:
+    if stacks.CASES in store.names(file):
+        table = store.subgroup(file, stacks.CASES)
+        columns = [store.read(table, spec) for spec in stacks.CASE_TABLE]
+        return tuple(_case(f"{file.filename}: {table.name}", *map(str, row)) for row in zip(*columns, strict=True))
+    groups = [store.subgroup(file, name) for name in store.names(file) if name.startswith("case_")]
+    ordered = sorted(groups, key=_number)
+    if [group.name for group in ordered] != [f"/{layout.case_group(index)}" for index in range(len(ordered))]:
+        raise ResultsError(f"{file.filename}: some of its cases are missing")
+    return tuple(map(_read_case, ordered))
+
+
 def _read_case(group: h5py.Group) -> CaseHeader:
-    ids = {str(name): str(key) for name, key in store.json_value(group, "filters", dict).items()}
-    variables = store.json_value(group, "variables", dict)
-    stored = store.json_value(group, "channels", dict) if "channels" in group.attrs else {}
+    later = {"channels": "{}", "stress": "", "nominal": ""}
+    names = [spec.name for spec in stacks.CASE_TABLE if spec.name in group.attrs or spec.name not in later]
+    texts = {name: store.text(group, name) for name in names}
+    return _case(f"{group.file.filename}: {group.name}", **{**later, **texts})
+
+
+def _case(
+    where: str, id: str, label: str, variables: str, filters: str, channels: str, stress: str, nominal: str
+) -> CaseHeader:
+    found = {}
+    for name, text in (("filters", filters), ("variables", variables)):
+        found[name] = store.plain(text, dict)
+        if found[name] is None:
+            raise ResultsError(f"{where}: its {name} are damaged")
+    ids = {str(name): str(key) for name, key in found["filters"].items()}
     try:
-        channels = read_channels(stored)
+        read = _channels(channels)
     except (TypeError, ValueError):
-        raise ResultsError(f"{group.file.filename}: the channels of {group.name} are damaged") from None
-    stress = {key: store.text(group, key) for key in ("stress", "nominal") if key in group.attrs}
-    name, label = store.text(group, "id"), store.text(group, "label")
-    return CaseHeader(name, label, variables, tuple(ids), ids, channels, **stress)
+        raise ResultsError(f"{where}: its channels are damaged") from None
+    return CaseHeader(id, label, found["variables"], tuple(ids), ids, read, stress, nominal)
+
+
+@functools.lru_cache(maxsize=64)
+def _channels(text: str) -> dict[str, tuple[Channel, ...]]:
+    """Return the channels of each sensor; of many cases alike, the same ones."""
+    stored = store.plain(text, dict)
+    if stored is None:
+        raise ValueError("they are no JSON")
+    return read_channels(stored)
 
 
 def read_channels(stored: Mapping[str, Any]) -> dict[str, tuple[Channel, ...]]:

@@ -17,44 +17,60 @@ from numpy.typing import NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from relnav_sim.results import layout, store
-from relnav_sim.results.pieces import columns_of
+from relnav_sim.results import layout, stacks, store
+from relnav_sim.results.stored_cases import columns_of
 
 
 def labelled_tree(path: Path, file: h5py.File) -> xarray.DataTree:
-    """Return the tree: a node per case, below it one per filter and one for the failures.
+    """Return the tree: a node per case or stack of cases, below it one per filter and one for the failures.
 
     Args:
         path: The results file; datasets are read from it when they are used, also after ``file`` is closed.
         file: The same file, open.
     """
     nodes = {"/": xarray.Dataset(attrs=store.attributes(file))}
-    for name in [name for name in store.names(file) if name.startswith("case_")]:
+    if stacks.CASES in store.names(file):
+        table = store.subgroup(file, stacks.CASES)
+        nodes[stacks.CASES] = _dataset(path, table, (*stacks.CASE_TABLE, stacks.STACK))
+    for name in [name for name in store.names(file) if name.startswith(("case_", "stack_"))]:
         case = store.subgroup(file, name)
-        nodes[name] = _dataset(path, case, (layout.TRUTH, *_limits(case)) if "failures" in store.names(case) else ())
+        held = "failures" in store.names(case)
+        nodes[name] = _dataset(path, case, (layout.TRUTH, *_limits(case), *_owners(case)) if held else ())
         for child in [child for child in store.names(case) if store.is_group(case, child)]:
             group = store.subgroup(case, child)
             columns = columns_of(group)
             units = (layout.AUGMENTED_UNIT,) if columns.augmented else ()
-            specs = (*columns.datasets, *units, *_limits(group))
-            nodes[f"{name}/{child}"] = _dataset(path, group, layout.FAILURES if child == "failures" else specs)
+            specs = (*columns.datasets, *units, *_limits(group)) if child != "failures" else layout.FAILURES
+            nodes[f"{name}/{child}"] = _dataset(path, group, (*specs, *_owners(group)))
     return xarray.DataTree.from_dict(nodes)
 
 
 def _limits(group: h5py.Group) -> tuple[layout.Dataset, ...]:
     """Return what a group holds of bounds and observability."""
     held = store.names(group)
-    return tuple(spec for spec in layout.LIMITS if spec.name in held)
+    limits = tuple(spec for spec in layout.LIMITS if spec.name in held)
+    if "case" not in held:
+        return limits
+    facts = [spec for spec in stacks.OBSERVED_FACTS if spec.name in held]
+    return (*map(stacks.stacked, limits), *facts)
+
+
+def _owners(group: h5py.Group) -> tuple[layout.Dataset, ...]:
+    """Return what says in a stack whose the rows are."""
+    held = store.names(group)
+    axis = next((axis for axis in ("run", "trajectory", "failure") if axis in held), "")
+    return (stacks.row_of_case("failure" if "reason" in held else axis),) if "case" in held else ()
 
 
 def _dataset(path: Path, group: h5py.Group, specs: Sequence[layout.Dataset]) -> xarray.Dataset:
     coordinates = {}
     for name in dict.fromkeys(dim for spec in specs for dim in spec.dims):
         dimension = layout.DIMENSIONS[name]
-        coordinates[name] = (name, store.read(group, dimension), _meaning(dimension))
+        rows = stacks.rows_of(name) if name in ("run", "trajectory") and "case" in store.names(group) else dimension
+        coordinates[name] = (name, store.read(group, rows), _meaning(dimension))
     variables = {}
     for spec in specs:
-        if spec.dtype == "str":
+        if spec.dtype in layout.TEXTS:
             values: Any = store.read(group, spec)
         else:
             values = indexing.LazilyIndexedArray(_Stored(path, group.name, spec, store.checked(group, spec).shape))

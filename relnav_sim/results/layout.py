@@ -17,7 +17,8 @@ from relnav_sim.results.editing_layout import EDITING as EDITING
 FORMAT = "relnav result"
 SHARD_FORMAT = "relnav shard"
 BOUND_FORMAT = "relnav bound"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""The newest that is read: of results and of shards."""
 
 COMPONENTS = ("x", "y", "z", "vx", "vy", "vz")
 QUANTITIES = (*COMPONENTS, "r", "v")
@@ -28,6 +29,10 @@ BLOCK_SIZES = (6, 3, 3)
 LEVELS = (0.5, 0.9, 0.95, 0.99, 0.9999)
 PROBABILITIES = (0.5, 0.95, 0.99, 0.997)
 THRESHOLDS_M = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+
+FIXED = "text"
+"""The type of texts of one length in the file, which are read at once however many there are."""
+TEXTS = ("str", FIXED)
 
 FACTOR = tuple(f"{row},{column}" for i, row in enumerate(COMPONENTS) for column in COMPONENTS[: i + 1])
 """Entries of the lower triangle of a 6 x 6 matrix, row by row: ``x,x``, ``y,x``, ``y,y``, ..."""
@@ -62,6 +67,10 @@ DIMENSIONS = {
         Dimension("channel", "str", "", "channel of a sensor as the filter takes its readings: sensor and channel"),
         Dimension("lag", "<f8", "1", "distance between residuals, readings of the channel", LAGS),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
+        Dimension("case", "<i8", "1", "number of the case, from 0"),
+        Dimension("bound_case", "<i8", "1", "number of the case that the bound is of, from 0"),
+        Dimension("perfect_bound_case", "<i8", "1", "number of the case that the perfect model's bound is of, from 0"),
+        Dimension("observed_case", "<i8", "1", "number of the case that the observability is of, from 0"),
         Dimension("failure", "<i8", "1", "number of the failure in this case, from 0"),
     )
 }

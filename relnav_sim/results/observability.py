@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.printable import printable
 
 NOT_OBSERVABLE = 0.9
 """Ratio of posterior to prior sigma above which, at the end of a run, the readings have told next to nothing."""
@@ -64,6 +66,19 @@ class Observability:
         """The augmented states of which the readings tell next to nothing."""
         pairs = list(zip(self.states, self.sigma_ratio, strict=True))[6:]
         return tuple(name for name, ratio in pairs if ratio > NOT_OBSERVABLE)
+
+
+def course_of(stored: Iterable[Any]) -> tuple[tuple[float, str], ...]:
+    """Return the weakest direction over time from plain data.
+
+    Raises:
+        ValueError: It is damaged.
+    """
+    course = tuple((float(from_s), printable(str(words))) for from_s, words in stored)
+    times = [from_s for from_s, _ in course]
+    if not np.isfinite(times).all() or sorted(set(times)) != times:
+        raise ValueError("the times do not ascend")
+    return course
 
 
 def not_observable(found: Mapping[str, Observability]) -> list[str]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,14 +18,13 @@ from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import AugmentedStates, BySensor, Editing, Failure, RefusedError, ResultsError
-from relnav_sim.results.bound import stored_bound, stored_observability
 from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.covariance_root import covariances
 from relnav_sim.results.editing_columns import editing_columns
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability
-from relnav_sim.results.pieces import columns_of, read_failures
 from relnav_sim.results.settings import filter_settings
+from relnav_sim.results.stored_cases import StoredCases, StoredPart
 
 if TYPE_CHECKING:
     import xarray
@@ -104,6 +102,7 @@ class Results:
         try:
             header, self.provenance = read_header(self._file)
             self.sealed = store.is_sealed(self._file)
+            self._stored = StoredCases(self._file)
         except ResultsError:
             self._file.close()
             raise
@@ -120,6 +119,10 @@ class Results:
         self.constants = dict(header.constants)
         self.headers = header.cases
         self.cases = tuple(case.label for case in header.cases)
+        self._places: dict[int | str, int] = {index: index for index in range(len(self.headers))}
+        for index, one in enumerate(self.headers):
+            self._places.setdefault(one.label, index)
+            self._places.setdefault(one.id, index)
         self.filters = tuple(dict.fromkeys(name for case in header.cases for name in case.filters))
 
     def __enter__(self) -> Results:
@@ -144,7 +147,7 @@ class Results:
     def holds_covariances(self) -> bool:
         """Whether `covariance` returns any: the campaign asked for them (``clock.store_covariance``)."""
         return any(
-            bool(columns_of(self._filter_group(index, name)).factor)
+            bool(self._filter_part(index, name).columns().factor)
             for index, case in enumerate(self.headers)
             for name in case.filters
             if len(self.case_runs(index, name))
@@ -157,7 +160,7 @@ class Results:
         for index, case in enumerate(self.headers):
             for name in case.filters:
                 if len(self.case_runs(index, name)):
-                    found |= dict.fromkeys(columns_of(self._filter_group(index, name)).sensors)
+                    found |= dict.fromkeys(self._filter_part(index, name).columns().sensors)
         return tuple(found)
 
     @property
@@ -181,24 +184,23 @@ class Results:
         Raises:
             RefusedError: There is none.
         """
-        for index, header in enumerate(self.headers):
-            if case in (index, header.label, header.id):
-                return index
+        if case in self._places:
+            return self._places[case]
         raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
 
     def case_runs(self, case: int | str, filter: str) -> Integers:
         """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
         index = self._check(case, filter)
-        group = self._case(index)
-        if filter not in store.names(group):
+        own, case_part, axis = self._stored.filter(index, filter), self._stored.case(index), layout.DIMENSIONS["time"]
+        if own is None or case_part is None:
             return np.empty(0, dtype=np.int64)
-        own, axis = store.subgroup(group, filter), layout.DIMENSIONS["time"]
-        runs = store.read(own, layout.DIMENSIONS["run"])
+        runs = own.read(layout.DIMENSIONS["run"])
         # Other programs read a filter's series against its own axis.
-        if not np.array_equal(store.read(own, axis), store.read(group, axis)):
-            raise ResultsError(f"{self.path}: {own.name}/time differs from {group.name}/time; the file is damaged")
+        if not np.array_equal(own.read(axis), case_part.read(axis)):
+            here, there = own.group.name, case_part.group.name
+            raise ResultsError(f"{self.path}: {here}/time differs from {there}/time; the file is damaged")
         if len(runs) and runs[-1] > self.planned[-1]:
-            raise ResultsError(f"{self.path}: {group.name}/{filter} has run {runs[-1]} of {self.header.runs}")
+            raise ResultsError(f"{self.path}: {own.group.name} has run {runs[-1]} of {self.header.runs}")
         return runs
 
     def missing(self) -> dict[tuple[str, str], tuple[int, ...]]:
@@ -300,7 +302,7 @@ class Results:
         filter reports nothing. NaN: never reported in that run.
         """
         index = self._check(case, filter)
-        names = columns_of(self._filter_group(index, filter)).diagnostics
+        names = self._filter_part(index, filter).columns().diagnostics
         if not names:
             return {}
         stored = self._filter_data(index, filter, layout.DIAGNOSTICS)
@@ -309,7 +311,7 @@ class Results:
     def augmented(self, case: int | str, filter: str) -> AugmentedStates | None:
         """Return what a filter found out about its augmented states; None where it carries none."""
         index = self._check(case, filter)
-        columns = columns_of(self._filter_group(index, filter))
+        columns = self._filter_part(index, filter).columns()
         specs = layout.AUGMENTED if columns.augmented else ()
         parts = {spec.name: self._filter_data(index, filter, spec).astype(np.float64) for spec in specs}
         return AugmentedStates.of_arrays(columns, parts)
@@ -327,21 +329,21 @@ class Results:
         Files of relnav 0.1 do not.
         """
         index = self._check(case, filter)
-        columns = columns_of(self._filter_group(index, filter))
+        columns = self._filter_part(index, filter).columns()
         specs = layout.BY_SENSOR if columns.sensors else ()
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def editing(self, case: int | str, filter: str) -> Editing | None:
         """Return what came of the editing of a filter's readings; None where there is none."""
         index = self._check(case, filter)
-        columns = columns_of(self._filter_group(index, filter))
+        columns = self._filter_part(index, filter).columns()
         specs = layout.EDITING if columns.edited else ()
         return Editing.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def by_channel(self, case: int | str, filter: str) -> ByChannel | None:
         """Return what a filter's residuals say by channel; None where the campaign has no ``statistics.whiteness``."""
         index = self._check(case, filter)
-        columns = columns_of(self._filter_group(index, filter))
+        columns = self._filter_part(index, filter).columns()
         specs = layout.BY_CHANNEL if columns.channels else ()
         return ByChannel.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
@@ -422,7 +424,7 @@ class Results:
         return self._covariances(self._check(case, filter), filter, (rows, epochs))
 
     def _covariances(self, index: int, filter: str, rows: Any = ...) -> Array | None:
-        if not columns_of(self._filter_group(index, filter)).factor:
+        if not self._filter_part(index, filter).columns().factor:
             return None
         return covariances(self._filter_data(index, filter, layout.COVARIANCE, rows).astype(np.float64))
 
@@ -460,7 +462,7 @@ class Results:
 
     def _by_sensor_in(self, index: int, filter: str, row: int, name: str) -> dict[str, Array]:
         """Return one series by sensor of one run; empty where the file does not tell them apart."""
-        sensors = columns_of(self._filter_group(index, filter)).sensors
+        sensors = self._filter_part(index, filter).columns().sensors
         if not sensors:
             return {}
         values = self._filter_data(index, filter, _BY_SENSOR[name], row)
@@ -480,19 +482,19 @@ class Results:
         Returns:
             None where the file holds no bound.
         """
-        group = self._case(self.case_index(case)) if filter is None else self._held(case, filter)
-        return None if group is None else stored_bound(group)
+        part = self._stored.case(self.case_index(case)) if filter is None else self._held(case, filter)
+        return None if part is None else part.limit(layout.BOUND)
 
     def perfect_bound(self, case: int | str, filter: str) -> Array | None:
         """Return the bound of a perfect model that goes by the same sensors as a filter, as `bound` does, (K, 8)."""
-        group = self._held(case, filter)
-        own = None if group is None else stored_bound(group, layout.PERFECT_BOUND)
+        part = self._held(case, filter)
+        own = None if part is None else part.limit(layout.PERFECT_BOUND)
         return self.bound(case) if own is None else own
 
     def observability(self, case: int | str, filter: str) -> Observability | None:
         """Return what the readings of a filter's sensors can tell of the state, None where it is not known."""
-        group = self._held(case, filter)
-        return None if group is None else stored_observability(group)
+        part = self._held(case, filter)
+        return None if part is None else part.observability()
 
     def named_sensors(self, case: int | str, filter: str) -> tuple[str, ...]:
         """Return the names of the sensors that a filter goes by, as the campaign says; empty: all of the case."""
@@ -505,7 +507,7 @@ class Results:
         """Return the failures as (case label, failure), of one case or of all."""
         found: list[tuple[str, Failure]] = []
         for index in range(len(self.headers)) if case is None else [self.case_index(case)]:
-            found += [(self.cases[index], failure) for failure in read_failures(self._case(index))]
+            found += [(self.cases[index], failure) for failure in self._stored.failures(index)]
         return tuple(found)
 
     def lacked_memory(self) -> tuple[tuple[str, Failure], ...]:
@@ -525,14 +527,11 @@ class Results:
 
         return labelled_tree(self.path, self._file)
 
-    def _case(self, index: int) -> h5py.Group:
-        return store.subgroup(self._file, layout.case_group(index))
-
     def _shared(self, index: int, spec: layout.Dataset | layout.Dimension, rows: Any = ...) -> NDArray[Any]:
-        group = self._case(index)
-        if "failures" not in store.names(group):
+        part = self._stored.case(index)
+        if part is None:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no results yet")
-        return store.read(group, spec, rows)
+        return part.read(spec, rows)
 
     def _check(self, case: int | str, filter: str) -> int:
         index = self.case_index(case)
@@ -541,19 +540,18 @@ class Results:
             raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
         return index
 
-    def _held(self, case: int | str, filter: str) -> h5py.Group | None:
-        """Return the group of a filter; None where none of its runs has been computed yet."""
-        group = self._case(self._check(case, filter))
-        return store.subgroup(group, filter) if filter in store.names(group) else None
+    def _held(self, case: int | str, filter: str) -> StoredPart | None:
+        """Return what is held of a filter; None where none of its runs has been computed yet."""
+        return self._stored.filter(self._check(case, filter), filter)
 
-    def _filter_group(self, index: int, filter: str) -> h5py.Group:
-        group = self._case(index)
-        if filter not in store.names(group):
+    def _filter_part(self, index: int, filter: str) -> StoredPart:
+        part = self._stored.filter(index, filter)
+        if part is None:
             raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
-        return store.subgroup(group, filter)
+        return part
 
     def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
-        return store.read(self._filter_group(index, filter), spec, rows)
+        return self._filter_part(index, filter).read(spec, rows)
 
     def _series(self, case: int | str, filter: str, name: str) -> Array:
         return self._filter_data(self._check(case, filter), filter, _SERIES[name]).astype(np.float64)

@@ -7,20 +7,25 @@ nothing else, so that a campaign that grows keeps the shards it has.
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from relnav_sim.printable import printable
 from relnav_sim.results import layout, store
-from relnav_sim.results.atomic import written_whole
 from relnav_sim.results.block import AnyArray, BlockResult, Failure, FilterResult, ResultsError
+from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle
+from relnav_sim.results.sound import odd_coordinate, odd_values
 
+SUFFIX = ".h5"
 _RUN, _TIME = layout.DIMENSIONS["run"], layout.DIMENSIONS["time"]
 
 
@@ -38,6 +43,7 @@ class ShardInfo:
         runs: Numbers of the runs.
         shared_truth: As in `BlockResult`.
         columns: What each filter holds beyond what all do, in the order of the columns.
+        epochs: How many epochs are stored, and a digest of them.
         retry: As in `BlockResult`.
     """
 
@@ -50,13 +56,14 @@ class ShardInfo:
     runs: tuple[int, ...]
     shared_truth: bool
     columns: Mapping[str, layout.Columns]
+    epochs: tuple[int, str]
     retry: bool = False
 
 
 def shard_name(seed: int, case_id: str, filter_ids: Mapping[str, str], runs: Sequence[int]) -> str:
     """Return the file name of the shard of one seed, case, set of filters and range of runs."""
     key = hashlib.sha256(json.dumps([seed, case_id, sorted(filter_ids.items()), list(runs)]).encode()).hexdigest()
-    return f"{case_id[:12]}_{min(runs):06d}-{max(runs):06d}_{key[:12]}.h5"
+    return f"{case_id[:12]}_{min(runs):06d}-{max(runs):06d}_{key[:12]}{SUFFIX}"
 
 
 def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[str, str]) -> None:
@@ -89,6 +96,8 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
             raise ValueError(f"{name}: nis has shape {result.nis.shape}; it must be {(len(runs), expected[1])}")
     header = {
         "seed": seed,
+        "runs": runs.tolist(),
+        "epochs": epochs_of(arrays["time"]),
         "case_index": block.case_index,
         "case_id": block.case_id,
         "filters": {name: filter_ids[name] for name in block.filters},
@@ -97,13 +106,16 @@ def write_shard(path: Path, block: BlockResult, seed: int, filter_ids: Mapping[s
         "columns": {name: asdict(result.columns) for name, result in block.filters.items()},
         "failures": [[f.run, f.filter, f.epoch, f.reason] for f in block.failures],
     }
-    with written_whole(path) as temporary, store.create_file(temporary) as file:
-        file.attrs["format"] = layout.SHARD_FORMAT
-        file.attrs["format_version"] = layout.FORMAT_VERSION
-        file.attrs["header"] = json.dumps(header)
-        file.attrs["checksum"] = checksum(header, arrays)
-        for name, array in arrays.items():
-            file.create_dataset(name, data=array, track_times=False)
+    write_bundle(path, layout.SHARD_FORMAT, header, arrays)
+
+
+def open_shard(path: Path) -> Bundle:
+    """Return a shard's file as a bundle: what it says about itself, its numbers when they are asked for.
+
+    Raises:
+        ResultsError: The file is missing, torn or no shard.
+    """
+    return open_bundle(path, layout.SHARD_FORMAT, _former_arrays)
 
 
 def read_shard_info(path: Path) -> ShardInfo:
@@ -112,8 +124,7 @@ def read_shard_info(path: Path) -> ShardInfo:
     Raises:
         ResultsError: The file is missing, torn or no shard.
     """
-    with store.open_checked(path, layout.SHARD_FORMAT) as file:
-        return _info(path, store.json_value(file, "header", dict), store.read(file, _RUN))
+    return shard_info(open_shard(path))
 
 
 def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
@@ -122,62 +133,102 @@ def read_shard(path: Path) -> tuple[ShardInfo, BlockResult]:
     Raises:
         ResultsError: The file is missing, torn, no shard, or its numbers differ from those written.
     """
-    with store.open_checked(path, layout.SHARD_FORMAT) as file:
-        header = store.json_value(file, "header", dict)
-        arrays = {"run": store.read(file, _RUN), "time": store.read(file, _TIME)}
-        arrays["truth"] = store.read(file, layout.TRUTH)
-        info = _info(path, header, arrays["run"])
-        groups = store.subgroup(file, "filters") if info.filters else None
-        for name in info.filters:
-            group = store.subgroup(groups, name)
-            for spec in info.columns[name].datasets:
-                arrays[f"filters/{name}/{spec.name}"] = store.read(group, spec)
-        if store.text(file, "checksum") != checksum(header, arrays):
-            raise ResultsError(f"{path}: checksum does not match; the shard is damaged")
-    filters = {
-        name: FilterResult.of_arrays(
-            {spec.name: arrays[f"filters/{name}/{spec.name}"] for spec in info.columns[name].datasets},
-            info.columns[name],
-        )
-        for name in info.filters
-    }
+    bundle = read_bundle(path, layout.SHARD_FORMAT, _former_arrays)
+    return shard_info(bundle), shard_block(bundle)
+
+
+def shard_block(bundle: Bundle) -> BlockResult:
+    """Return the results of a shard after verifying its checksum.
+
+    Raises:
+        ResultsError: They differ from those written, or are no shard's.
+    """
+    arrays, info = bundle.load(), shard_info(bundle)
     try:
-        failures = tuple(Failure(int(run), str(name), int(k), str(why)) for run, name, k, why in header["failures"])
-    except (KeyError, OverflowError, TypeError, ValueError):
-        raise ResultsError(f"{path}: the shard's header is damaged") from None
-    return info, BlockResult(
-        info.case_index,
-        info.case_id,
-        info.runs,
-        arrays["time"],
-        arrays["truth"],
-        filters,
-        failures,
-        info.shared_truth,
-        info.retry,
-    )
+        _check_fit(arrays, info)
+        filters = {
+            name: FilterResult.of_arrays(
+                {spec.name: arrays[f"filters/{name}/{spec.name}"] for spec in info.columns[name].datasets},
+                info.columns[name],
+            )
+            for name in info.filters
+        }
+        failures = tuple(
+            Failure(int(run), str(name), int(k), str(why)) for run, name, k, why in bundle.header["failures"]
+        )
+        return BlockResult(
+            info.case_index,
+            info.case_id,
+            info.runs,
+            arrays["time"],
+            arrays["truth"],
+            filters,
+            failures,
+            info.shared_truth,
+            info.retry,
+        )
+    except (IndexError, KeyError, OverflowError, TypeError, ValueError):
+        raise ResultsError(f"{bundle.path}: the shard's numbers do not fit its header") from None
 
 
-def _info(path: Path, header: Mapping[str, Any], runs: AnyArray) -> ShardInfo:
+def _check_fit(arrays: Mapping[str, AnyArray], info: ShardInfo) -> None:
+    """Refuse arrays that are not what the layout says, which a checksum does not tell.
+
+    Raises:
+        ValueError: One is of another type or shape, or has entries that can't be.
+    """
+    times, rows = len(arrays["time"]), len(info.runs)
+    if epochs_of(arrays["time"]) != info.epochs or arrays["run"].tolist() != list(info.runs):
+        raise ValueError("run")
+    trajectories = 1 if info.shared_truth else rows
+    expected: list[tuple[str, layout.Dataset, dict[str, int]]] = [
+        ("truth", layout.TRUTH, layout.sizes(rows, times, trajectories))
+    ]
+    for name in info.filters:
+        lengths = layout.sizes(rows, times) | info.columns[name].lengths
+        expected += [(f"filters/{name}/{spec.name}", spec, lengths) for spec in info.columns[name].datasets]
+    for place, spec, lengths in expected:
+        array = arrays[place]
+        if array.dtype.str != np.dtype(spec.dtype).str or array.shape != layout.shape(spec, lengths):
+            raise ValueError(place)
+        if odd_values(spec, array):
+            raise ValueError(place)
+    ascending = all(a < b for a, b in itertools.pairwise(info.runs))
+    if not ascending or info.runs[0] < 0 or odd_coordinate(_TIME, arrays["time"]):
+        raise ValueError("run")
+
+
+def shard_info(bundle: Bundle) -> ShardInfo:
+    """Return what a shard says about itself.
+
+    Raises:
+        ResultsError: It is damaged.
+    """
+    header = bundle.header
     try:
         return ShardInfo(
-            path,
+            bundle.path,
             int(header["seed"]),
             int(header["case_index"]),
             str(header["case_id"]),
             tuple(header["filters"]),
             {str(name): str(key) for name, key in header["filters"].items()},
-            tuple(int(run) for run in runs),
+            tuple(map(int, header["runs"])) if "runs" in header else tuple(_former(bundle.path, _RUN).tolist()),
             bool(header["shared_truth"]),
-            {str(name): _columns(header["columns"][name]) for name in header["filters"]},
+            {str(name): _columns(json.dumps(header["columns"][name])) for name in header["filters"]},
+            _epochs(header["epochs"]) if "epochs" in header else epochs_of(_former(bundle.path, _TIME)),
             bool(header.get("retry", False)),
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
-        raise ResultsError(f"{path}: the shard's header is damaged") from None
+        raise _damaged(bundle.path) from None
+
+
+def _damaged(path: Path) -> ResultsError:
+    return ResultsError(f"{path}: the shard's header is damaged")
 
 
 def checksum(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> str:
-    """Return a digest of a file's header and of all its numbers."""
+    """Return the digest that files of version 1 hold of their header and all their numbers."""
     digest = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for name, array in sorted(arrays.items()):
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
@@ -185,5 +236,42 @@ def checksum(header: Mapping[str, Any], arrays: Mapping[str, AnyArray]) -> str:
     return digest.hexdigest()
 
 
-def _columns(stored: Mapping[str, Sequence[str]]) -> layout.Columns:
+def epochs_of(time_s: AnyArray) -> tuple[int, str]:
+    """Return how many epochs there are and a digest of them, which is the same where they are, bit for bit."""
+    return len(time_s), hashlib.sha256(np.ascontiguousarray(time_s, dtype=_TIME.dtype).data).hexdigest()[:16]
+
+
+def _epochs(stored: Sequence[Any]) -> tuple[int, str]:
+    count, digest = stored
+    return int(count), str(digest)
+
+
+def _former(path: Path, dimension: layout.Dimension) -> AnyArray:
+    with store.open_checked(path, layout.SHARD_FORMAT) as file:
+        return store.read(file, dimension)
+
+
+def _former_arrays(file: h5py.File, header: Mapping[str, Any]) -> dict[str, AnyArray]:
+    """Return the arrays of a shard of version 1, in which each is a dataset."""
+    path = Path(file.filename)
+    arrays = {"run": store.read(file, _RUN), "time": store.read(file, _TIME)}
+    arrays["truth"] = store.read(file, layout.TRUTH)
+    try:
+        columns = {str(name): _columns(json.dumps(header["columns"][name])) for name in header["filters"]}
+    except (AttributeError, KeyError, TypeError):
+        raise _damaged(path) from None
+    groups = store.subgroup(file, "filters") if columns else None
+    for name, own in columns.items():
+        group = store.subgroup(groups, name)
+        for spec in own.datasets:
+            arrays[f"filters/{name}/{spec.name}"] = store.read(group, spec)
+    if store.text(file, "checksum") != checksum(header, arrays):
+        raise ResultsError(f"{path}: checksum does not match; the shard is damaged")
+    return arrays
+
+
+@functools.lru_cache(maxsize=512)
+def _columns(text: str) -> layout.Columns:
+    """Return the columns of a filter; of many shards alike, the same object."""
+    stored: Mapping[str, Sequence[str]] = json.loads(text)
     return layout.Columns(**{key: tuple(printable(str(name)) for name in names) for key, names in stored.items()})

@@ -16,7 +16,7 @@ from relnav_sim.results.block import AnyArray, CaseHeader, ResultHeader
 from relnav_sim.results.layout import Dataset, Dimension
 
 MOST_RUNS = 1_000_000
-MOST_CASES = 1000
+MOST_CASES = 10_000
 """What a campaign may ask for at most."""
 MOST_FILTERS = 1000
 DEEPEST = 32

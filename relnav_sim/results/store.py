@@ -39,16 +39,27 @@ _TEXT_AT_ONCE = 1 << 26
 def create(group: h5py.Group, spec: Dataset, shape: tuple[int, ...]) -> h5py.Dataset:
     """Create a dataset of the layout, with its attributes and the dimensions that stand beside it."""
     dataset = group.create_dataset(spec.name, shape=shape, dtype=_stored_type(spec.dtype), track_times=False)
+    _finish(group, spec, dataset)
+    return dataset
+
+
+def _finish(group: h5py.Group, spec: Dataset, dataset: h5py.Dataset) -> None:
+    """Write what a dataset means, and the dimensions that stand beside it."""
     _describe(dataset, spec.units, spec.long_name)
     if spec.timing:
         dataset.attrs["timing"] = 1
     for axis, dim in enumerate(spec.dims):
         dataset.dims[axis].attach_scale(group[dim])
-    return dataset
 
 
 def write(group: h5py.Group, spec: Dataset, values: Any) -> None:
     """Create a dataset of the layout and fill it."""
+    if spec.dtype == layout.FIXED:
+        texts = [str(value).encode() for value in values]
+        kind = h5py.string_dtype("utf-8", max(map(len, texts), default=0) or 1)
+        dataset = group.create_dataset(spec.name, data=np.array(texts, dtype=kind), dtype=kind, track_times=False)
+        _finish(group, spec, dataset)
+        return
     array = np.asarray(values, dtype=object if spec.dtype == "str" else spec.dtype)
     create(group, spec, array.shape)[...] = array
 
@@ -176,13 +187,19 @@ def json_value(group: h5py.Group | h5py.File, name: str, kind: type) -> Any:
     Raises:
         ResultsError: It is missing, no JSON, or of another type.
     """
-    try:
-        value = json.loads(text(group, name))
-    except (ValueError, RecursionError):
-        value = None
-    if not isinstance(value, kind) or too_deep(value):
+    value = plain(text(group, name), kind)
+    if value is None:
         raise ResultsError(f"{group.file.filename}: attribute {name!r} of {group.name} is damaged")
     return value
+
+
+def plain(words: str, kind: type) -> Any:
+    """Return what a text holds as JSON; None where it is none, of another top-level type, or nested too deeply."""
+    try:
+        value = json.loads(words)
+    except (ValueError, RecursionError):
+        return None
+    return value if isinstance(value, kind) and not too_deep(value) else None
 
 
 def names(group: h5py.Group | h5py.File) -> tuple[str, ...]:
@@ -249,7 +266,7 @@ def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
         dtype, shape = dataset.dtype, dataset.shape or ()
     except _UNREADABLE as error:
         raise ResultsError(f"{where} can't be read ({error})") from None
-    fits = h5py.check_string_dtype(dtype) is not None if spec.dtype == "str" else dtype == np.dtype(spec.dtype)
+    fits = h5py.check_string_dtype(dtype) is not None if spec.dtype in layout.TEXTS else dtype == np.dtype(spec.dtype)
     if not fits or len(shape) != len(dims) or not _lengths_fit(group, dims, shape):
         raise ResultsError(f"{where} has type {dtype} and shape {shape}; the layout differs")
     if dataset.external or dataset.is_virtual:
@@ -267,6 +284,9 @@ def _most_bytes(dataset: h5py.Dataset) -> int:
 
 def _texts(dataset: h5py.Dataset) -> AnyArray:
     """Return a dataset of texts, a few at a time: many may stand for one long text in the file."""
+    info = h5py.check_string_dtype(dataset.dtype)
+    if info is not None and info.length is not None:  # they are as long as they are stored
+        return np.asarray(dataset.asstr()[...], dtype=object)
     at_once = max(1, _TEXT_AT_ONCE // int(dataset.file.id.get_filesize()))
     found: list[str] = []
     size = 0
@@ -285,15 +305,40 @@ def read(group: h5py.Group, spec: Dataset | Dimension, index: Any = ...) -> AnyA
     Raises:
         ResultsError: As `checked`, the data can't be read, or they can't be what they should be.
     """
-    dataset = checked(group, spec)
+    return values_of(checked(group, spec), spec, index)
+
+
+def values_of(dataset: h5py.Dataset, spec: Dataset | Dimension, index: Any = ...) -> AnyArray:
+    """Return a dataset that `checked` gave, or a part of it; text as an array of `str`.
+
+    Raises:
+        ResultsError: The data can't be read, or they can't be what they should be.
+    """
     try:
-        values = _texts(dataset)[index] if spec.dtype == "str" else np.asarray(dataset[index])
+        values = _texts(dataset)[index] if spec.dtype in layout.TEXTS else np.asarray(dataset[index])
         odd = odd_coordinate(spec, values) if isinstance(spec, Dimension) else odd_values(spec, values)
         if odd:
-            raise ResultsError(f"{group.file.filename}: {dataset.name} {odd}; the file is damaged")
+            raise ResultsError(f"{dataset.file.filename}: {dataset.name} {odd}; the file is damaged")
         return values
     except _UNREADABLE as error:
-        raise ResultsError(f"{group.file.filename}: {dataset.name} can't be read ({error})") from None
+        raise ResultsError(f"{dataset.file.filename}: {dataset.name} can't be read ({error})") from None
+
+
+def run_of_bytes(file: h5py.File, name: str) -> bytes:
+    """Return a dataset of bytes.
+
+    Raises:
+        ResultsError: It is missing, of another type, stored elsewhere, or damaged.
+    """
+    where = f"{file.filename}: {name}"
+    dataset = _own_object(file, name)
+    try:
+        plain = isinstance(dataset, h5py.Dataset) and dataset.dtype == np.uint8 and len(dataset.shape) == 1
+        if not plain or dataset.external or dataset.is_virtual or dataset.size > dataset.id.get_storage_size():
+            raise ResultsError(f"{where} is missing or damaged")
+        return np.asarray(dataset[...]).tobytes()
+    except _UNREADABLE as error:
+        raise ResultsError(f"{where} can't be read ({error})") from None
 
 
 def _lengths_fit(group: h5py.Group, dims: Sequence[str], shape: tuple[int, ...]) -> bool:

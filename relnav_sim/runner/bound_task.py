@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.results.block import ResultsError
-from relnav_sim.results.bound import SUFFIX, BoundResult, bound_name, read_bound
+from relnav_sim.results.bound import BoundResult, bound_name, bound_of
+from relnav_sim.results.shard_files import held_bounds, remove
 from relnav_sim.runner.work import Block
 
 
@@ -27,10 +29,15 @@ class BoundTask:
     case: Case
     folder: Path
 
+    @functools.cached_property
+    def name(self) -> str:
+        """The name of the result's file."""
+        return bound_name(self.seed, self.case.id, self.case.filter_ids)
+
     @property
     def path(self) -> Path:
         """The file of the result."""
-        return self.folder / bound_name(self.seed, self.case.id, self.case.filter_ids)
+        return self.folder / self.name
 
     @property
     def busy(self) -> Path:
@@ -58,7 +65,7 @@ def bound_tasks(campaign: Campaign, folder: Path, part: tuple[int, int] = (1, 1)
     return [BoundTask(campaign.seed, case, folder) for case in cases]
 
 
-def bounds_left(tasks: Iterable[BoundTask], say: Callable[[str], None]) -> list[BoundTask]:
+def bounds_left(tasks: Sequence[BoundTask], say: Callable[[str], None]) -> list[BoundTask]:
     """Return the bounds to compute: those that are not there, and those that time or memory did not suffice for.
 
     Args:
@@ -66,8 +73,7 @@ def bounds_left(tasks: Iterable[BoundTask], say: Callable[[str], None]) -> list[
         say: Told of the files that do not verify and of the bounds that are tried again.
     """
     left = []
-    for task in tasks:
-        bound = finished_bound(task, say)
+    for task, bound in zip(tasks, finished_bounds(tasks, say), strict=True):
         if bound is not None and bound.retry:
             say(f"case {task.case.label} lacks a Cramér-Rao bound ({bound.reason}); trying again")
         if bound is None or bound.retry:
@@ -75,27 +81,38 @@ def bounds_left(tasks: Iterable[BoundTask], say: Callable[[str], None]) -> list[
     return left
 
 
-def finished_bound(task: BoundTask, say: Callable[[str], None]) -> BoundResult | None:
-    """Return a bound from its file; None where there is none. A file that does not verify is told of and removed."""
-    if not task.path.exists():
-        return None
-    try:
-        bound = read_bound(task.path)
-        if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, task.case.filter_ids):
-            raise ResultsError(f"{task.path}: this is the bound of something else")
-    except ResultsError as error:
-        say(f"{error}; computing it again")
-        task.path.unlink()
-        return None
-    return bound
+def finished_bounds(tasks: Sequence[BoundTask], say: Callable[[str], None]) -> list[BoundResult | None]:
+    """Return bounds of one folder; None where there is none. One that does not verify is told of and removed."""
+    if not tasks:
+        return []
+    folder = tasks[0].folder
+    bundles, damaged = held_bounds(folder)
+    found: list[BoundResult | None] = []
+    wrong: list[str] = []
+    for task in tasks:
+        bound = None
+        try:
+            if task.name in damaged:
+                raise damaged[task.name]
+            if task.name in bundles:
+                bound = bound_of(bundles[task.name])
+                if (bound.seed, bound.case_id, bound.filter_ids) != (task.seed, task.case.id, task.case.filter_ids):
+                    raise ResultsError(f"{task.path}: this is the bound of something else")
+        except ResultsError as error:
+            say(f"{error}; computing it again")
+            wrong.append(task.name)
+            bound = None
+        found.append(bound)
+    remove(folder, wrong)
+    return found
 
 
 def sound_bounds(folder: Path) -> list[BoundResult]:
     """Return the bounds in a folder of shards; damaged ones, which the campaign will compute again, are left out."""
     bounds = []
-    for path in sorted(folder.glob(f"*{SUFFIX}")):
+    for bundle in held_bounds(folder)[0].values():
         try:
-            bounds.append(read_bound(path))
+            bounds.append(bound_of(bundle))
         except ResultsError:
             continue
     return bounds

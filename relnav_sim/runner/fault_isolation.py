@@ -11,7 +11,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.campaign import Case
 from relnav_sim.results import layout
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
-from relnav_sim.results.merge import united_columns
+from relnav_sim.results.case_rows import united_columns
 from relnav_sim.runner.work import with_filters
 from relnav_sim.simulation.block import scoring_rules, simulate_block
 from relnav_sim.simulation.breakdown import Breakdown, breakdown

@@ -10,11 +10,12 @@ from pathlib import Path
 from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
 from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
-from relnav_sim.results.merge import merge_pieces
-from relnav_sim.results.pieces import shard_piece
+from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
+from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bound
+from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
+from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
@@ -40,6 +41,7 @@ class Job:
         finished: Its shards.
         bounds: The bounds that are left.
         failures: Failed runs of filters, of those computed now.
+        loose: Files that have come since some were packed.
         in_session: Whether something has been left to compute.
     """
 
@@ -52,11 +54,13 @@ class Job:
     finished: Finished = field(default_factory=Finished)
     bounds: list[BoundTask] = field(default_factory=list)
     failures: int = 0
+    loose: int = 0
     in_session: bool = False
 
     def take_stock(self) -> None:
         """Find out what earlier commands have finished."""
         write_folder_header(self.folder, self.header)
+        pack(self.folder)
         self.finished = finished_work(self.folder, self.campaign, self.say)
         self.bounds = bounds_left(bound_tasks(self.campaign, self.folder, self.part), self.say)
         if self.finished.shards and (others := other_versions(self.folder)):
@@ -77,10 +81,14 @@ class Job:
         """Count a block or a bound that is done."""
         if isinstance(done.block, Block):
             block = done.block
-            self.finished.add(block.path, block.case.id, block.filter_ids, block.runs, done.figures)
+            self.finished.add(block.path.name, block.case.id, block.filter_ids, block.runs, done.figures)
             self.failures += done.failures
         else:
             self.bounds.remove(done.block)
+        self.loose += 1
+        if self.loose > MOST_LOOSE:
+            pack(self.folder)
+            self.loose = 0
 
     def figures(self) -> dict[tuple[str, str], dict[int, float]]:
         """Return the headline figures of the finished runs by case id and filter name."""
@@ -98,15 +106,18 @@ class Job:
         if self.in_session:
             end_session(self.folder)
         self._say_what_is_left_out()
-        found = [finished_bound(task, self.say) for task in bound_tasks(self.campaign, self.folder)]
-        bounds = [bound for bound in found if bound is not None]
-        pieces = [shard_piece(path) for path in self.finished.shards]
-        merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=bounds)
-        labels = {case.id: case.label for case in self.campaign.cases}
-        for bound in bounds:
-            if bound.reason:
-                again = "; the same command tries again" if bound.retry else ""
-                self.say(f"case {labels[bound.case_id]} lacks a Cramér-Rao bound: {bound.reason}{again}")
+        tasks = bound_tasks(self.campaign, self.folder)
+        shards, bounds = held_shards(self.folder)[0], held_bounds(self.folder)[0]
+        pieces = [bundle_piece(shards[name]) for name in self.finished.shards]
+        checksums = [bounds[task.name].checksum for task in tasks if task.name in bounds]
+        if self.in_session or not is_merged(self.out, merged_from(self.header, pieces, checksums)):
+            found = [bound for bound in finished_bounds(tasks, self.say) if bound is not None]
+            merge_pieces(pieces, self.header, self._provenance(), self.out, complete=False, bounds=found, mark=True)
+        for task in tasks:
+            header = bounds[task.name].header if task.name in bounds else {}
+            if reason := header.get("reason"):
+                again = "; the same command tries again" if header.get("retry") else ""
+                self.say(f"case {task.case.label} lacks a Cramér-Rao bound: {reason}{again}")
         if lacking := sum(len(piece.info.runs) for piece in pieces if piece.info.retry):
             self.say(f"{lacking_in_words(lacking)}, and fewer --workers leave more memory to each")
         return not lacking

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from relnav_sim.results.shard_files import names_of
+
 MACHINES = "machines.jsonl"
 
 
@@ -26,10 +28,11 @@ def note_machine(shard: Path, host: str, processor: str) -> None:
 def machines_of(folder: Path) -> Mapping[str, int]:
     """Return how many blocks of a folder each machine has computed, by name and processor, as far as it is known."""
     last: dict[str, str] = {}
+    held = names_of(folder)
     with suppress(OSError):
         for line in (folder / MACHINES).read_text(encoding="utf-8", errors="replace").splitlines():
             with suppress(ValueError, KeyError, TypeError):
                 told = json.loads(line)
-                if (folder / str(told["file"])).exists():
+                if told["file"] in held:
                     last[str(told["file"])] = f"{told['host']} ({told['processor']})"
     return {machine: list(last.values()).count(machine) for machine in sorted(set(last.values()))}

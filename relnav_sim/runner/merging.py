@@ -15,8 +15,9 @@ from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import merge_pieces
-from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
+from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.provenance import Provenance, collect_provenance
+from relnav_sim.results.shard_files import held_shards
 from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
@@ -60,7 +61,10 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
     if path.is_dir():
         # A folder holds shards of filters and cases that the campaign had once, too; these are passed over.
         header = read_folder_header(path)
-        found = [shard_piece(shard) for shard in sorted(path.glob("*.h5"))]
+        shards, damaged = held_shards(path)
+        for error in damaged.values():
+            raise error
+        found = [bundle_piece(shard) for shard in shards.values()]
         known = {case.id for case in header.cases}
         history = provenance_of(past_sessions(path), machines_of(path))
         found = [piece for piece in found if piece.info.case_id in known and piece.info.seed == header.seed]

@@ -23,6 +23,7 @@ from relnav_sim.results.provenance import (
     relnav_in_words,
     stored_session,
 )
+from relnav_sim.results.shard_files import newest_shard_s
 
 SESSIONS = "sessions.json"
 
@@ -43,7 +44,7 @@ def end_session(folder: Path) -> None:
 def past_sessions(folder: Path) -> list[Session]:
     """Return the sessions of a folder of shards, each with an end; none is told of that lies in the future."""
     sessions = _read(folder)
-    newest = max((path.stat().st_mtime for path in folder.glob("*.h5")), default=0.0)
+    newest = newest_shard_s(folder)
     now = datetime.now(UTC)
     last_block = datetime.fromtimestamp(min(newest, now.timestamp()), UTC)
     ended = [session if session.finished else _ended(session, last_block) for session in sessions]

@@ -17,6 +17,7 @@ from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, Res
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_channels
 from relnav_sim.results.read import open_results
+from relnav_sim.results.shard_files import holds_shards
 from relnav_sim.results.sound import odd_header
 
 HEADER = "campaign.json"
@@ -113,7 +114,7 @@ def check_same_campaign(out: Path, header: ResultHeader, remedy: str = START_OVE
     if changed := changed_keys(stored, header.content):
         raise RefusedError(f"{out} holds results of other settings ({in_words(changed)}); {remedy}")
     folder = shard_folder(out)
-    if out.exists() and not any(folder.glob("*.h5")):
+    if out.exists() and not holds_shards(folder):
         # Computing everything again would replace a whole result by a part of it if that is interrupted.
         with open_results(out) as results:
             if results.runs:
@@ -129,7 +130,7 @@ def _stored_header(out: Path) -> dict[str, Any] | None:
             with open_results(out) as results:
                 return results.campaign_content
         except ResultsError:
-            if not any(folder.glob("*.h5")):
+            if not holds_shards(folder):
                 raise  # whatever it is, nothing could write it again
     return None
 

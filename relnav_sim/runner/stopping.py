@@ -19,7 +19,8 @@ from relnav_sim.campaign.models import StopOptions
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.results import layout
 from relnav_sim.results.block import RefusedError, ResultHeader
-from relnav_sim.results.shards import read_shard
+from relnav_sim.results.shard_files import held_shards
+from relnav_sim.results.shards import shard_block, shard_info
 from relnav_sim.runner.work import Finished, Key
 
 
@@ -83,8 +84,9 @@ def _figures(finished: Finished, rule: StopOptions, wanted: set[Key], runs: int)
     """Return the rule's metric of every run that did not fail, by case and filter."""
     name, place = _column(rule.metric)
     found: dict[Key, dict[int, float]] = {}
-    for path in finished.shards:
-        info, block = read_shard(path)
+    bundles, _ = held_shards(finished.folder)
+    for shard in finished.shards:
+        info, block = shard_info(bundles[shard]), shard_block(bundles[shard])
         for filter, identity in info.filter_ids.items():
             key = (info.case_id, filter, identity)
             if key not in wanted:

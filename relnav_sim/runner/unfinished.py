@@ -13,12 +13,15 @@ from pathlib import Path
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import ResultHeader, ResultsError
-from relnav_sim.results.bound import BoundResult, result_bounds
+from relnav_sim.results.bound import BoundResult, bound_name, result_bounds
+from relnav_sim.results.bundle import Bundle
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
-from relnav_sim.results.merge import merge_pieces, missing_runs
-from relnav_sim.results.pieces import Piece, result_pieces, shard_piece
-from relnav_sim.results.shards import ShardInfo, read_shard, read_shard_info
+from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs
+from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
+from relnav_sim.results.provenance import Provenance
+from relnav_sim.results.shard_files import held_bounds, held_shards, holds_shards
+from relnav_sim.results.shards import ShardInfo, shard_info
 from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
@@ -37,15 +40,17 @@ def is_unfinished(out: Path) -> bool:
         UnavailableError: A file is in use by another program, or may not be read.
     """
     folder = shard_folder(out)
-    shards = sorted(folder.glob("*.h5"))
-    if not out.exists() or not shards:
-        return bool(shards)
+    if not out.exists() or not holds_shards(folder):
+        return holds_shards(folder)
     try:
-        campaign, stored = read_folder_header(folder), _stored_header(out)
+        campaign = read_folder_header(folder)
+        if _holds_all(out, folder, campaign):
+            return False
+        stored = _stored_header(out)
         pieces, stored_bounds = result_pieces(out), result_bounds(out)
     except ResultsError:
         return False
-    if not _grown_from(campaign, stored):
+    if not grown_from(campaign, stored):
         return False
     held = _held(piece.info for piece in pieces)
     if _bounds(sound_bounds(folder), campaign, held) - _bounds(stored_bounds, campaign, held):
@@ -53,7 +58,26 @@ def is_unfinished(out: Path) -> bool:
     if _same_end(campaign, stored) and not missing_runs(_by_case(pieces), stored):
         return False
     wanted = {(case.id, name, case.filter_ids[name]) for case in campaign.cases for name in case.filters}
-    return any(key[:3] in wanted and key[3] < campaign.runs for key in _held(_known_infos(shards)) - held)
+    return any(key[:3] in wanted and key[3] < campaign.runs for key in _held(_known_infos(folder)) - held)
+
+
+def _holds_all(out: Path, folder: Path, campaign: ResultHeader) -> bool:
+    """Return whether the results file was merged from just what the folder holds, which is quick to tell."""
+    with store.open_checked(out, layout.FORMAT) as file:
+        if MERGED_FROM not in file.attrs:
+            return False
+        digest = store.text(file, MERGED_FROM)
+    known = {case.id for case in campaign.cases}
+    pieces = [bundle_piece(bundle) for bundle in held_shards(folder)[0].values()]
+    mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == campaign.seed]
+    return digest == merged_from(campaign, mine, _asked_for(campaign, held_bounds(folder)[0].values()))
+
+
+def _asked_for(campaign: ResultHeader, bounds: Iterable[Bundle]) -> list[str]:
+    """Return the checksums of the bounds that a campaign asks for."""
+    cases = campaign.cases if campaign.content.get("bound", True) else ()
+    names = {bound_name(campaign.seed, case.id, case.filter_ids) for case in cases}
+    return [bound.checksum for bound in bounds if bound.name in names]
 
 
 def _stored_header(out: Path) -> ResultHeader:
@@ -61,7 +85,7 @@ def _stored_header(out: Path) -> ResultHeader:
         return read_header(file)[0]
 
 
-def _grown_from(campaign: ResultHeader, stored: ResultHeader) -> bool:
+def grown_from(campaign: ResultHeader, stored: ResultHeader) -> bool:
     """Return whether the shards' campaign is that of the results file, or adds runs, filters or cases to it."""
     return stored.only is None and not changed_keys(stored.content, campaign.content)
 
@@ -85,10 +109,10 @@ def _held(infos: Iterable[ShardInfo]) -> Held:
     }
 
 
-def _known_infos(shards: Iterable[Path]) -> Iterator[ShardInfo]:
-    for shard in shards:
+def _known_infos(folder: Path) -> Iterator[ShardInfo]:
+    for shard in held_shards(folder)[0].values():
         with suppress(ResultsError):  # a damaged one, which the campaign will compute again
-            yield read_shard_info(shard)
+            yield shard_info(shard)
 
 
 def _bounds(bounds: Iterable[BoundResult], campaign: ResultHeader, held: Held) -> set[tuple[str, str]]:
@@ -117,28 +141,32 @@ def results_so_far(out: Path) -> Iterator[Path]:
     folder = shard_folder(out)
     header = read_folder_header(folder)
     known = {case.id for case in header.cases}
-    pieces = [piece for shard in sorted(folder.glob("*.h5")) for piece in _sound(shard)]
+    pieces = [piece for shard in held_shards(folder)[0].values() for piece in _sound(shard)]
     bounds = sound_bounds(folder)
     if out.exists():
         store.open_checked(out, layout.FORMAT, whole=True).close()
-        if _grown_from(header, _stored_header(out)):
+        if grown_from(header, _stored_header(out)):
             pieces += result_pieces(out)
             bounds += result_bounds(out)
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == header.seed]
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
-        sessions = past_sessions(folder)
-        provenance = provenance_of(sessions, machines_of(folder))
-        if sessions:  # the command at work here is only looking
-            provenance = replace(provenance, command_line=sessions[-1].command_line)
-        merge_pieces(mine, header, provenance, path, complete=False, bounds=bounds)
+        merge_pieces(mine, header, folder_provenance(folder), path, complete=False, bounds=bounds)
         yield path
 
 
-def _sound(shard: Path) -> list[Piece]:
+def folder_provenance(folder: Path) -> Provenance:
+    """Return how the shards of a folder came about; the command at work here is only looking."""
+    sessions = past_sessions(folder)
+    provenance = provenance_of(sessions, machines_of(folder))
+    return replace(provenance, command_line=sessions[-1].command_line) if sessions else provenance
+
+
+def _sound(shard: Bundle) -> list[Piece]:
     """Return a shard as a piece; nothing for a damaged one, which the campaign will compute again."""
     try:
-        read_shard(shard)
-        return [shard_piece(shard)]
+        piece = bundle_piece(shard)
+        piece.load()
+        return [piece]
     except ResultsError:
         return []

@@ -9,7 +9,8 @@ from pathlib import Path
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.blocks import filter_groups
 from relnav_sim.results.block import ResultsError
-from relnav_sim.results.shards import read_shard, shard_name
+from relnav_sim.results.shard_files import held_shards, remove
+from relnav_sim.results.shards import shard_block, shard_info, shard_name
 from relnav_sim.runner.headline import Figures, headline_figures
 
 Key = tuple[str, str, str]
@@ -67,20 +68,22 @@ class Finished:
     """The shards of a folder that belong to a campaign and verify.
 
     Attributes:
-        shards: Their files.
+        folder: Where they are.
+        shards: Their names.
         runs: Runs that they hold, by case and filter.
         figures: The headline figure of the runs that did not fail, m, by case and filter.
     """
 
-    shards: list[Path] = field(default_factory=list)
+    folder: Path = Path()
+    shards: list[str] = field(default_factory=list)
     runs: dict[Key, set[int]] = field(default_factory=dict)
     figures: dict[Key, dict[int, float]] = field(default_factory=dict)
 
     def add(
-        self, path: Path, case_id: str, filter_ids: Mapping[str, str], runs: Iterable[int], figures: Figures
+        self, shard: str, case_id: str, filter_ids: Mapping[str, str], runs: Iterable[int], figures: Figures
     ) -> None:
         """Count a shard."""
-        self.shards.append(path)
+        self.shards.append(shard)
         for name, identity in filter_ids.items():
             self.runs.setdefault((case_id, name, identity), set()).update(runs)
             self.figures.setdefault((case_id, name, identity), {}).update(figures.get(name, {}))
@@ -94,22 +97,28 @@ def finished_work(folder: Path, campaign: Campaign, say: Callable[[str], None]) 
         campaign: The campaign.
         say: Told of shards that are damaged, and of runs that lacked memory; they will be computed again.
     """
-    finished = Finished()
+    finished = Finished(folder)
     lacked_memory = 0
     known = {(case.id, *item) for case in campaign.cases for item in case.filter_ids.items()}
-    for path in sorted(folder.glob("*.h5")):
+    bundles, damaged = held_shards(folder)
+    again: list[str] = []
+    for error in damaged.values():
+        say(f"{error}; computing it again")
+    for name, bundle in bundles.items():
         try:
-            info, block = read_shard(path)
+            info = shard_info(bundle)
+            block = shard_block(bundle)
         except ResultsError as error:
             say(f"{error}; computing it again")
-            path.unlink()
+            again.append(name)
             continue
         if info.seed == campaign.seed and any((info.case_id, *item) in known for item in info.filter_ids.items()):
             if info.retry:
                 lacked_memory += len(block.failures)
-                path.unlink()
+                again.append(name)
                 continue
-            finished.add(path, info.case_id, info.filter_ids, info.runs, headline_figures(block))
+            finished.add(name, info.case_id, info.filter_ids, info.runs, headline_figures(block))
+    remove(folder, [*damaged, *again])
     if lacked_memory:
         say(f"{lacked_memory} of the runs of filters lacked memory or a worker the last time; trying them again")
     return finished

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +21,36 @@ from relnav_sim.streams import RandomSource
 
 _RUNS, _EPOCHS = 2, 3
 _ORBIT = ChiefOrbit(7.0e6, 0.0, 0.0, 0.0, 0.0, 0.0, 3.986004418e14, 6378137.0, 0.0)
+
+
+class TriedSensors:
+    """Tries the sensors of many cases: each once, and of those that differ in their numbers alone the first few."""
+
+    MOST_ALIKE = 50
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, int, Craft, float], tuple[SensorOptions, list[str]]] = {}
+        self._alike: Counter[str] = Counter()
+
+    def complaints(self, name: str, sensors: Sensors, step_s: float) -> list[str]:
+        """Return what a sensor does not keep to, see `complaints`; nothing where enough like it have been tried."""
+        options = sensors[name]
+        key = (name, id(options), hosts_of(sensors, options)[0], step_s)
+        if key not in self._found:
+            shape = json.dumps([name, key[2], _without_numbers(options.model_dump(mode="json"))])
+            self._alike[shape] += 1
+            found = list(complaints(name, sensors, step_s)) if self._alike[shape] <= self.MOST_ALIKE else []
+            self._found[key] = options, found  # the options too, so that their id stays their own
+        return self._found[key][1]
+
+
+def _without_numbers(data: Any) -> Any:
+    """Return plain data in which a number is only zero or not."""
+    if isinstance(data, dict):
+        return {key: _without_numbers(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_without_numbers(value) for value in data]
+    return data != 0 if isinstance(data, int | float) and not isinstance(data, bool) else data
 
 
 def complaints(name: str, sensors: Sensors, step_s: float) -> Iterator[str]:

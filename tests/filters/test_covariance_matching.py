@@ -77,6 +77,16 @@ def test_a_run_has_the_same_bits_in_any_block(kind):
     assert not np.array_equal(densities(of[0])[:, -1], np.tile(TRUE, (7, 1)))
 
 
+def test_a_run_that_is_read_later_than_others_holds_up_none():
+    """Where it has told nothing yet there is nothing to fit: to the bit as by itself, no singular matrix."""
+    _, z = flight(3, 40)
+    z[1, :5] = np.nan
+    whole = run_filter(matching("kf", TRUE, 10), z, np.zeros(6), PRIOR, step_s=STEP_S)
+    for run in range(3):
+        alone = run_filter(matching("kf", TRUE, 10), z[run : run + 1], np.zeros(6), PRIOR, step_s=STEP_S)
+        assert np.array_equal(whole.covariance[run], alone.covariance[0])
+
+
 def test_before_the_window_is_full_it_is_the_filter_itself():
     _, z = flight(3, 30)
     kf = filter_kinds()["kf"]

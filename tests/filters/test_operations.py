@@ -76,7 +76,7 @@ EXACT = [
 ]
 
 
-@pytest.mark.parametrize("n, m", [(6, 3), (4, 2)])
+@pytest.mark.parametrize("n, m", [(4, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind, options", EXACT, ids=[kind for kind, _ in EXACT])
 def test_formula_is_what_kernels_count(kind, options, n, m, monkeypatch):
     # R is the same for both runs, so that a factor of it alone counts half.
@@ -135,6 +135,9 @@ def test_every_filter_states_a_formula_that_grows(kind):
     known = filter_kinds()[kind]
     if not known.factory.__module__.startswith("relnav_sim."):
         pytest.skip("of another package")
+    if known.repeats:  # over all readings of a run, as no flight computer does at an epoch
+        assert known.operations is None
+        return
     small, large = formula(kind, 6, 3), formula(kind, 12, 3)
     assert 0 < small.count < large.count and 0 < small.bytes < large.bytes
     assert small.count < formula(kind, 6, 6).count

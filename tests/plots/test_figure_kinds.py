@@ -22,6 +22,7 @@ from relnav_sim.results import layout, open_results
 from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.read import Results
+from relnav_sim.statistics.regret import regret
 
 ResultMaker = Callable[..., Path]
 ROOT = Path(__file__).parents[2]
@@ -83,9 +84,25 @@ def sensed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield opened
 
 
+@pytest.fixture(scope="module")
+def stressed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+    """One case and the same under two stresses; the ekf fails a run in each."""
+    path = invent(
+        tmp_path_factory.mktemp("stressed"),
+        labels=["base", "stress=noisy", "stress=heavy"],
+        runs=RUNS,
+        failed={"ekf": [4]},
+        stresses=["noisy", "heavy"],
+    )
+    with open_results(path) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("kind", FIGURE_KINDS)
-def test_one_call_draws_it_with_units_on_every_axis(bounded: Results, sensed: Results, kind: str) -> None:
-    drawn = figure(sensed if kind == "availability" else bounded, kind)
+def test_one_call_draws_it_with_units_on_every_axis(
+    bounded: Results, sensed: Results, stressed: Results, kind: str
+) -> None:
+    drawn = figure({"availability": sensed, "regret": stressed}.get(kind, bounded), kind)
     assert drawn.get_figwidth() == WIDTH_INCH
     assert png(drawn).startswith(b"\x89PNG")
     labels = [label for panel in drawn.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
@@ -350,18 +367,32 @@ def test_what_cannot_be_drawn_is_said(results: Results, arguments: dict[str, Any
         figure(results, **arguments)
 
 
+def test_regret_is_that_of_the_statistics(stressed: Results) -> None:
+    found = regret(stressed)
+    panel = figure(stressed, "regret").axes[0]
+    drawn = {container.lines[0].get_marker(): container.lines[0].get_ydata() for container in panel.containers}
+    assert len(drawn) == len(found.filters) == 3 and found.cases == ("nominal", "noisy", "heavy")
+    for row, ratio in enumerate(drawn.values()):
+        expected = 1 + found.regret[row]
+        np.testing.assert_allclose(ratio, np.where(np.isfinite(expected), expected, np.nan))
+    assert np.isinf(found.regret[found.filters.index("ekf")]).all()
+    lost = [line for line in panel.lines if line.get_marker() == "^" and len(line.get_xdata()) == 3]
+    assert {float(at) for line in lost for at in line.get_ydata()} >= {panel.get_ylim()[1]}
+
+
 @pytest.mark.parametrize(("runs", "failed"), [(2, [0, 1]), (1, [])])
 def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, runs: int, failed: list[int]) -> None:
     with open_results(make_result(filters={"ekf": 1.0}, runs=runs, failed={"ekf": failed}, times=11)) as results:
         for kind in FIGURE_KINDS:
             try:
-                figure(results, kind).canvas.draw()
+                figure(results, kind).draw_without_rendering()
             except ValueError as error:
                 told = "varie" in str(error) or (failed and "completed" in str(error))
                 lacking = {
                     "availability": "tell sensors apart",
                     "observability": "does not say what the filters can observe",
                     "whiteness": "holds no residuals by channel",
+                    "regret": "has no stressed cases",
                 }
                 assert told or (kind in lacking and lacking[kind] in str(error)), kind
 

@@ -40,7 +40,7 @@ def result(tmp_path_factory):
 
 def test_the_best_filter_that_has_one_gets_its_budget_beside_its_runs(result):
     with open_results(result) as results:
-        assert budgeted_cases(results) == [True]
+        assert budgeted_cases(results, [0]) == [True]
         found = budget_section(results, case_facts(results, 0, "rtn"), ["huber", "ekf"])
         assert budget_section(results, case_facts(results, 0, "rtn"), ["huber"]) == (
             "No error budget: the gain of every filter depends on the readings."

@@ -111,7 +111,7 @@ def test_files_that_are_no_results(tmp_path: Path, old_result: Path) -> None:
     path.write_bytes(old_result.read_bytes())
     with h5py.File(path, "r+") as file:
         file.attrs["format_version"] = layout.FORMAT_VERSION + 1
-    with pytest.raises(ResultsError, match="format version is 2; this relnav reads up to 1"):
+    with pytest.raises(ResultsError, match="format version is 3; this relnav reads up to 2"):
         open_results(path)
     path.write_bytes(old_result.read_bytes())
     with h5py.File(path, "r+") as file:

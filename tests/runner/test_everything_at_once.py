@@ -22,7 +22,7 @@ from relnav_sim.filters.ekf import ExtendedKalmanFilter
 from relnav_sim.results import layout, seal
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.changes import changed_keys
-from relnav_sim.runner.bound_task import bound_tasks, finished_bound
+from relnav_sim.runner.bound_task import bound_tasks, finished_bounds
 from relnav_sim.runner.merging import merge_results
 from relnav_sim.runner.single import run_single
 from relnav_sim.runner.unfinished import results_so_far
@@ -311,7 +311,7 @@ def test_a_foreign_bound_is_computed_again(tmp_path):
     said = []
     run_campaign(campaign, tmp_path / "o.h5", backend="sequential", say=said.append)
     assert f"{one.path}: this is the bound of something else; computing it again" in said
-    assert finished_bound(one, said.append) is not None and whole_file(tmp_path / "o.h5") == before
+    assert finished_bounds([one], said.append) != [None] and whole_file(tmp_path / "o.h5") == before
 
 
 def test_what_is_there_of_an_unfinished_campaign_names_the_command_that_computes_it(tmp_path, monkeypatch):

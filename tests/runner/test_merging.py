@@ -43,6 +43,7 @@ def everything(path):
         "finished",
         "wall_time_s",
         "sessions",
+        "merged_from",  # of shards with their measured times
     }
 
     def visit(name, item):
