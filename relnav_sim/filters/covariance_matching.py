@@ -85,6 +85,7 @@ class CovarianceMatching:
     def __init__(self, filter: Filter, white: WhiteAcceleration, window: int) -> None:
         self.dynamics, self.measurement, self.stochastic = filter.dynamics, filter.measurement, filter.stochastic
         self._filter, self._white, self._window = filter, white, window
+        self._before_any = np.array(white.densities)
 
     def start(self, prior: Gaussian, source: RandomSource) -> MatchedBelief:
         """Return the filter's start, with the densities before any reading."""
@@ -93,7 +94,7 @@ class CovarianceMatching:
             inner,
             *_of_velocity(inner),
             np.zeros((runs, 3, 6, 6)),
-            np.tile(self._white.densities, (runs, 1)),
+            np.tile(self._before_any, (runs, 1)),
             np.zeros((runs, self._window, 1 + 3, len(ROWS))),
             np.zeros(runs),
         )
