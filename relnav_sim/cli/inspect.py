@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.output import count_in_words, in_words, print_table, say
-from relnav_sim.cli.source import readable
+from relnav_sim.cli.source import contents_by_now, readable
 
 if TYPE_CHECKING:
     from relnav_sim.results import Results
+    from relnav_sim.results.contents import Contents
 
 FAILURES_SHOWN = 20
 
@@ -33,40 +34,45 @@ def inspect(
     Of two results, also say whether they are comparable.
     """
     from relnav_sim.results import open_results
+    from relnav_sim.results.contents import contents_of
 
-    with readable(result) as file, open_results(file) as results:
+    if other is None or campaign:
+        contents = contents_by_now(result)
         if campaign:
-            say(results.campaign_text, nl=not results.campaign_text.endswith("\n"))
-            return
-        _show(results)
-        if other is None:
-            return
+            text = contents.header.text
+            say(text, nl=not text.endswith("\n"))
+        else:
+            _show(contents)
+        return
+    with readable(result) as file, open_results(file) as results:
+        _show(contents_of(results))
         with readable(other) as other_file, open_results(other_file) as second:
             say(f"\n{other}")
-            _show(second)
+            _show(contents_of(second))
             _compare(results, second)
 
 
-def _show(results: Results) -> None:
+def _show(contents: Contents) -> None:
     from relnav_sim.results.seal import NO_SEAL
     from relnav_sim.results.stopping import stopping_in_words
 
-    provenance = results.provenance
+    provenance = contents.provenance
     source = provenance.git_commit[:12] + (", with changes" if provenance.git_dirty == 1 else "")
-    failures, lacking = results.failures(), len(results.lacked_memory())
+    header, failures, lacking = contents.header, contents.failures, contents.lacking
+    filters = dict.fromkeys(name for case in header.cases for name in case.filters)
     rows = [
-        ("campaign", results.campaign_name),
-        ("hash", results.campaign_hash[:12]),
-        ("seed", str(results.seed)),
-        ("runs", _runs_in_words(results)),
-        ("cases", "\n".join(f"{header.id}  {header.label}" for header in results.headers)),
-        ("filters", ", ".join(results.filters)),
+        ("campaign", header.campaign_name),
+        ("hash", header.hash[:12]),
+        ("seed", str(header.seed)),
+        ("runs", _runs_in_words(contents)),
+        ("cases", "\n".join(f"{case.id}  {case.label}" for case in header.cases)),
+        ("filters", ", ".join(filters)),
         ("failed", count_in_words(len(failures) - lacking, "run of a filter", "runs of a filter")),
         ("began", f"{provenance.started}, took {in_words(provenance.wall_time_s)}"),
         ("ended", provenance.finished),
         ("command", provenance.command_line),
         ("source", source or "not known"),
-        ("checksum", "agrees with every byte" if results.sealed else NO_SEAL),
+        ("checksum", "agrees with every byte" if contents.sealed else NO_SEAL),
         ("versions", ", ".join(f"{name} {version}" for name, version in provenance.versions.items())),
         ("machine", ", ".join(f"{name} {value}" for name, value in provenance.machine.items())),
     ]
@@ -81,11 +87,11 @@ def _show(results: Results) -> None:
             for session in provenance.sessions
         ]
         rows.insert(rows.index(next(row for row in rows if row[0] == "source")), ("sessions", "\n".join(began)))
-    if results.replay is not None:
-        files = "\n".join(f"{path}  SHA-256 {digest}" for path, digest in results.replay.files.items())
-        rows[4:4] = [("recorded", files), ("scored", f"against {results.replay.truth}")]
-    if results.stopping:
-        rows.insert(4, ("stopped", stopping_in_words(results.stopping)))
+    if header.replay is not None:
+        files = "\n".join(f"{path}  SHA-256 {digest}" for path, digest in header.replay.files.items())
+        rows[4:4] = [("recorded", files), ("scored", f"against {header.replay.truth}")]
+    if header.stopping:
+        rows.insert(4, ("stopped", stopping_in_words(header.stopping)))
     print_table(rows)
     if failures:
         say("")
@@ -98,15 +104,16 @@ def _show(results: Results) -> None:
         say(f"and {len(failures) - FAILURES_SHOWN} more; relnav export RESULT has them all")
 
 
-def _runs_in_words(results: Results) -> str:
-    if results.replay is not None:
-        return ", ".join(map(str, results.replay.runs))
-    if len(results.planned) == 1 and results.planned[0] > 0:
-        return f"run {results.planned[0]} only"
-    apart = {id(runs): runs for runs in results.missing().values()}
+def _runs_in_words(contents: Contents) -> str:
+    if contents.header.replay is not None:
+        return ", ".join(map(str, contents.header.replay.runs))
+    planned = contents.header.planned
+    if len(planned) == 1 and planned[0] > 0:
+        return f"run {planned[0]} only"
+    apart = {id(runs): runs for runs in contents.missing.values()}
     missing = {run for runs in apart.values() for run in runs}
     to_do = f"; not finished: {count_in_words(len(missing), 'run')} to do" if missing else ""
-    return f"{len(results.runs)} of {results.planned_runs}{to_do}"
+    return f"{len(contents.runs)} of {len(planned)}{to_do}"
 
 
 def _compare(first: Results, second: Results) -> None:

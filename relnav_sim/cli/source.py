@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.files import RESULTS, existing, regular
 from relnav_sim.cli.output import say
+
+if TYPE_CHECKING:
+    from relnav_sim.results.contents import Contents
 
 SHARDS = ".shards"
 """What the folder of a result's shards is called besides the result's own name."""
@@ -42,16 +46,46 @@ def readable(path: Path) -> Iterator[Path]:
     Raises:
         UserError: It is another directory.
     """
+    from relnav_sim.runner.unfinished import results_so_far
+
+    path, finished = _looked_at(path)
+    if finished:
+        yield path
+        return
+    with results_so_far(path) as so_far:
+        yield so_far
+
+
+def contents_by_now(path: Path) -> Contents:
+    """Return what a result holds, or what is finished of a campaign by now; its shards are not merged for that.
+
+    Args:
+        path: As in `readable`.
+
+    Raises:
+        UserError: It is another directory.
+    """
+    from relnav_sim.results import open_results
+    from relnav_sim.results.contents import contents_of
+    from relnav_sim.runner.so_far import contents_so_far
+
+    path, finished = _looked_at(path)
+    if not finished:
+        return contents_so_far(path)
+    with open_results(path) as results:
+        return contents_of(results)
+
+
+def _looked_at(path: Path) -> tuple[Path, bool]:
+    """Return the results file that is meant, and whether it holds all that its shards do."""
+    from relnav_sim.runner.unfinished import is_unfinished
+
     if path.name.endswith(SHARDS):
         path = path.with_name(path.name.removesuffix(SHARDS))
     if path.is_dir():
         raise UserError(f"'{path}' is a directory; give a result file, as results/NAME.h5")
-    from relnav_sim.runner.unfinished import is_unfinished, results_so_far
-
-    if not is_unfinished(path):
-        regular(path)
-        yield existing(path, RESULTS)
-        return
-    say(f"{path} is not finished; this is about the runs that are", err=True)
-    with results_so_far(path) as so_far:
-        yield so_far
+    if is_unfinished(path):
+        say(f"{path} is not finished; this is about the runs that are", err=True)
+        return path, False
+    regular(path)
+    return existing(path, RESULTS), True

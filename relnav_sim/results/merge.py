@@ -69,7 +69,7 @@ def merge_pieces(
         if bad := [name for name in case.filters if name in RESERVED_NAMES or "/" in name or name in (".", "")]:
             raise ResultsError(f"case {case.label}: a filter can't be named {bad[0]!r}")
     pieces, bounds = list(pieces), list(bounds)
-    by_case = _by_case(pieces, header)
+    by_case = pieces_by_case(pieces, header)
     limits = bounds_of(header, bounds)
     if complete and (missing := missing_runs(by_case, header)):
         raise RefusedError("runs are missing: " + "; ".join(missing))
@@ -155,7 +155,12 @@ def run_ranges(runs: Iterable[int]) -> str:
     return f"run{'s' if len(ordered) > 1 else ''} {words}"
 
 
-def _by_case(pieces: Iterable[Piece], header: ResultHeader) -> dict[str, list[Piece]]:
+def pieces_by_case(pieces: Iterable[Piece], header: ResultHeader) -> dict[str, list[Piece]]:
+    """Return pieces by the id of their case, in order, each with the filters that the campaign has.
+
+    Raises:
+        RefusedError: One is of another seed or case.
+    """
     known = {case.id: case for case in header.cases}
     by_case: dict[str, list[Piece]] = {case_id: [] for case_id in known}
     for piece in sorted(pieces, key=lambda p: (p.info.runs, p.info.filters, str(p.info.path))):

@@ -10,6 +10,7 @@ import numpy as np
 from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, BlockResult, Failure, RefusedError
 from relnav_sim.results.bound import write_limits, write_stacked_limits
+from relnav_sim.results.case_failures import CaseFailures
 from relnav_sim.results.case_rows import CaseRows, offsets
 from relnav_sim.results.pieces import Piece
 from relnav_sim.results.row_writer import RowWriter, Waiting, same_bits
@@ -48,11 +49,10 @@ class StackWriter:
             for piece in rows.pieces:
                 block = piece.load()
                 self._check_epochs(piece, block)
-                if piece.info.retry:
-                    case.keep_reasons(piece.info, block)
-                else:
+                if not piece.info.retry:
                     self._fill(case, piece.info, block)
-            self._failures += [(rows.index, failure) for failure in case.sorted_failures()]
+                case.failures.take(piece.info, block)
+            self._failures += [(rows.index, failure) for failure in case.failures.in_order()]
         self._waiting.write()
         for row in np.flatnonzero(~self._truth.done):
             self._group[layout.TRUTH.name][row] = np.nan
@@ -124,7 +124,6 @@ class StackWriter:
                 arrays = block.filters[name].arrays(self._columns[name])
                 first = self._first[name][rows.index]
                 self._put(self._filters[name], arrays, here, first, rows.filters[name], f"{where}, filter {name}")
-            case.fail(info, block, name)
 
     def _put(
         self,
@@ -152,36 +151,6 @@ class _Case:
     """What is known of a case while its pieces are read."""
 
     def __init__(self, rows: CaseRows) -> None:
-        self.rows = rows
+        self.rows, self.failures = rows, CaseFailures(rows)
         self.truth_rows = {run: row for row, run in enumerate(rows.trajectories)}
         self.filter_rows = {name: {run: row for row, run in enumerate(runs)} for name, runs in rows.filters.items()}
-        self._failures: dict[tuple[int, str], frozenset[Failure]] = {}
-
-    def keep_reasons(self, info: ShardInfo, block: BlockResult) -> None:
-        """Keep why runs are missing that no other piece holds."""
-        for failure in block.failures:
-            for name in info.filters:
-                missing = failure.run < self.rows.runs and failure.run not in self.filter_rows.get(name, ())
-                if missing and failure.filter in ("", name):
-                    self._failures[failure.run, name] = frozenset({failure})
-
-    def fail(self, info: ShardInfo, block: BlockResult, name: str) -> None:
-        """Keep why runs of a filter failed; a run that another piece holds as well must have failed alike.
-
-        Alike is at the same epoch: the words are an exception's, which may name an address or a moment.
-        """
-        reasons: dict[int, set[Failure]] = {run: set() for run in block.runs if run < self.rows.runs}
-        for failure in block.failures:
-            if failure.run in reasons and failure.filter in ("", name):
-                reasons[failure.run].add(failure)
-        for run, found in reasons.items():
-            before = self._failures.setdefault((run, name), frozenset(found))
-            if {(f.filter, f.epoch) for f in before} != {(f.filter, f.epoch) for f in found}:
-                where = f"case {self.rows.case.label}, filter {name}"
-                raise RefusedError(f"{info.path}: {where}: it disagrees with another shard about why run {run} failed")
-
-    def sorted_failures(self) -> list[Failure]:
-        """Return the failures in the order of runs and filters."""
-        order = {name: i for i, name in enumerate(self.rows.case.filters)}
-        known = {failure for of_run in self._failures.values() for failure in of_run}
-        return sorted(known, key=lambda f: (f.run, order.get(f.filter, -1), f.epoch, f.reason))

@@ -19,6 +19,7 @@ from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
+from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.shard_files import held_bounds, held_shards, holds_shards
 from relnav_sim.results.shards import ShardInfo, shard_info
 from relnav_sim.runner.bound_task import sound_bounds
@@ -49,7 +50,7 @@ def is_unfinished(out: Path) -> bool:
         pieces, stored_bounds = result_pieces(out), result_bounds(out)
     except ResultsError:
         return False
-    if not _grown_from(campaign, stored):
+    if not grown_from(campaign, stored):
         return False
     held = _held(piece.info for piece in pieces)
     if _bounds(sound_bounds(folder), campaign, held) - _bounds(stored_bounds, campaign, held):
@@ -84,7 +85,7 @@ def _stored_header(out: Path) -> ResultHeader:
         return read_header(file)[0]
 
 
-def _grown_from(campaign: ResultHeader, stored: ResultHeader) -> bool:
+def grown_from(campaign: ResultHeader, stored: ResultHeader) -> bool:
     """Return whether the shards' campaign is that of the results file, or adds runs, filters or cases to it."""
     return stored.only is None and not changed_keys(stored.content, campaign.content)
 
@@ -144,18 +145,21 @@ def results_so_far(out: Path) -> Iterator[Path]:
     bounds = sound_bounds(folder)
     if out.exists():
         store.open_checked(out, layout.FORMAT, whole=True).close()
-        if _grown_from(header, _stored_header(out)):
+        if grown_from(header, _stored_header(out)):
             pieces += result_pieces(out)
             bounds += result_bounds(out)
     mine = [piece for piece in pieces if piece.info.case_id in known and piece.info.seed == header.seed]
     with tempfile.TemporaryDirectory(prefix="relnav_") as place:
         path = Path(place) / out.name
-        sessions = past_sessions(folder)
-        provenance = provenance_of(sessions, machines_of(folder))
-        if sessions:  # the command at work here is only looking
-            provenance = replace(provenance, command_line=sessions[-1].command_line)
-        merge_pieces(mine, header, provenance, path, complete=False, bounds=bounds)
+        merge_pieces(mine, header, folder_provenance(folder), path, complete=False, bounds=bounds)
         yield path
+
+
+def folder_provenance(folder: Path) -> Provenance:
+    """Return how the shards of a folder came about; the command at work here is only looking."""
+    sessions = past_sessions(folder)
+    provenance = provenance_of(sessions, machines_of(folder))
+    return replace(provenance, command_line=sessions[-1].command_line) if sessions else provenance
 
 
 def _sound(shard: Bundle) -> list[Piece]:

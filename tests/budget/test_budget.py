@@ -181,6 +181,14 @@ def test_filters_whose_gain_depends_on_the_readings_are_refused_by_name():
     assert error_budget(made).filter == "ekf"
 
 
+def test_a_filter_that_its_arithmetic_fails_has_no_budget():
+    unequal = ("filters.srif={kind: srif, dynamics: {kind: cw}}", "start.velocity_sigma_m_s=1e9")
+    with pytest.raises(
+        ValueError, match="'srif' has no error budget: it fails on the nominal truth at 1 s: srif holds"
+    ):
+        error_budget(campaign(*unequal), 0, "srif")
+
+
 def test_process_noise_that_is_found_from_the_readings_has_no_budget():
     start = "{radial_psd_m2_s3: 1.0e-8, along_track_psd_m2_s3: 1.0e-8, normal_psd_m2_s3: 1.0e-8}"
     made = campaign(f"filters.ekf.process_noise={{adaptive: {{start: {start}}}}}")

@@ -1,6 +1,7 @@
 """Every kind of figure: made by one call, what it draws compared with the stored numbers, and documented."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from relnav_sim.plots.choice import pareto_front
 from relnav_sim.plots.data import drawn_step, window
 from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.plots.regret import drawn_regret
 from relnav_sim.plots.start import start_span
-from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, png, write_figure
+from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, line_styles, marker, png, write_figure
 from relnav_sim.plots.sweep_points import grid_paths, trends
 from relnav_sim.plots.sweeps import axis_label
 from relnav_sim.report import FIGURE_KINDS, figure
@@ -135,6 +137,20 @@ def test_a_filter_has_one_colour_everywhere(results: Results) -> None:
         assert PALETTE[index] in colours and not colours & (set(PALETTE) - {PALETTE[index]}), kind
     alone = figure(results, "errors", filter="ekf").axes[0].lines
     assert PALETTE[index] in {line.get_color() for line in alone}
+
+
+def test_points_of_no_two_filters_look_alike() -> None:
+    names = [f"filter {number}" for number in range(20)]
+    looks = {(line_styles(names)[name].colour, marker(names, name)) for name in names}
+    assert len(looks) == len(names)
+
+
+def test_a_wide_interval_leaves_the_regrets_to_see(stressed: Results) -> None:
+    found = regret(stressed)
+    wide = replace(found, high=np.full_like(found.high, 1e20))
+    bottom, top = drawn_regret(wide, stressed.filters).axes[0].get_ylim()
+    largest = 1 + found.regret[np.isfinite(found.regret)].max()
+    assert 0 < bottom < 1 and largest < top < 12 * largest
 
 
 def test_the_bound_is_drawn_where_it_is_stored(results: Results, bounded: Results) -> None:

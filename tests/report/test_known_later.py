@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report import figure
 from relnav_sim.report.ranking import rank
@@ -41,6 +42,13 @@ def test_they_are_not_on_the_front_of_cost_and_accuracy(make_result):
     assert any(np.isclose(line, smoothed).any() for line in drawn if len(line) == 1)  # its own marker
     fronts = [line for line in drawn if len(line) > 1 and not np.isclose(line, line[0]).all()]
     assert not any(np.isclose(line, smoothed).any() for line in fronts)
+
+
+def test_none_of_them_is_the_filter_that_figures_are_drawn_of(make_result):
+    """Nor the best one of a cell of a heat map: that is the one the ranking names."""
+    with open_results(make_result(filters={"kf": 1.0, "ekf": 0.5, "rts": 0.2}, runs=10, variables=[RTS])) as results:
+        facts = case_facts(results, 0)
+    assert leading_filter(facts) == rank(facts).best.name == "ekf"
 
 
 def test_without_one_in_flight_they_are_compared_with_one_another(make_result):

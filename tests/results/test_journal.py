@@ -100,11 +100,10 @@ def test_killed_at_any_moment_while_packing(folder: Path) -> None:
     code += "pack(pathlib.Path(sys.argv[1]), 0)"
     rng = np.random.default_rng(3)
     for _ in range(15):
-        process = subprocess.Popen([sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE, text=True)
-        assert process.stdout is not None and process.stdout.readline() == "go\n"
-        time.sleep(rng.uniform(0, 0.05))
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait()
+        with subprocess.Popen([sys.executable, "-c", code, str(folder)], stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None and process.stdout.readline() == "go\n"
+            time.sleep(rng.uniform(0, 0.05))
+            os.kill(process.pid, signal.SIGKILL)
         assert errors(folder) == before
         for name, content in kept.items():
             (folder / name).write_bytes(content)

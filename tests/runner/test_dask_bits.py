@@ -1,11 +1,17 @@
 """A cluster of two worker processes gives the bits of this process, for all that a campaign can have."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 from small_campaign import assert_same_bits
 from test_everything_at_once import assert_same_file, made
 
 from relnav_sim import open_results, run_campaign
 from relnav_sim.campaign.models import TuneOptions
+from relnav_sim.results import shard_files
+from relnav_sim.runner import job
+from relnav_sim.runner.executors import dask_cluster
 from relnav_sim.runner.several import run_campaigns
 from relnav_sim.runner.single import run_single
 from relnav_sim.tuning import tune_campaign
@@ -44,3 +50,23 @@ def test_several_campaigns_as_in_a_replication(dask, make_campaign, tmp_path):
     run_campaigns(jobs, **dask)
     for campaign, out in jobs:
         assert_same_bits(run_campaign(campaign, tmp_path / f"alone_{out.name}", backend="sequential"), out)
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["shared folder", "shards travel"])
+def test_shards_go_into_the_journal(dask, make_campaign, tmp_path, monkeypatch, shared):
+    campaign = make_campaign("runs=8", "block_runs=1")
+    if not shared:  # no worker knows the token that is told of
+        leave = dask_cluster.leave_token
+        monkeypatch.setattr(dask_cluster, "leave_token", lambda folder: replace(leave(folder), secret="another"))
+    monkeypatch.setattr(job, "MOST_LOOSE", 3)
+    monkeypatch.setattr(job, "pack", lambda folder: shard_files.pack(folder, 3))
+    out = run_campaign(campaign, tmp_path / "dask.h5", **dask)
+    folder = Path(f"{out}.shards")
+    loose, held = list(folder.glob("*.h5")), shard_files.held_shards(folder)[0]
+    assert len(loose) <= 3 and len(held) >= 16
+    with open_results(out) as results:
+        assert sum(results.provenance.machines.values()) >= len(held) and not results.missing()
+    assert_same_bits(run_campaign(campaign, tmp_path / "alone.h5", backend="sequential"), out)
+    said = []
+    run_campaign(campaign, out, say=said.append, **dask)
+    assert "every run was finished already" in said
