@@ -82,6 +82,9 @@ def linear_filter(config: CaseConfig, entry: FilterEntry, seed: int, injections:
         entry: The filter, one with a nominal gain.
         seed: The campaign's seed, for dynamics that are learned.
         injections: The errors.
+
+    Raises:
+        ValueError: The filter fails on the nominal truth, or there is nothing to start from.
     """
     along: _Along | None = None
     for chunk in _nominal_chunks(config, injections):
@@ -226,7 +229,10 @@ class _Along:
         probed = z.copy()
         probed[errors:] += np.diag(probe)
         prior = filter.start(Gaussian(mean, np.repeat(P, len(z), axis=0)), self._source)
-        posterior, _ = filter.correct(prior, probed, step)
+        posterior, innovation = filter.correct(prior, probed, step)
+        if innovation.failed:  # runs would end here: what arithmetic loses depends on P, not on what is read
+            reason = innovation.failed[min(innovation.failed)]
+            raise ValueError(f"it fails on the nominal truth at {self._times[epoch]:g} s: {reason}")
         posterior = filter.keep_considered(prior, posterior)
         gain = (posterior.mean[errors:] - posterior.mean[0]).T / probe
         return gain, H, C, posterior.covariance[:1]

@@ -218,4 +218,11 @@ def not_covered(
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
     if entry.editing is not None or getattr(entry, "gate_probability", None) is not None:
         found.append("readings that the gate rejects")
+    if in_single(entry):
+        found.append("rounding in float32: the filter counts as one in float64")
     return found
+
+
+def in_single(entry: FilterEntry) -> bool:
+    """Return whether a filter computes in float32."""
+    return getattr(entry, "arithmetic", "float64") == "float32"

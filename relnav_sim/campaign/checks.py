@@ -14,7 +14,7 @@ from relnav_sim.campaign.models import Clock, FirstFixStart, StatisticsOptions
 from relnav_sim.campaign.problems import Path, Problem, listed, no_such
 from relnav_sim.containment import Containment
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.dynamics.augmentation.kinds import extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import extension, sensor_of
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.options import Options

@@ -82,14 +82,19 @@ def _blocks(config: CaseConfig, campaign: Campaign) -> list[tuple[int, int, list
 
 def _case_seconds(config: CaseConfig, campaign: Campaign) -> float:
     filtered = sum(
-        count * _block_seconds(config, names, runs)
+        count * block_seconds(config, names, runs)
         for count, runs, groups in _blocks(config, campaign)
         for names in groups
     )
-    return filtered + (1e-6 * _BOUND_US * config.clock.epochs if campaign.bound else 0.0)
+    return filtered + (bound_seconds(config) if campaign.bound else 0.0)
 
 
-def _block_seconds(config: CaseConfig, names: Sequence[str], runs: int) -> float:
+def bound_seconds(config: CaseConfig) -> float:
+    """Return the CPU time of the Cramér-Rao bound of a case, s."""
+    return 1e-6 * _BOUND_US * config.clock.epochs
+
+
+def block_seconds(config: CaseConfig, names: Sequence[str], runs: int) -> float:
     """Return the CPU time of a block of so many runs of a case with some of its filters, s.
 
     A step costs calls, however few the runs, and the arithmetic of each run. Filters with the same dynamics

@@ -23,6 +23,7 @@ from relnav_sim.cli.report import report
 from relnav_sim.cli.run import run
 from relnav_sim.cli.schema import schema
 from relnav_sim.cli.show import show
+from relnav_sim.cli.status import status
 from relnav_sim.cli.tune import tune
 from relnav_sim.cli.validate import validate
 
@@ -51,11 +52,12 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "new": new,
     "schema": schema,
     "inspect": inspect,
+    "status": status,
     "compare": compare,
     "merge": merge,
     "export": export,
 }
-ANSWERS = ("validate", "budget", "list", "show", "schema", "inspect", "compare")
+ANSWERS = ("validate", "budget", "list", "show", "schema", "inspect", "status", "compare")
 """Commands that print what they find out; the others write files or have another purpose."""
 
 _EPILOGS = {"run": _CODES_HELP, "new": TEMPLATES_HELP}

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -29,11 +29,12 @@ class Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def ending_promptly(sentence: str) -> Iterator[None]:
+def ending_promptly(sentence: str, last: Callable[[int], object] = lambda code: None) -> Iterator[None]:
     """Turn Ctrl-C, SIGTERM and SIGHUP into the end of the process, with exit code 130, 143 or 129.
 
     Args:
         sentence: What to say then: how to go on later.
+        last: Called with the exit code where the process has to end without tidying up.
     """
     said = threading.Event()
     # The processes that watch over shared resources clean up in silence after workers that were stopped.
@@ -47,6 +48,7 @@ def ending_promptly(sentence: str) -> Iterator[None]:
 
     def end_now(code: int) -> None:
         last_words()
+        last(code)
         os._exit(code)
 
     def ask(number: int, frame: FrameType | None) -> None:

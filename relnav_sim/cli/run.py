@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -10,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
-from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.failures import Exit, UserError, guarded
 from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
+from relnav_sim.cli.notify import Notice, notifying
 from relnav_sim.cli.output import command, count_in_words, say
+from relnav_sim.cli.part import part_of
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -55,7 +58,18 @@ def run(
     ] = None,
     shard: Annotated[
         str | None,
-        typer.Option(metavar="I/N", help="Only the I-th of N parts, as 1/4, on several machines; then relnav merge."),
+        typer.Option(
+            metavar="I/N|slurm",
+            help="Only the I-th of N parts, as 1/4, or by the variables of a SLURM job array; then relnav merge.",
+        ),
+    ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", metavar="FILE", help="Add a line of JSON to this file for everything that happens."),
+    ] = None,
+    notify: Annotated[
+        str | None,
+        typer.Option(metavar="COMMAND", help="Run this once at the end, also after a failure or Ctrl-C."),
     ] = None,
     only: Annotated[
         str | None,
@@ -70,59 +84,72 @@ def run(
 
     The same command continues a campaign that was interrupted.
     """
-    with ending_promptly(f"interrupted; what is finished is kept, and this continues it: {_this_command()}"):
-        _check_options(only, trace, shard, fresh, fail_fast, max_failures)
-        place = where(backend, workers, scheduler, local_cluster)
-        if backend is BackendName.SEQUENTIAL and timeout_s is not None:
-            raise UserError("--timeout-s needs worker processes, which can be ended; leave out --backend sequential")
-        part = _part(shard)
-        case, number = _case_and_run(only)
+    notice = Notice(notify)
 
-        from relnav_sim.campaign import load_campaign
+    @guarded
+    def compute() -> None:
+        with ending_promptly(_going_on(), notice.send):
+            _check_options(only, trace, shard, fresh, fail_fast, max_failures, log)
+            place = where(backend, workers, scheduler, local_cluster)
+            if backend is BackendName.SEQUENTIAL and timeout_s is not None:
+                raise UserError(
+                    "--timeout-s needs worker processes, which can be ended; leave out --backend sequential"
+                )
+            part = part_of(shard, os.environ)
+            case, number = _case_and_run(only)
 
-        changed = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
-        campaign = load_campaign(existing(file, CAMPAIGNS), changed)
-        if stress:
-            campaign = _with_stress(campaign, file)
+            from relnav_sim.campaign import load_campaign
 
-        from relnav_sim.runner.single import case_number, run_single, single_out
+            changed = [*(changes or []), *([f"runs={runs}"] if runs is not None else [])]
+            campaign = load_campaign(existing(file, CAMPAIGNS), changed)
+            if stress:
+                campaign = _with_stress(campaign, file)
 
-        usual = Path(f"{campaign.name}.h5")
-        if only is not None:
-            usual = single_out(usual, case_number(campaign, case), number)
-        result = None if out is None else target_file(out, usual.name)
-        if result is not None and result.exists() and result.samefile(file):
-            raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
+            from relnav_sim.runner.run import default_out, run_campaign
+            from relnav_sim.runner.single import case_number, run_single, single_out
 
-        from relnav_sim.results.block import RefusedError
-        from relnav_sim.runner.run import run_campaign
-
-        def to_user(sentence: str) -> None:
-            say(sentence, err=True)
-
-        try:
+            usual = default_out(campaign, part)
             if only is not None:
-                target = _single_target(campaign, result, case, number)
-                path = run_single(
-                    campaign, case, number, target, trace, place.backend, timeout_s, to_user, place.scheduler
-                )
-            else:
-                path = run_campaign(
-                    campaign,
-                    result,
-                    workers=place.workers,
-                    backend=place.backend,
-                    fresh=fresh,
-                    part=part,
-                    max_failures=0 if fail_fast else max_failures,
-                    timeout_s=timeout_s,
-                    scheduler=place.scheduler,
-                    progress=True,
-                    say=to_user,
-                )
-        except RefusedError as error:
-            raise UserError(str(error)) from None
-        _say_what_came_of_it(path, part)
+                usual = single_out(usual, case_number(campaign, case), number)
+            result = None if out is None else target_file(out, usual.name)
+            if result is not None and result.exists() and result.samefile(file):
+                raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
+
+            from relnav_sim.results.block import RefusedError
+
+            notice.campaign = campaign.name
+            notice.result = os.path.abspath(result or default_out(campaign, part))
+
+            def to_user(sentence: str) -> None:
+                say(sentence, err=True)
+
+            try:
+                if only is not None:
+                    target = _single_target(campaign, result, case, number)
+                    path = run_single(
+                        campaign, case, number, target, trace, place.backend, timeout_s, to_user, place.scheduler
+                    )
+                else:
+                    path = run_campaign(
+                        campaign,
+                        result,
+                        workers=place.workers,
+                        backend=place.backend,
+                        fresh=fresh,
+                        part=part,
+                        max_failures=0 if fail_fast else max_failures,
+                        timeout_s=timeout_s,
+                        scheduler=place.scheduler,
+                        progress=True,
+                        say=to_user,
+                        log=log,
+                    )
+            except RefusedError as error:
+                raise UserError(str(error)) from None
+            _say_what_came_of_it(path, part, notice)
+
+    with notifying(notice):
+        compute()
 
 
 def _with_stress(campaign: Campaign, file: Path) -> Campaign:
@@ -136,13 +163,15 @@ def _with_stress(campaign: Campaign, file: Path) -> Campaign:
     return campaign.with_stress()
 
 
-def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
+def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice) -> None:
+    from relnav_sim.cli.failure_summary import divergence_summary, failure_summary
     from relnav_sim.results import open_results
     from relnav_sim.runner.failure_log import log_beside
 
     with open_results(path) as results:
         lacking = len(results.lacked_memory())
         failed = len(results.failures()) - lacking
+        summary = failure_summary(results) + divergence_summary(results)
     following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
     say(f"wrote {path}; next: {following}")
     if failed:
@@ -152,28 +181,33 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int]) -> None:
             f"{command('relnav', 'inspect', path)} lists them{f', {log} has the tracebacks' if log else ''}",
             err=True,
         )
+    for line in summary:
+        say(line, err=True)
+    notice.failed = failed
+    notice.summary = f"{notice.campaign}: {count_in_words(failed, 'failed run of a filter', 'failed runs of filters')}"
     if failed or lacking:
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
 
 
 def _check_options(
-    only: str | None, trace: bool, shard: str | None, fresh: bool, fail_fast: bool, max_failures: int | None
+    only: str | None,
+    trace: bool,
+    shard: str | None,
+    fresh: bool,
+    fail_fast: bool,
+    max_failures: int | None,
+    log: Path | None,
 ) -> None:
     if trace and only is None:
         raise UserError("--trace needs --only CASE:RUN: it stores every step of one run")
     if only is not None and (shard is not None or fresh):
         raise UserError("--only computes one run into a file of its own; it takes neither --shard nor --fresh")
+    if only is not None and log is not None:
+        raise UserError("--log is of a campaign; leave it out with --only")
+    if log is not None and log.is_dir():
+        raise UserError(f"--log {log} is a directory; give a file's name")
     if fail_fast and max_failures is not None:
         raise UserError("--fail-fast means --max-failures 0; give one of them")
-
-
-def _part(shard: str | None) -> tuple[int, int]:
-    if shard is None:
-        return 1, 1
-    number, _, parts = shard.partition("/")
-    if number.isdecimal() and parts.isdecimal() and 1 <= int(number) <= int(parts):
-        return int(number), int(parts)
-    raise UserError(f"--shard takes I/N with I from 1 to N, as 1/4, not {shard!r}")
 
 
 def _case_and_run(only: str | None) -> tuple[str, int]:
@@ -195,5 +229,7 @@ def _single_target(campaign: Campaign, out: Path | None, case: str, run: int) ->
     return out
 
 
-def _this_command() -> str:
-    return shlex.join([Path(sys.argv[0]).name, *(word for word in sys.argv[1:] if word != "--fresh")])
+def _going_on() -> str:
+    """Return how to go on after an interruption."""
+    again = shlex.join([Path(sys.argv[0]).name, *(word for word in sys.argv[1:] if word != "--fresh")])
+    return f"interrupted; what is finished is kept, and this continues it: {again}"

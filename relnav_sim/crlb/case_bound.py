@@ -19,7 +19,7 @@ from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import Model, believed_dynamics, model_key, perfect_dynamics
 from relnav_sim.crlb.recursion import BoundRecursion, matrix_root
 from relnav_sim.crlb.start import start_covariance
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.printable import message_of
 from relnav_sim.results.bound import BoundResult
 from relnav_sim.sensors import reading_probability, relative_sensors

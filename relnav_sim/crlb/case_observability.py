@@ -14,7 +14,7 @@ from relnav_sim.crlb.information import SensorInformation, joint_information
 from relnav_sim.crlb.models import model_key
 from relnav_sim.crlb.observability import WeakestDirection, direction_in_words, observability
 from relnav_sim.crlb.start import start_covariance
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.known_thrust import KnownThrust

@@ -10,7 +10,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.host_frames import in_frame
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.measurements.interface import Measurement, joint_components
 from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.front_end import Frame

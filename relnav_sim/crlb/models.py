@@ -12,7 +12,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
 from relnav_sim.dynamics.about_chief import AboutChiefDynamics
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.chief_segments import NominalChief
 from relnav_sim.dynamics.context import ChiefDynamics
 from relnav_sim.dynamics.interface import Dynamics, Step

@@ -6,7 +6,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.campaign.models import FirstFixStart, StartOptions
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 
 
 def start_covariance(start: StartOptions, fix: Array | None, extra: Extension | None) -> Array:

@@ -95,6 +95,8 @@ class AdaptiveAlphaFilter(GaussianFilter):
     is one each), `nis_after` with R / alpha_k, and `white` for the window (1 where the innovations count as white).
     """
 
+    double_only = "the noise that it finds is float64"
+
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveAlphaOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options

@@ -19,7 +19,7 @@ Arithmetic = Literal["float64", "float32"]
 
 
 class ArithmeticOptions(Options):
-    """What filters say that can compute in single precision."""
+    """Options of the filters that can compute in single precision."""
 
     arithmetic: Annotated[Arithmetic, AddedLater()] = Field(
         default="float64",
@@ -61,16 +61,37 @@ class ModelsInArithmetic:
 
     def matrices(self, mean: Array, step: Step) -> tuple[Array, Array]:
         """Return F and Q at `mean` (runs, n), (runs, n, n) each, or (1, n, n) for all runs."""
-        m = _double(mean)
-        return self._by_run(self._dynamics.transition(m, step)), self._by_run(self._dynamics.process_noise(m, step))
+        return self.transition(mean, step), self.process_noise(mean, step)
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return F at `mean` (runs, n), (runs or 1, n, n)."""
+        return self._by_run(self._dynamics.transition(_double(mean), step))
+
+    def process_noise(self, mean: Array, step: Step) -> Array:
+        """Return Q at `mean` (runs, n), (runs or 1, n, n)."""
+        return self._by_run(self._dynamics.process_noise(_double(mean), step))
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R at `mean` (runs, n), (runs or 1, m, m)."""
+        return self._by_run(self._measurement.noise(_double(mean), epoch))
+
+    def images(self, points: Array, epoch: int) -> tuple[Array, Array]:
+        """Return h of points (runs, p, n), (runs, p, m), and what each differs by from that of the first."""
+        images = self.own(self._measurement.predict(_double(points), epoch))
+        return images, self.residual(images, images[:, :1])
+
+    def residual(self, z: Array, expected: Array) -> Array:
+        """Return what readings differ by from others, both rounded before: (..., m).
+
+        The difference of two numbers of float32, taken in float64 and rounded, is their difference in float32.
+        """
+        return self.own(self._measurement.residual(_double(self.own(z)), _double(expected)))
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual (runs, m), H and R, (runs or 1, m, n) and (runs or 1, m, m), of a reading z at `mean`."""
         measurement, m = self._measurement, _double(mean)
         if self.single:
-            # The difference of two numbers of float32, taken in float64 and rounded, is their difference in float32.
-            expected = self.own(measurement.predict(m, epoch))
-            residual = measurement.residual(_double(self.own(z)), _double(expected))
+            residual = self.residual(z, self.own(measurement.predict(m, epoch)))
             H, R = measurement.jacobian(m, epoch), measurement.noise(m, epoch)
         else:
             residual, H, R = linearised(measurement, z, m, epoch)

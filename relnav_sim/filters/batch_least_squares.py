@@ -80,6 +80,7 @@ class BatchLeastSquares:
     """
 
     stochastic = False
+    double_only = "it is fitted on the ground, after the flight"
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: BatchOptions) -> None:
         self.dynamics = dynamics

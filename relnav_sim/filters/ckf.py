@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.kalman import GaussianFilterOptions
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions, unscented_operations
 from relnav_sim.measurements.interface import Measurement
 
 
-@register_filter("ckf", GaussianFilterOptions, cost_us=1.3, overhead_us=55.0, operations=unscented_operations)
+class CubatureOptions(GaussianFilterOptions, ArithmeticOptions):
+    """Options of the cubature Kalman filter."""
+
+
+@register_filter("ckf", CubatureOptions, cost_us=1.3, overhead_us=55.0, operations=unscented_operations)
 class CubatureKalmanFilter(UnscentedKalmanFilter):
     """Cubature Kalman filter: 2 n equally weighted points at sqrt(n) sigma, no tuning parameter.
 
@@ -19,6 +24,12 @@ class CubatureKalmanFilter(UnscentedKalmanFilter):
     sample far from the mean.
     """
 
-    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
-        preset = UnscentedOptions(alpha=1.0, beta=0.0, kappa=0.0, gate_probability=options.gate_probability)
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: CubatureOptions) -> None:
+        preset = UnscentedOptions(
+            alpha=1.0,
+            beta=0.0,
+            kappa=0.0,
+            gate_probability=options.gate_probability,
+            arithmetic=options.arithmetic,
+        )
         super().__init__(dynamics, measurement, preset)

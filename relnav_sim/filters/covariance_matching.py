@@ -85,6 +85,7 @@ class CovarianceMatching:
     def __init__(self, filter: Filter, white: WhiteAcceleration, window: int) -> None:
         self.dynamics, self.measurement, self.stochastic = filter.dynamics, filter.measurement, filter.stochastic
         self._filter, self._white, self._window = filter, white, window
+        self._before_any = np.array(white.densities)
 
     def start(self, prior: Gaussian, source: RandomSource) -> MatchedBelief:
         """Return the filter's start, with the densities before any reading."""
@@ -93,7 +94,7 @@ class CovarianceMatching:
             inner,
             *_of_velocity(inner),
             np.zeros((runs, 3, 6, 6)),
-            np.tile(self._white.densities, (runs, 1)),
+            np.tile(self._before_any, (runs, 1)),
             np.zeros((runs, self._window, 1 + 3, len(ROWS))),
             np.zeros(runs),
         )
@@ -141,14 +142,17 @@ class CovarianceMatching:
         rows = np.flatnonzero(read)
         window[rows, (belief.taken[rows] % self._window).astype(int)] = sample[rows]
         taken = belief.taken + read
-        full = read & (taken >= self._window)
-        fitted = _fitted(window.mean(axis=1), gained, belief.predicted_covariance)
-        factor = 1 + STRIDE / self._window
-        fitted = np.clip(fitted, belief.densities / factor, belief.densities * factor)
+        # In a window that is not full, that of a run that has read nothing yet say, there may be nothing to fit.
+        full = np.flatnonzero(read & (taken >= self._window))
+        densities = belief.densities.copy()
+        if len(full):
+            fitted = _fitted(window[full].mean(axis=1), gained[full], belief.predicted_covariance[full])
+            factor = 1 + STRIDE / self._window
+            densities[full] = np.clip(fitted, densities[full] / factor, densities[full] * factor)
         return replace(
             belief,
             made=np.where(read[:, None, None, None], 0.0, belief.made),
-            densities=np.where(full[:, None], fitted, belief.densities),
+            densities=densities,
             window=window,
             taken=taken,
         )

@@ -130,6 +130,7 @@ class SamplingFilter(GaussianFilter):
     """Prediction, linearisation and fallback of a filter that samples the predicted Gaussian in its update."""
 
     stochastic = True
+    double_only = "moments of its posterior are averages over samples"
     # The sampled covariance, with one block put back, would in the end be indefinite.
     considers = False
 

@@ -97,6 +97,7 @@ class GaussianSumFilter:
     """
 
     stochastic = False
+    double_only = "it mixes several Gaussians, and weighs them in float64"
     considers = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianSumOptions) -> None:

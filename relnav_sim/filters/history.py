@@ -138,11 +138,12 @@ class Innovations:
                 check_name(name)
                 extras[name] = np.full(self._shape, np.nan)
             extras[name][k] = value
-        edits = self._edits[place]
-        for name, count in innovation.edits.items():
-            if name not in edits:
-                edits[name] = np.zeros(self._shape, dtype=np.int64)
-            edits[name][k] = count
+        if innovation.edits:
+            edits = self._edits[place]
+            for name, count in innovation.edits.items():
+                if name not in edits:
+                    edits[name] = np.zeros(self._shape, dtype=np.int64)
+                edits[name][k] = count
 
     def history(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history of the chunk, without failures."""

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
+from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 
 
-class HuberOptions(GaussianFilterOptions):
+class HuberOptions(ReweightingOptions):
     """Options of the Huber filter."""
 
     threshold: Annotated[float, Tunable(0.3, 10)] = Field(
@@ -46,11 +46,11 @@ class HuberFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._options = options
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the iterated update."""
         options = self._options
         return reweighted_update(
-            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior
+            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior, self._single
         )
 
     def _weigh(self, e: Array, spread: Array) -> Array:

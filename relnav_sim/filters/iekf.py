@@ -56,6 +56,8 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
     Noise that depends on the state is taken at the prediction. Only a local maximum is sought.
     """
 
+    double_only = "its search stops at a tolerance that float32 does not hold"
+
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: IterationOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options

@@ -93,6 +93,7 @@ class InteractingModelsFilter:
     """
 
     stochastic = False
+    double_only = "it mixes several Gaussians, and weighs them in float64"
     considers = True
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ImmOptions) -> None:

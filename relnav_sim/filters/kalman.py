@@ -104,7 +104,9 @@ class GaussianFilter:
 
     def keep_considered(self, predicted: Any, corrected: Any) -> Any:
         """Return the corrected belief with the considered states as predicted."""
-        return corrected if self._single is not None else keep_considered(predicted, corrected, self._considered)
+        if self._single is not None:
+            return self._single.keep_considered(predicted, corrected)
+        return keep_considered(predicted, corrected, self._considered)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the belief after the measurement, and its innovation."""

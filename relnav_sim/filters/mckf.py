@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
+from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.options import Tunable
 
 SMALLEST_WEIGHT = 1e-6
 
 
-class CorrentropyOptions(GaussianFilterOptions):
+class CorrentropyOptions(ReweightingOptions):
     """Options of the maximum-correntropy filter."""
 
     bandwidth: Annotated[float, Tunable(0.5, 30)] = Field(
@@ -51,11 +51,11 @@ class CorrentropyFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._options = options
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the fixed point's update."""
         options = self._options
         return reweighted_update(
-            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior
+            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior, self._single
         )
 
     def _weigh(self, e: Array, spread: Array) -> Array:

@@ -142,6 +142,17 @@ def unscented_update(n: int, m: int) -> int:
     return sigma_points(n) + point_moments(m, 2 * n) + cross + gain_update(n, m)
 
 
+def point_update_in_single(n: int, m: int) -> int:
+    """Return the operations of an update by 2 n + 1 points in Joseph's form, and of its test, as in `joseph_form`."""
+    points = 2 * n
+    cross = m * n * (2 * points + 4) + n * (points + 1)
+    gain = cholesky(m) + 2 * m * m * n + m * m + 2 * m * n + 5 * m + 2
+    shift = m * (2 * points + 1) + 2 * m * n
+    form = points * 2 * m * n + product(m, m, n) + triangle(n) * (2 * points + 4 + 2 * m)
+    moments = sigma_points(n) + point_moments(m, points) + cross
+    return moments + gain + shift + form + cholesky(n) + 2 * n
+
+
 def weighing(n: int, particles: int) -> int:
     """Return the operations of weights, mean and covariance of particles, whose sums are taken in blocks."""
     return particles * (n * n + 5 * n + 8) + 63 * (triangle(n) + n + 2)

@@ -74,6 +74,7 @@ class ParticleSetFilter:
     """Starting, predicting, weighting and resampling a particle set; `update` is the algorithm's own."""
 
     stochastic = True
+    double_only = "it is made of particles, and weighs them in float64"
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ParticleSetOptions) -> None:
         self.dynamics = dynamics

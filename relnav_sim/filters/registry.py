@@ -91,6 +91,11 @@ class FilterKind:
         return bool(getattr(self.factory, "matches_covariance", False))
 
     @property
+    def in_single(self) -> bool:
+        """Whether it can compute in float32: its options have `arithmetic`."""
+        return "arithmetic" in self.options_model.model_fields
+
+    @property
     def repeats(self) -> bool:
         """Whether it passes over all readings of a run again and again: its class says how long by `settled`."""
         return hasattr(self.factory, "settled")
@@ -203,6 +208,8 @@ def create_filter(
     if name not in kinds:
         raise ValueError(no_such_plugin("filter", name, kinds))
     kind = kinds[name]
+    if "arithmetic" in options and not kind.in_single:
+        raise ValueError(f"filter {name!r}: arithmetic: {double_only(name)}")
     checked = _checked(kind.options_model, f"filter {name!r}", options)
     edits = None if editing is None else _checked(EditingOptions, f"filter {name!r}: editing", editing)
     if edits is not None and not kind.edits:
@@ -215,9 +222,25 @@ def create_filter(
 
 def not_edited(kind: str) -> str:
     """Return why a kind of filter has no editing."""
+    if filter_kinds()[kind].repeats:
+        return (
+            f"the {kind} filter has no editing: each reading is part of the fit that it would be judged by, so its NIS "
+            "is not chi-square, and no quantile says which to reject; use a filter of flight (ekf, ukf, ...)"
+        )
     return (
         f"the {kind} filter has no editing: its belief is no single Gaussian, so its NIS is not chi-square where the "
         "filter is right, and no quantile says which readings to reject; use a Gaussian filter (ekf, ukf, ...)"
+    )
+
+
+def double_only(kind: str) -> str:
+    """Return why a kind of filter has no `arithmetic`, and which kinds have it."""
+    kinds = filter_kinds()
+    have = [name for name, known in kinds.items() if known.in_single]
+    why = getattr(kinds[kind].factory, "double_only", "its kernels are")
+    return (
+        f"the {kind} filter computes in float64 only, as {why}; leave the key out, or take a filter that has "
+        f"float32: {', '.join(have[:-1])} and {have[-1]}"
     )
 
 

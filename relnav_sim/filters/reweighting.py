@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import joseph_update, of_runs
+from relnav_sim.filters.kalman import GaussianFilterOptions, joseph_update, of_runs
 from relnav_sim.filters.operations import (
     Operations,
     Size,
+    bytes_of,
     covariance_prediction,
     gaussian_numbers,
+    joseph_form,
     kalman_update,
     product,
     triangle,
     whitening,
 )
+from relnav_sim.filters.single_precision import SinglePrecision
+from relnav_sim.filters.single_reweighting import reweighted_in_single
 from relnav_sim.filters.square_root import NoiseRoot
 from relnav_sim.linalg import by_run, symmetric
 from relnav_sim.measurements.interface import Measurement, linearised
@@ -29,6 +35,16 @@ from relnav_sim.measurements.interface import Measurement, linearised
 Weigh = Callable[[Array, Array], Array]
 """``weigh(e, spread)`` -> positive weights (runs, k), at one for residuals as the noise should give them: whitened
 residuals e (runs, k), and the variances (runs, k) that the estimate's own error adds to them."""
+
+
+class ReweightingOptions(GaussianFilterOptions, ArithmeticOptions):
+    """Options of the filters whose noise is reweighted."""
+
+    @model_validator(mode="after")
+    def _prior_in_double(self) -> Self:
+        if self.arithmetic == "float32" and getattr(self, "weigh_prior", False):
+            raise ValueError("weigh_prior is computed in float64 only; leave it or arithmetic: float32 out")
+        return self
 
 
 @dataclass(frozen=True)
@@ -56,12 +72,15 @@ def reweighted_update(
     weigh: Weigh,
     iterations: int,
     weigh_prior: bool = False,
-) -> tuple[Gaussian, Innovation]:
+    single: SinglePrecision | None = None,
+) -> tuple[Any, Innovation]:
     """Return the update of `reweighted` about the prediction, and the innovation.
 
     NIS and log-likelihood are those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of
-    the measurement.
+    the measurement. In float32 it is that of `reweighted_in_single`.
     """
+    if single is not None:
+        return reweighted_in_single(single, belief, z, epoch, weigh, iterations)
     update = reweighted(belief, *linearised(measurement, z, belief.mean, epoch), weigh, iterations, weigh_prior)
     extras = {"lowest_weight": update.weights.min(axis=-1)}
     return update.posterior, replace(update.unweighted, extras=extras)
@@ -114,11 +133,12 @@ def reweighted(
 
 def reweighted_operations(size: Size, options: Any) -> Operations:
     """Return what a filter costs whose noise is reweighted `iterations` times; the weights themselves do not count."""
-    n, m = size.n, size.m
-    again = product(m, n, n) + 4 * m * n + 3 * m * triangle(m) + kalman_update(n, m)
-    whitened = whitening(m, n + 1)
-    count = covariance_prediction(n) + whitened + kalman_update(n, m) + options.iterations * again
-    return Operations(count, gaussian_numbers(n, m))
+    n, m, width = size.n, size.m, bytes_of(options)
+    update = kalman_update(n, m) if width == 8 else joseph_form(n, m)
+    mean = 0 if width == 8 else 2 * n * n
+    again = product(m, n, n) + 4 * m * n + 3 * m * triangle(m) + update
+    count = covariance_prediction(n) + mean + whitening(m, n + 1) + update + options.iterations * again
+    return Operations(count, gaussian_numbers(n, m), width)
 
 
 def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
@@ -71,15 +71,25 @@ class SinglePrecision:
     def joseph_update(
         self, belief: Gaussian | SingleGaussian, residual: Array, H: Array, R: Array
     ) -> tuple[SingleGaussian, Innovation]:
-        """Return the update, in which considered states stay as predicted (Schmidt 1962)."""
+        """Return the optimal update."""
         prior, models = self.own(belief), self._models
         x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
             prior.x, prior.P, models.own(residual), models.own(H), models.own(R), models.eps
         )
-        if self._considered:
-            x[:, self._considered] = prior.x[:, self._considered]
-            block = np.ix_(range(len(x)), self._considered, self._considered)
-            P[block] = prior.P[block]
+        return self._told(x, P, Innovation(nis, log_likelihood), lost)
+
+    def keep_considered(self, predicted: Gaussian | SingleGaussian, corrected: SingleGaussian) -> SingleGaussian:
+        """Return an optimal update with the considered states as predicted, see `belief.keep_considered`."""
+        if not self._considered:
+            return corrected
+        prior, x, P = self.own(predicted), corrected.x.copy(), corrected.P.copy()
+        x[:, self._considered] = prior.x[:, self._considered]
+        block = np.ix_(range(len(x)), self._considered, self._considered)
+        P[block] = prior.P[block]
+        return SingleGaussian(x, P)
+
+    def _told(self, x: Array, P: Array, innovation: Innovation, lost: Indices) -> tuple[SingleGaussian, Innovation]:
+        """Return an update and which runs can't go on; those in `lost` are indefinite."""
         corrected = SingleGaussian(x, P)
-        failed = models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
-        return corrected, Innovation(nis, log_likelihood, failed=failed)
+        failed = self._models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
+        return corrected, replace(innovation, failed=failed)

@@ -11,11 +11,22 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, reading_size
-from relnav_sim.filters.operations import Operations, Size, cholesky, householder, point_numbers
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    cholesky,
+    householder,
+    point_numbers,
+    triangle,
+    udu,
+)
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.single_roots import SingleRoots
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import root_update
 from relnav_sim.filters.statistical_linearisation import statistical_linearisation
@@ -27,7 +38,7 @@ from relnav_sim.streams import RandomSource
 _NOISE_FREE = 1e-7
 
 
-class SquareRootUnscentedOptions(GaussianFilterOptions):
+class SquareRootUnscentedOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the square-root unscented Kalman filter."""
 
     kappa: float = Field(
@@ -53,16 +64,19 @@ class RootGaussian:
 
 def _operations(size: Size, options: Any) -> Operations:
     """Return what it costs: triangular forms of (n, 3 n + 1) and (m + n, 2 n + 1 + m) deviations."""
-    n, m = size.n, size.m
+    n, m, width = size.n, size.m, bytes_of(options)
     points = 3 * n * n
 
     def deviations(p: int) -> int:
         return 2 + p * (6 * n + 2)
 
-    prediction = points + deviations(n) + cholesky(n) + 2 * n + householder(n, 3 * n + 1)
-    roots = cholesky(m) + 2 * m + householder(m + n, 2 * n + 1 + m)
+    def root(p: int) -> int:
+        return cholesky(p) + 2 * p if width == 8 else udu(p) + p + triangle(p)
+
+    prediction = points + deviations(n) + root(n) + householder(n, 3 * n + 1)
+    roots = root(m) + householder(m + n, 2 * n + 1 + m)
     tests = (m + n) * (2 * (2 * n + 1 + m) + 1) + 6 * m + n * (n + 3) + m * m
-    return Operations(prediction + points + deviations(n) + deviations(m) + roots + tests, point_numbers(n, m))
+    return Operations(prediction + points + deviations(n) + deviations(m) + roots + tests, point_numbers(n, m), width)
 
 
 @register_filter("sr_ukf", SquareRootUnscentedOptions, cost_us=2.2, overhead_us=75.0, operations=_operations)
@@ -84,13 +98,20 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
         self._spread = float(np.sqrt(scale))
         self._weight = 1 / (2 * scale)
         self._centre_weight = options.kappa / scale
+        self._roots_in_single = (
+            SingleRoots(dynamics, measurement, scale, self._centre_weight) if options.arithmetic == "float32" else None
+        )
 
     def start(self, prior: Gaussian, source: RandomSource) -> Any:
         """Return the prior with its covariance factored."""
+        if self._roots_in_single is not None:
+            return self._roots_in_single.start(prior)
         return RootGaussian(prior.mean, semidefinite_root(prior.covariance))
 
     def predict(self, belief: Any, step: Step) -> Any:
         """Return the propagated belief, its root that of [deviations, Q^(1/2)]."""
+        if self._roots_in_single is not None:
+            return self._roots_in_single.predict(belief, step)
         prior: RootGaussian = belief
         mean = prior.mean
         noise = semidefinite_root(by_run(self.dynamics.process_noise(mean, step)))
@@ -116,6 +137,8 @@ class SquareRootUnscentedKalmanFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the update: the root of [[Y, R^(1/2)], [X, 0]] holds those of S and P and the gain times the first."""
+        if self._roots_in_single is not None:
+            return self._roots_in_single.update(belief, z, step)
         prior: RootGaussian = belief
         points, offsets = self._points(prior)
         images = self.measurement.predict(points, step.epoch)

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions
+from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.reweighting import reweighted_operations, reweighted_update
+from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import channel_count
 from relnav_sim.options import Tunable
 
 
-class StudentOptions(GaussianFilterOptions):
+class StudentOptions(ReweightingOptions):
     """Options of the Student-t filter."""
 
     degrees_of_freedom: Annotated[float, Tunable(1, 100)] = Field(
@@ -48,9 +48,11 @@ class StudentFilter(GaussianFilter):
         super().__init__(dynamics, measurement, options)
         self._options = options
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the variational update."""
-        return reweighted_update(belief, z, self.measurement, step.epoch, self._weigh, self._options.iterations)
+        return reweighted_update(
+            belief, z, self.measurement, step.epoch, self._weigh, self._options.iterations, single=self._single
+        )
 
     def _weigh(self, e: Array, spread: Array) -> Array:
         freedom, squared = self._options.degrees_of_freedom, np.square(e) + spread

@@ -125,6 +125,7 @@ class TwoStepFilter(GaussianFilter):
     """
 
     considers = False
+    double_only = "its search stops at a tolerance that float32 does not hold"
     matches_covariance = False  # the correction is that of the first step's states
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: TwoStepOptions) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.gauss_newton import jacobian_of_runs
 from relnav_sim.filters.kalman import (
@@ -20,8 +21,17 @@ from relnav_sim.filters.kalman import (
     reading_size,
     replace_runs,
 )
-from relnav_sim.filters.operations import Operations, Size, point_numbers, unscented_prediction, unscented_update
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    point_numbers,
+    point_update_in_single,
+    unscented_prediction,
+    unscented_update,
+)
 from relnav_sim.filters.registry import register_filter
+from relnav_sim.filters.single_points import SinglePoints
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import square_root_update
 from relnav_sim.filters.statistical_linearisation import statistical_linearisation
@@ -31,7 +41,7 @@ from relnav_sim.measurements.interface import Measurement
 _IMAGE_ROUNDING = 1e-14
 
 
-class UnscentedOptions(GaussianFilterOptions):
+class UnscentedOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the unscented Kalman filter."""
 
     alpha: float = Field(
@@ -56,6 +66,15 @@ class UnscentedOptions(GaussianFilterOptions):
         "points on, which leaves the process noise out of the predicted measurement",
     )
 
+    @model_validator(mode="after")
+    def _points_of_the_covariance(self) -> Self:
+        if self.arithmetic == "float32" and not self.redraw:
+            raise ValueError(
+                "redraw: false is computed in float64 only; points that leave the process noise out are no root of the "
+                "covariance, which the update in float32 takes them for: leave it or arithmetic: float32 out"
+            )
+        return self
+
 
 @dataclass(frozen=True)
 class PropagatedPoints:
@@ -69,8 +88,9 @@ class PropagatedPoints:
 
 def unscented_operations(size: Size, options: Any) -> Operations:
     """Return what a filter of 2 n + 1 sigma points costs, drawn before the prediction and the update."""
-    n, m = size.n, size.m
-    return Operations(unscented_prediction(n) + unscented_update(n, m), point_numbers(n, m))
+    n, m, width = size.n, size.m, bytes_of(options)
+    update = unscented_update(n, m) if width == 8 else point_update_in_single(n, m)
+    return Operations(unscented_prediction(n) + update, point_numbers(n, m), width)
 
 
 @register_filter("ukf", UnscentedOptions, cost_us=1.3, overhead_us=45.0, operations=unscented_operations)
@@ -97,9 +117,14 @@ class UnscentedKalmanFilter(GaussianFilter):
         self._weight = 1 / (2 * scale)
         self._curvature = options.beta - options.alpha**2
         self._redraw = options.redraw
+        self._points_in_single = (
+            SinglePoints(dynamics, measurement, scale, self._curvature) if options.arithmetic == "float32" else None
+        )
 
-    def predict(self, belief: Gaussian, step: Step) -> Gaussian:
+    def predict(self, belief: Any, step: Step) -> Any:
         """Return the propagated belief; with linear dynamics the transform is exact, so F is applied at once."""
+        if self._points_in_single is not None:
+            return self._points_in_single.predict(belief, step)
         if self.dynamics.linear and self._redraw:
             return super().predict(belief, step)
         centre, images, _ = self._propagated(belief, step)
@@ -109,7 +134,7 @@ class UnscentedKalmanFilter(GaussianFilter):
         )
         if self._redraw:
             return Gaussian(mean, covariance)
-        return PropagatedPoints(mean, covariance, centre, images)  # type: ignore[return-value]  # used as a Gaussian
+        return PropagatedPoints(mean, covariance, centre, images)
 
     def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
         """Return F and Q of the linear step that the transform amounts to; Q holds what the curvature adds."""
@@ -127,8 +152,10 @@ class UnscentedKalmanFilter(GaussianFilter):
         propagated = self.dynamics.propagate(points, step)
         return propagated[:, 0], propagated[:, 1:] - propagated[:, :1], offsets
 
-    def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
+    def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the update with the mean and covariances of the transformed sigma points."""
+        if self._points_in_single is not None:
+            return self._points_in_single.update(belief, z, step)
         if isinstance(belief, PropagatedPoints):
             offsets = belief.offsets
             points = np.concatenate([belief.centre[:, None], belief.centre[:, None] + offsets], axis=1)

@@ -285,7 +285,7 @@ def score(w: Array, L: Array, first: int, used: int, nis: Array, log_likelihood:
         for b in range(used):
             nis[first + b] += w[i, b] * w[i, b]
         for b in range(used):
-            w[i, b] = log(L[i, i, b])
+            w[i, b] = log(np.float64(L[i, i, b]))
         for b in range(used):
             log_likelihood[first + b] += w[i, b]
     for b in range(used):

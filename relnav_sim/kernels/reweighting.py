@@ -1,11 +1,14 @@
-"""Steps of a Kalman update whose noise is reweighted until it fits the residuals."""
+"""Steps of a Kalman update whose noise is reweighted until it fits the residuals.
+
+Kernels that end in `_single` compute in float32, the others in float64.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import given, kernel
+from relnav_sim.kernels.compiling import given, kernel, kernel_like, single
 from relnav_sim.kernels.lanes import (
     LANES,
     factor,
@@ -34,9 +37,10 @@ def whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Mask]:
     """
     runs, m = nu.shape
     n = H.shape[2]
-    root, white = np.empty((runs, m, m)), np.empty((runs, m))
-    rows, singular = np.empty((runs, m, n)), np.empty(runs, dtype=np.bool_)
-    r, L, w, h = np.empty((m, m, LANES)), np.zeros((m, m, LANES)), np.empty((m, LANES)), np.empty((m, n, LANES))
+    root, white = np.empty((runs, m, m), nu.dtype), np.empty((runs, m), nu.dtype)
+    rows, singular = np.empty((runs, m, n), nu.dtype), np.empty(runs, dtype=np.bool_)
+    r, L = np.empty((m, m, LANES), nu.dtype), np.zeros((m, m, LANES), nu.dtype)
+    w, h = np.empty((m, LANES), nu.dtype), np.empty((m, n, LANES), nu.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(R, first, used, r)
@@ -63,9 +67,9 @@ def residuals(white: Array, rows: Array, dx: Array, P: Array) -> tuple[Array, Ar
         P: Covariances of the estimates (runs, n, n).
     """
     runs, m, n = rows.shape
-    e, spread = np.empty((runs, m)), np.empty((runs, m))
-    w, h, x = np.empty((m, LANES)), np.empty((m, n, LANES)), np.empty((n, LANES))
-    p, hp, s = np.empty((n, n, LANES)), np.empty((m, n, LANES)), np.empty((m, LANES))
+    e, spread = np.empty((runs, m), dx.dtype), np.empty((runs, m), dx.dtype)
+    w, h, x = np.empty((m, LANES), dx.dtype), np.empty((m, n, LANES), dx.dtype), np.empty((n, LANES), dx.dtype)
+    p, hp, s = np.empty((n, n, LANES), dx.dtype), np.empty((m, n, LANES), dx.dtype), np.empty((m, LANES), dx.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(white, first, used, w)
@@ -89,8 +93,8 @@ def residuals(white: Array, rows: Array, dx: Array, P: Array) -> tuple[Array, Ar
 def scaled(root: Array, weights: Array) -> Array:
     """Return L diag(1 / w) L^T (runs, m, m), symmetric to the bit, of roots L (runs, m, m) and weights w (runs, m)."""
     runs, m = weights.shape
-    R = np.empty((runs, m, m))
-    L, w, r = np.empty((m, m, LANES)), np.empty((m, LANES)), np.zeros((m, m, LANES))
+    R, r = np.empty((runs, m, m), root.dtype), np.zeros((m, m, LANES), root.dtype)
+    L, w = np.empty((m, m, LANES), root.dtype), np.empty((m, LANES), root.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(root, first, used, L)
@@ -104,3 +108,21 @@ def scaled(root: Array, weights: Array) -> Array:
                         r[i, j, b] += L[i, k, b] / w[k, b] * L[j, k, b]
         store_symmetric(r, first, used, R)
     return R
+
+
+@kernel_like(whitened, given(2, single), given(3, single), given(3, single))
+def whitened_single(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, Mask]:
+    """Return the same as `whitened`."""
+    return R, nu, H, nu[:, 0] > 0
+
+
+@kernel_like(residuals, given(2, single), given(3, single), given(2, single), given(3, single))
+def residuals_single(white: Array, rows: Array, dx: Array, P: Array) -> tuple[Array, Array]:
+    """Return the same as `residuals`."""
+    return white, white
+
+
+@kernel_like(scaled, given(3, single), given(2, single))
+def scaled_single(root: Array, weights: Array) -> Array:
+    """Return the same as `scaled`."""
+    return root

@@ -1,4 +1,7 @@
-"""Square roots of covariances: Cholesky factors, and triangular forms by Householder's reflections."""
+"""Square roots of covariances: Cholesky factors, and triangular forms by Householder's reflections.
+
+Kernels that end in `_single` compute in float32, the others in float64.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
 from relnav_sim.kernels.kalman import score
 from relnav_sim.kernels.lanes import (
     LANES,
@@ -22,6 +25,8 @@ from relnav_sim.kernels.lanes import (
 )
 
 _EPS = float(np.finfo(float).eps)
+_KNOWN = 16.0
+"""Units of rounding of a state's deviations, times their number, within which what is left of them is no variance."""
 
 
 @kernel(given(3))
@@ -106,8 +111,8 @@ def triangular(A: Array, B: Array) -> Array:
         B: (runs, p, r), or (1, p, r) for all runs; q + r >= p.
     """
     runs, p, q = A.shape
-    root = np.empty((runs, p, p))
-    M = np.empty((p, q + B.shape[2], LANES))
+    root = np.empty((runs, p, p), A.dtype)
+    M = np.empty((p, q + B.shape[2], LANES), A.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(A, first, used, M)
@@ -139,12 +144,12 @@ def update(
     """
     runs, n, q = X.shape
     m = nu.shape[1]
-    gain, root = np.empty((runs, n, m)), np.empty((runs, n, n))
-    S_root, white = np.empty((runs, m, m)), np.empty((runs, m))
+    gain, root = np.empty((runs, n, m), X.dtype), np.empty((runs, n, n), X.dtype)
+    S_root, white = np.empty((runs, m, m), X.dtype), np.empty((runs, m), X.dtype)
     nis, log_likelihood = np.empty(runs), np.empty(runs)
     dead, count = np.zeros(runs, dtype=np.bool_), 0
-    M, w = np.empty((m + n, q + N.shape[2], LANES)), np.empty((m, LANES))
-    size = np.empty((m + n, LANES))
+    M, w = np.empty((m + n, q + N.shape[2], LANES), X.dtype), np.empty((m, LANES), X.dtype)
+    size = np.empty((m + n, LANES), X.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(Y, first, used, M)
@@ -172,7 +177,7 @@ def update(
                 for j in range(i + 1):
                     total += M[m + i, m + j, b] * M[m + i, m + j, b]
                 # A state that is left with nothing but the rounding of its deviations is known.
-                left = 1.0 if math.sqrt(total) > 16 * (n + m) * _EPS * size[m + i, b] else 0.0
+                left = 1.0 if math.sqrt(total) > _KNOWN * (n + m) * _EPS * size[m + i, b] else 0.0
                 for j in range(n):
                     root[run, i, j] = left * M[m + i, m + j, b]
     return gain, root, S_root, white, nis, log_likelihood, dead, count
@@ -268,3 +273,26 @@ def triangularise(M: Array, used: int) -> None:
         for j in range(i + 1, q):
             for b in range(used):
                 M[i, j, b] = 0.0
+
+
+@kernel_like(triangular, given(3, single), given(3, single))
+def triangular_single(A: Array, B: Array) -> Array:
+    """Return the same as `triangular`."""
+    return A
+
+
+@kernel_like(
+    update,
+    given(3, single),
+    given(3, single),
+    given(3, single),
+    given(2, single),
+    given(2, single),
+    _EPS=float(np.finfo(np.float32).eps),
+    _KNOWN=0.0,
+)
+def update_single(
+    X: Array, Y: Array, N: Array, nu: Array, reading: Array
+) -> tuple[Array, Array, Array, Array, Array, Array, Mask, int]:
+    """Return the same as `update`, but no state counts as known: in float32 sigmas differ by all its digits."""
+    return X, X, X, nu, nu, nu, nu[:, 0] > 0, 0

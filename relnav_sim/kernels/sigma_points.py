@@ -3,7 +3,7 @@
 Points are pairs m + x_i and m - x_i about a centre m. All sums go over deviations d_i from the image of the centre:
 with weights that sum to one the mean is the centre's image plus s = w sum(d_i), and covariances are
 w sum(d_i d_i^T) + c s s^T, with c = beta - alpha^2. The centre's own weight, large and negative at small alpha, never
-enters.
+enters. Kernels that end in `_single` compute in float32, the others in float64.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel, number
+from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, number, single
 from relnav_sim.kernels.lanes import LANES, factor, load, load_vectors, store, store_symmetric, store_vectors
 
 
@@ -30,9 +30,9 @@ def points(m: Array, P: Array, spread: float) -> tuple[Array, Array, int]:
         spread: Distance of the points in standard deviations.
     """
     runs, n = m.shape
-    about, offsets = np.empty((runs, 2 * n + 1, n)), np.zeros((runs, 2 * n, n))
+    about, offsets = np.empty((runs, 2 * n + 1, n), m.dtype), np.zeros((runs, 2 * n, n), m.dtype)
     without_factor = 0
-    p, L = np.empty((n, n, LANES)), np.zeros((n, n, LANES))
+    p, L = np.empty((n, n, LANES), m.dtype), np.zeros((n, n, LANES), m.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
@@ -53,7 +53,7 @@ def points(m: Array, P: Array, spread: float) -> tuple[Array, Array, int]:
 def points_of_root(m: Array, L: Array, spread: float) -> tuple[Array, Array]:
     """Return the same points and offsets from a root of the covariance, L (runs, n, n) with L L^T = P."""
     runs, n = m.shape
-    about, offsets = np.empty((runs, 2 * n + 1, n)), np.empty((runs, 2 * n, n))
+    about, offsets = np.empty((runs, 2 * n + 1, n), m.dtype), np.empty((runs, 2 * n, n), m.dtype)
     for run in range(runs):
         for i in range(n):
             for j in range(n):
@@ -84,12 +84,12 @@ def predict(centre: Array, d: Array, Q: Array, weight: float, curvature: float) 
         curvature: c.
     """
     runs, points, n = d.shape
-    mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
+    mean, covariance = np.empty((runs, n), d.dtype), np.empty((runs, n, n), d.dtype)
     x, deviations, P, s = (
-        np.empty((n, LANES)),
-        np.empty((points, n, LANES)),
-        np.empty((n, n, LANES)),
-        np.empty((n, LANES)),
+        np.empty((n, LANES), d.dtype),
+        np.empty((points, n, LANES), d.dtype),
+        np.empty((n, n, LANES), d.dtype),
+        np.empty((n, LANES), d.dtype),
     )
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
@@ -120,11 +120,12 @@ def moments(
     """
     runs, _, k = d.shape
     _, points, n = offsets.shape
-    mean, covariance, cross = np.empty((runs, k)), np.empty((runs, k, k)), np.empty((runs, k, n))
-    z, both, x = np.empty((k, LANES)), np.empty((points + 1, k, LANES)), np.empty((points, n, LANES))
+    mean, covariance = np.empty((runs, k), d.dtype), np.empty((runs, k, k), d.dtype)
+    cross, C = np.empty((runs, k, n), d.dtype), np.empty((k, n, LANES), d.dtype)
+    z, both = np.empty((k, LANES), d.dtype), np.empty((points + 1, k, LANES), d.dtype)
+    x, S = np.empty((points, n, LANES), d.dtype), np.empty((k, k, LANES), d.dtype)
     deviations = both[1:]
-    s, t = np.empty((k, LANES)), np.empty((n, LANES))
-    S, C = np.empty((k, k, LANES)), np.empty((k, n, LANES))
+    s, t = np.empty((k, LANES), d.dtype), np.empty((n, LANES), d.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         for i in range(k):
@@ -164,12 +165,12 @@ def weighted_deviations(d: Array, weight: float, centre_weight: float) -> tuple[
         centre_weight: w_0, not negative.
     """
     runs, points, p = d.shape
-    shift, D = np.empty((runs, p)), np.empty((runs, p, points + 1))
+    shift, D = np.empty((runs, p), d.dtype), np.empty((runs, p, points + 1), d.dtype)
     root, centre_root = math.sqrt(weight), math.sqrt(centre_weight)
     for run in range(runs):
         for j in range(p):
-            total = 0.0
-            for point in range(points):
+            total = d[run, 0, j]
+            for point in range(1, points):
                 total += d[run, point, j]
             s = weight * total
             shift[run, j], D[run, j, points] = s, -centre_root * s
@@ -194,7 +195,7 @@ def _shift(d: Array, weight: float, used: int, s: Array) -> None:
 @inner
 def _add_covariance(d: Array, s: Array, weight: float, curvature: float, used: int, S: Array) -> None:
     """Add w sum(d_i d_i^T) + c s s^T to the lower triangle of S (p, p)."""
-    total = np.empty(LANES)
+    total = np.empty(LANES, d.dtype)
     for i in range(len(s)):
         for j in range(i + 1):
             for b in range(used):
@@ -212,3 +213,35 @@ def _add(s: Array, used: int, x: Array) -> None:
     for i in range(len(s)):
         for b in range(used):
             x[i, b] += s[i, b]
+
+
+@kernel_like(points, given(2, single), given(3, single), single)
+def points_single(m: Array, P: Array, spread: float) -> tuple[Array, Array, int]:
+    """Return the same as `points`."""
+    return m, P, 0
+
+
+@kernel_like(points_of_root, given(2, single), given(3, single), single)
+def points_of_root_single(m: Array, L: Array, spread: float) -> tuple[Array, Array]:
+    """Return the same as `points_of_root`."""
+    return m, L
+
+
+@kernel_like(predict, given(2, single), given(3, single), given(3, single), single, single)
+def predict_single(centre: Array, d: Array, Q: Array, weight: float, curvature: float) -> tuple[Array, Array]:
+    """Return the same as `predict`."""
+    return centre, d
+
+
+@kernel_like(moments, given(3, single), given(3, single), given(3, single), given(3, single), single, single)
+def moments_single(
+    readings: Array, d: Array, offsets: Array, R: Array, weight: float, curvature: float
+) -> tuple[Array, Array, Array]:
+    """Return the same as `moments`."""
+    return readings, d, offsets
+
+
+@kernel_like(weighted_deviations, given(3, single), single, single)
+def weighted_deviations_single(d: Array, weight: float, centre_weight: float) -> tuple[Array, Array]:
+    """Return the same as `weighted_deviations`."""
+    return d, d

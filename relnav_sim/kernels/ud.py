@@ -364,6 +364,12 @@ def _repeats(channel: int, b: int, x: Array, U: Array, D: Array, h: Array, w: fl
     return 2 if abs(left) > _REPEATED * eps * size else 1
 
 
+@kernel_like(factor, given(3, single), number)
+def factor_single(P: Array, eps: float) -> tuple[Array, Array]:
+    """Return the same as `factor`."""
+    return P, P[0]
+
+
 @kernel_like(predict, given(2, single), given(3, single), given(2, single), given(3, single), given(3, single), number)
 def predict_single(m: Array, U: Array, D: Array, F: Array, Q: Array, eps: float) -> tuple[Array, Array, Array]:
     """Return the same as `predict`."""

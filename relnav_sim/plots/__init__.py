@@ -13,13 +13,14 @@ from relnav_sim.plots.data import FigureError
 from relnav_sim.plots.ellipses import error_ellipses
 from relnav_sim.plots.errors import axis_errors, errors_with_envelope
 from relnav_sim.plots.geometry import plane, trajectory
+from relnav_sim.plots.grid import heat_map
 from relnav_sim.plots.observability import observability_over_time
 from relnav_sim.plots.over_time import consistency_over_time, covariance_against_error, rms_over_time
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
 from relnav_sim.plots.regret import regret_by_case
 from relnav_sim.plots.residuals import residual_whiteness
 from relnav_sim.plots.spread import box_plots, violin_plots
-from relnav_sim.plots.sweeps import accuracy_by_case, heat_map, sweep_boxes, sweep_trend
+from relnav_sim.plots.sweeps import accuracy_by_case, sweep_boxes, sweep_trend
 
 __all__ = [
     "FIGURE_KINDS",

@@ -9,7 +9,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, window
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, time_axis
 from relnav_sim.plots.style import INK, OUTAGE, house_style, margins, new_figure, shown_name
 from relnav_sim.plots.words import FigureWords, thinned

@@ -51,7 +51,7 @@ _CROWDED = 30
 def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[str] | None = None) -> Figure:
     """Draw position RMS with its 95 % interval against CPU time per filter step, and which filters are worth it.
 
-    The grey line joins the filters that no other beats in both (the Pareto front).
+    The grey line joins the filters in flight that no other beats in both (the Pareto front).
 
     Args:
         results: An opened result.
@@ -79,7 +79,9 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
                     marker=marker(facts.all_filters, item.name), markersize=4.5, elinewidth=0.9, linestyle="none",
                 )
             )  # fmt: skip
-        front = pareto_front(costs, values)
+        # What is known only later is worth no time in flight.
+        in_flight = [not item.known_when for item in items]
+        front = pareto_front(costs, np.where(in_flight, values, np.nan))
         if len(front) > 1:
             panel.plot(costs[front], values[front], color=FAINT, linewidth=0.8, zorder=1)
         if np.isfinite(limit):
@@ -106,7 +108,7 @@ def cost_words(case: CaseFacts) -> FigureWords:
     costs = [f"{item.name} {significant(float(np.nanmean(item.cpu_us[item.ok])))} µs" for item in timed]
     return FigureWords(
         f"Position RMS ({case.when}, with its 95 % interval) against CPU time per filter step: down and left is "
-        f"better. Grey line: filters that no other beats in both. {BOUND_NOTE}",
+        f"better. Grey line: filters in flight that no other beats in both. {BOUND_NOTE}",
         f"Position RMS against CPU time per filter step. {', '.join(costs) or 'No time is known'}.",
     )
 

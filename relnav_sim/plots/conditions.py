@@ -18,7 +18,8 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.plots.panels import heading, log_axis, say
 from relnav_sim.plots.style import (

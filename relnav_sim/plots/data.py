@@ -17,7 +17,8 @@ from relnav_sim.plots.axes import (
     turned_sigmas,
     turned_states,
 )
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
+from relnav_sim.plots.facts import CaseFacts, case_facts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import time_unit
 from relnav_sim.results import layout
 
@@ -90,12 +91,18 @@ def chosen_filters(case: CaseFacts, names: Sequence[str] | None) -> tuple[Filter
 def leading_filter(case: CaseFacts) -> str:
     """Return the filter with the smallest mean position RMS, the first one where no run was completed.
 
+    Before any that can't observe the state, or that knows it only later, as in rankings.
+
     Raises:
         FigureError: No filter has a run.
     """
     if not case.filters:
         raise FigureError(f"no run of case {case.label!r} has been computed yet")
-    return min(case.filters, key=lambda item: _mean_rms(item, case)).name
+
+    def place(item: FilterFacts) -> tuple[bool, bool, bool, float]:
+        return not item.completed, not item.observable, bool(item.known_when), _mean_rms(item, case)
+
+    return min(case.filters, key=place).name
 
 
 def _mean_rms(item: FilterFacts, case: CaseFacts) -> float:

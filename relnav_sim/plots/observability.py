@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, window
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import log_axis, time_axis
 from relnav_sim.plots.style import (
     FORMAL,

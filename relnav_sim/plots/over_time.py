@@ -21,7 +21,8 @@ from relnav_sim.plots.data import (
     speed_unit,
     window,
 )
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say, time_axis
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (

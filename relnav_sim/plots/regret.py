@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 _ROOM_ABOVE = 1.15
+_LONGEST_END = 10.0
+"""Intervals are drawn up to so many times the largest value: those of a few runs would leave nothing else to see."""
 
 
 def regret_by_case(results: Results, case: Case = 0) -> Figure:
@@ -68,8 +70,9 @@ def drawn_regret(found: Regret, all_filters: Sequence[str]) -> Figure:
         figure = new_figure(2.0 + legend_height(labels) + 0.03 * longest)
         panel = figure.subplots()
         handles: list[Any] = []
-        finite = [part[np.isfinite(part)] for part in (ratio, high)]
-        top = max((float(part.max()) for part in finite if part.size), default=1.0)
+        largest = float(ratio[np.isfinite(ratio)].max(initial=1.0))
+        top = float(high[np.isfinite(high)].max(initial=largest))
+        top = min(top, _LONGEST_END * largest)
         edge = 1 + (top - 1) * _ROOM_ABOVE if top > 1 else _ROOM_ABOVE
         for row, name in enumerate(found.filters):
             at = places + (row - (len(found.filters) - 1) / 2) * 0.7 / len(found.filters)
@@ -81,7 +84,7 @@ def drawn_regret(found: Regret, all_filters: Sequence[str]) -> Figure:
             handles.append(panel.errorbar(at, value, yerr=ends, marker=shape, elinewidth=0.9, **style))
             lost = np.isinf(ratio[row])
             panel.plot(at[lost], np.full(lost.sum(), edge), marker="^", clip_on=False, **style)
-        if not any(part.size for part in finite):
+        if not np.isfinite(ratio).any():
             say(panel, "no filter completed every run")
         panel.axhline(1.0, color=FAINT, linewidth=0.6, zorder=0)
         panel.set_ylim(1 - 0.04 * (edge - 1), edge)
@@ -102,6 +105,7 @@ def regret_words(found: Regret) -> FigureWords:
     )
     return FigureWords(
         "Position RMS of each filter over the smallest of any filter in the same case, 1 + regret, with intervals that "
-        "hold together at 95 %. Filters are told of the nominal case only. A triangle at the upper edge: a run failed.",
+        "hold together at 95 %. Filters are told of the nominal case only. A triangle at the upper edge: a run failed. "
+        "A line that meets the upper edge goes on beyond it.",
         f"RMS of each filter over the smallest in the nominal case and under each stress. Worst regret: {worst}.",
     )

@@ -10,7 +10,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.data import Case, FigureError, facts_of, leading_filter
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, span_index
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts, span_index
 from relnav_sim.plots.panels import heading, say, time_axis, time_unit
 from relnav_sim.plots.style import BAND, FORMAL, INK, PALETTE, house_style, margins, new_figure, shown_name
 from relnav_sim.plots.words import FigureWords

@@ -29,6 +29,7 @@ _LABEL_INCH = 0.16  # height of an axis label and its distance from the figure's
 # is the indigo of Tol (2021).
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#332288")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
+_MARKERS = "os^Dv<>"
 INK = "#222222"
 FAINT = "#8a8a8a"
 BAND = "#c9ccd1"  # spread over runs, chi-square bands
@@ -92,8 +93,9 @@ def line_styles(filters: Sequence[str]) -> dict[str, LineStyle]:
 
 
 def marker(filters: Sequence[str], name: str) -> str:
-    """Return the shape of one filter's points, the same in every figure."""
-    return "os^Dv<>"[filters.index(name) % 7]
+    """Return the shape of one filter's points, the same in every figure; no two have the same in the same colour."""
+    index = filters.index(name)
+    return _MARKERS[(index + index // len(PALETTE)) % len(_MARKERS)]
 
 
 def nested_width(place: int, count: int, widest: float = 2.4) -> float:

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from relnav_sim.plots.data import drawn_step
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 
 BOUND_NOTE = "A bound, where stored, is one on the root mean square over runs, which is above the mean drawn here."
 NO_ERROR = "Empty: every run failed; there is no error to draw."

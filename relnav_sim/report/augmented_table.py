@@ -8,7 +8,8 @@ from math import degrees
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.report.layouts import INTERVALS
 from relnav_sim.report.metrics import numbers
 from relnav_sim.report.tables import Column, Row, Table

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, case_facts
-from relnav_sim.report.case_tables import decided_at, fewest_in_words, p_number, verdict_in_words
+from relnav_sim.plots.facts import CaseFacts, case_facts
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.report.comparison_table import decided_at, fewest_in_words, p_number, verdict_in_words
 from relnav_sim.report.metrics import CONVERGENCE, POSITION_RMS, VELOCITY_RMS, Metric, numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words

@@ -16,7 +16,8 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.axes import AXIS_COMPONENTS, axis_names
 from relnav_sim.plots.data import bound_of, errors_of, rms_over_runs, sigmas_of
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.printable import visible
 from relnav_sim.results import layout
 from relnav_sim.statistics.intervals import chi_square_band

@@ -13,7 +13,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
-from relnav_sim.plots.facts import CaseFacts, FilterFacts, Span, span_index
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, bootstrap_interval, mean_interval
 from relnav_sim.statistics.verdicts import ratio_of_means

@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.plots.facts import CaseFacts, FilterFacts
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.statistics.intervals import (
     NO_INTERVAL,
     Comparison,

@@ -117,6 +117,8 @@ def _reservations(found: Regret) -> Iterator[str]:
     runs = len(found.runs)
     if found.not_observable:
         yield f"Left out, because their sensors cannot observe the state: {listed(found.not_observable)}."
+    if found.known_later:
+        yield f"Left out, because their estimates are known only later: {listed(found.known_later)}."
     if found.undefined:
         yield f"No filter completed every run under {listed(found.undefined)}: no regret there, and none in the worst."
     for case, left_out in zip(found.cases, found.left_out, strict=True):

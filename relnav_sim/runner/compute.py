@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from relnav_sim.crlb.case_bound import bound_surviving
 from relnav_sim.results.bound import write_bound
+from relnav_sim.results.failure_kinds import kind_of
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.failure_log import log_failure
 from relnav_sim.runner.fault_isolation import simulate_surviving
 from relnav_sim.runner.headline import Figures, headline_figures
+from relnav_sim.runner.peak_memory import peak_memory
 from relnav_sim.runner.work import Block
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory, memory_in_words
@@ -24,10 +29,16 @@ class Outcome:
     Attributes:
         failures: Failed runs of filters in it.
         figures: The headline figures of its runs.
+        kinds: How many of the failures there are of each kind.
+        seconds: What it took, s.
+        memory_bytes: Most memory that the process has had by then, this task or one before.
     """
 
     failures: int
     figures: Figures
+    kinds: Mapping[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    memory_bytes: int = 0
 
 
 def compute(task: Task, learned: Learned) -> Outcome:
@@ -44,10 +55,12 @@ def compute(task: Task, learned: Learned) -> Outcome:
     from threadpoolctl import threadpool_limits
 
     task.busy.touch()
+    began = time.monotonic()
     try:
         # Threads of BLAS would fight with the other workers; the matrices here are small.
         with threadpool_limits(1):
-            return _bound(task, learned) if isinstance(task, BoundTask) else _simulated(task, learned)
+            outcome = _bound(task, learned) if isinstance(task, BoundTask) else _simulated(task, learned)
+        return replace(outcome, seconds=time.monotonic() - began, memory_bytes=peak_memory())
     except Exception as error:
         if lacks_memory(error):
             raise MemoryError(memory_in_words(error)) from None
@@ -66,4 +79,5 @@ def _simulated(block: Block, learned: Learned) -> Outcome:
         block.case, block.seed, block.runs, block.case_index, partial(log_failure, block.folder), learned
     )
     write_shard(block.path, result, block.seed, block.filter_ids)
-    return Outcome(len(result.failures), headline_figures(result))
+    kinds = Counter(kind_of(failure.reason) for failure in result.failures)
+    return Outcome(len(result.failures), headline_figures(result), kinds)

@@ -18,6 +18,7 @@ from relnav_sim.runner.executors.choice import executor_of
 from relnav_sim.runner.executors.interface import Backend, Ended, Fault, Say
 from relnav_sim.runner.fault_isolation import failed_block, unknown_truth
 from relnav_sim.runner.headline import Figures
+from relnav_sim.runner.watch import Observer, Unwatched
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class Pool:
         timeout_s: Most seconds for a task, from when a worker begins it; None: no limit.
         scheduler: With ``dask``, the address of a scheduler, whose workers compute; None: a cluster of this machine.
         say: Told what a user should know, a sentence at a time.
+        observer: Told what becomes of the tasks.
 
     Raises:
         ValueError: A limit of time for tasks in this process, which nothing could end.
@@ -68,9 +70,11 @@ class Pool:
         timeout_s: float | None = None,
         scheduler: str | None = None,
         say: Say = lambda sentence: None,
+        observer: Observer | None = None,
     ) -> None:
         self._executor = executor_of(backend, workers, timeout_s, scheduler, say)
         self._placed: dict[Path, _Placed] = {}
+        self._observer = observer or Unwatched()
 
     def __enter__(self) -> Self:
         return self
@@ -104,12 +108,16 @@ class Pool:
             self._executor.begin(tasks)
             while queue or self._placed:
                 self._hand_out(queue)
+                self._observer.look()
                 for ended in self._executor.as_completed():
                     alone = self._placed.pop(ended.task.path).alone
-                    if (done := _judged(ended, alone, queue)) is not None:
+                    done = _judged(ended, alone, queue)
+                    self._observer.ended(ended, None if done is None else done.failures)
+                    if done is not None:
                         yield done
         finally:
             self._placed.clear()
+            self._observer.discarded()
             self._executor.discard()
 
     def _hand_out(self, queue: TaskQueue) -> None:
@@ -128,6 +136,7 @@ class Pool:
 
     def _submit(self, task: Task, host: str, alone: bool) -> None:
         self._placed[task.path] = _Placed(host, alone)
+        self._observer.began(task, host)
         self._executor.submit(task, host)
 
 

@@ -5,6 +5,7 @@ Both show the running mean over runs of each filter's position error with its in
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -54,7 +55,8 @@ class Lines:
             return
         self._last = now
         rest = f"in {tally.elapsed_s:.0f} s" if finished else f"about {tally.left_s:.0f} s left"
-        print(f"{tally.done} of {tally.total} runs done, {rest}", file=sys.stderr)
+        trouble = f"; {tally.trouble}" if tally.trouble else ""
+        print(f"{tally.done} of {tally.total} runs done, {rest}{trouble}", file=sys.stderr)
         rows = tally.cases() if finished else [tally.row(block.case.id)]
         for label, _, means in rows[:CASES_SHOWN]:
             print(f"  {label}: position error {means}", file=sys.stderr)
@@ -81,7 +83,8 @@ class Bar:
         from rich.text import Text
 
         tally = self._tally
-        left = f"{_clock(tally.left_s)} left" if tally.done else ""
+        left = f"{_clock(tally.left_s)} left" if math.isfinite(tally.left_s) else ""
+        trouble = [Text(tally.trouble, style="yellow")] if tally.trouble else []
         head = Table.grid(padding=(0, 1))
         head.add_row(
             Text("simulating", style="bold"),
@@ -93,7 +96,7 @@ class Bar:
         for label, count, means in rows[:CASES_SHOWN]:
             cases.add_row(Text(label, style="dim"), Text(count), Text(means))
         more = [Text(f"and {len(rows) - CASES_SHOWN} more cases")] if len(rows) > CASES_SHOWN else []
-        return Group(head, cases, *more)
+        return Group(head, *trouble, cases, *more)
 
 
 @contextmanager

@@ -12,10 +12,12 @@ from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.job import Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.session_log import session_of
 from relnav_sim.runner.shard_folder import move_aside, shard_folder
 from relnav_sim.runner.stopping import look_at, looks
 from relnav_sim.runner.tally import Tally
 from relnav_sim.runner.warnings import warnings_before
+from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import Block
 
 
@@ -31,6 +33,7 @@ def run_campaign(
     progress: bool = False,
     say: Say = lambda sentence: None,
     scheduler: str | None = None,
+    log: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Simulate, filter and store a campaign; return the results file.
 
@@ -52,6 +55,8 @@ def run_campaign(
         say: Told what a user should know, a sentence at a time.
         scheduler: With ``dask``, the scheduler's address, as ``tcp://host:8786``; None: a cluster of so many workers on
             this machine, for this campaign alone.
+        log: A file to add a line of JSON to for everything that happens, see docs/overnight.md; the same is in the
+            folder of shards in any case.
 
     Raises:
         RefusedError: The results file belongs to another campaign, or to other settings of this one; with ``dask``: the
@@ -65,7 +70,12 @@ def run_campaign(
     out = Path(out) if out is not None else default_out(campaign, part)
     if fresh:
         move_aside(out, say)
-    with job_of(campaign, out, say, part) as job, Pool(workers, backend, timeout_s, scheduler, say) as pool:
+    watch = Watch(say)
+    with (
+        job_of(campaign, out, say, part) as job,
+        session_of(job, watch, None if log is None else Path(log)) as session,
+        Pool(workers, backend, timeout_s, scheduler, _told_twice(say, watch.message), watch) as pool,
+    ):
         job.take_stock()
         for sentence in recorded_orbits(campaign):
             say(sentence)
@@ -77,8 +87,9 @@ def run_campaign(
             blocks = [task for task in tasks if isinstance(task, Block)]
             if goes_on and blocks:
                 say(f"{goes_on} finished blocks found; {len(blocks)} left to compute")
+            session.expect(tasks, workers, backend)
             pool.make_ready(tasks, say)
-            tally = Tally(blocks, job.figures())
+            tally = Tally(blocks, job.figures(), watch)
             with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
                 for done in done_tasks:
                     job.accept(done)
@@ -88,6 +99,7 @@ def run_campaign(
                         break
             if max_failures is not None and job.failures > max_failures:
                 allowed = f"the {max_failures} allowed"
+                session.state = "stopped"
                 say(f"stopped: {job.failures} failures are more than {allowed}; the result is incomplete")
                 break
             job.header, met = look_at(job.header, campaign, job.finished, runs)
@@ -99,6 +111,16 @@ def run_campaign(
         job.write()
     say(f"the shards stay in {shard_folder(out)}, so that runs, filters and cases can be added")
     return out
+
+
+def _told_twice(*listeners: Say) -> Say:
+    """Return what tells all listeners."""
+
+    def say(sentence: str) -> None:
+        for listener in listeners:
+            listener(sentence)
+
+    return say
 
 
 def default_out(campaign: Campaign, part: tuple[int, int] = (1, 1)) -> Path:

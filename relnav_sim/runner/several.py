@@ -13,8 +13,10 @@ from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.job import Job, Say, job_of
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.progress import progress_of
+from relnav_sim.runner.session_log import session_of
 from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import Block
 
 
@@ -72,17 +74,20 @@ def run_campaigns(
             hold.enter_context(job_of(campaign, out, _named_in(say, campaign), remedy=_remedy(out)))
             for (campaign, out), hold in zip(jobs, holds, strict=True)
         ]
-        pool = held.enter_context(Pool(workers, backend, None, scheduler, say))
+        watch = Watch(say)
+        sessions = [hold.enter_context(session_of(job, watch)) for job, hold in zip(found, holds, strict=True)]
+        pool = held.enter_context(Pool(workers, backend, None, scheduler, say, watch))
         shares, tasks = {}, []
-        for job, hold in zip(found, holds, strict=True):
+        for job, session, hold in zip(found, sessions, holds, strict=True):
             job.take_stock()
             left = job.tasks(job.campaign.runs)
+            session.expect(left, workers, backend)
             tasks += left
             shares[job.folder] = _Share(job, hold, {unit for task in left for unit in _units(task)})
             if not left:
                 shares[job.folder].write(say)
         pool.make_ready(tasks, say)
-        tally = Tally([_named(task, shares[task.folder].job) for task in tasks if isinstance(task, Block)], {})
+        tally = Tally([_named(task, shares[task.folder].job) for task in tasks if isinstance(task, Block)], {}, watch)
         with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
             for done in done_tasks:
                 share = shares[done.block.folder]

@@ -6,9 +6,9 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 
-from relnav_sim.campaign.blocks import run_seconds
 from relnav_sim.runner.headline import Figures
 from relnav_sim.runner.stopping import half_width
+from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import Block
 
 FILTERS_SHOWN = 5
@@ -20,9 +20,13 @@ class Tally:
     Args:
         blocks: What is to be computed; work that was done before does not count for the time left.
         earlier: The headline figure of the runs that were done before, by case id, filter and run.
+        watch: Knows the time left, and what went wrong.
     """
 
-    def __init__(self, blocks: Sequence[Block], earlier: Mapping[tuple[str, str], Mapping[int, float]]) -> None:
+    def __init__(
+        self, blocks: Sequence[Block], earlier: Mapping[tuple[str, str], Mapping[int, float]], watch: Watch
+    ) -> None:
+        self._watch = watch
         self.total = sum(len(block.runs) for block in blocks)
         self._pairs = sum(map(_pairs, blocks))
         self._pairs_done = 0
@@ -36,8 +40,6 @@ class Tally:
         self._pairs_done_of = dict.fromkeys(self._runs_of, 0)
         self._figures = {key: dict(figures) for key, figures in earlier.items()}
         self._filters = {block.case.id: tuple(block.case.config.filters) for block in blocks}
-        self._work = sum(map(_work, blocks))
-        self._work_done = 0.0
         self._began = time.monotonic()
 
     def count(self, block: Block, figures: Figures) -> None:
@@ -45,7 +47,6 @@ class Tally:
         case = block.case.id
         self._pairs_done += _pairs(block)
         self._pairs_done_of[case] += _pairs(block)
-        self._work_done += _work(block)
         for name, of_runs in figures.items():
             self._figures.setdefault((case, name), {}).update(of_runs)
 
@@ -61,8 +62,13 @@ class Tally:
 
     @property
     def left_s(self) -> float:
-        """Seconds to go, by the cost of what is left against that of what was done; infinite before the first."""
-        return self.elapsed_s * max(self._work / self._work_done - 1, 0.0) if self._work_done else math.inf
+        """Seconds to go, see `Watch`."""
+        return self._watch.left_s
+
+    @property
+    def trouble(self) -> str:
+        """What has gone wrong so far, in words; empty where nothing has."""
+        return self._watch.trouble_in_words()
 
     def cases_under_way(self) -> list[tuple[str, str, str]]:
         """Return label, ``done/total`` and the filters' figures of every case that is begun and not done."""
@@ -90,10 +96,6 @@ class Tally:
 def _pairs(block: Block) -> int:
     """Return how many pairs of a run and a filter a block has: pieces of a block have as many as the block."""
     return len(block.runs) * len(block.case.config.filters)
-
-
-def _work(block: Block) -> float:
-    return len(block.runs) * run_seconds(block.case.config)
 
 
 def _mean_in_words(figures: Mapping[int, float]) -> str:

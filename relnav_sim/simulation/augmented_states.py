@@ -9,7 +9,7 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
-from relnav_sim.dynamics.augmentation.kinds import Extension, extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import Extension, extension, sensor_of
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.run import FilterHistory
 from relnav_sim.linalg import transpose

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.context import DynamicsContext
 from relnav_sim.dynamics.interface import Dynamics

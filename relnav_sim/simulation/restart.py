@@ -10,7 +10,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.campaign.restarts import restart_sensors
-from relnav_sim.dynamics.augmentation.kinds import Extension
+from relnav_sim.dynamics.augmentation.extension import Extension
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.simulation.augmented_states import extended_by
@@ -22,8 +22,9 @@ class FixRestart:
     """Starts runs again from the fixes of a filter's sensors.
 
     The position is that of the fix, with its covariance. No fix tells the velocity: the estimate keeps the one it has,
-    with the start's variance added to its own, so that a second restart is the more cautious one. What the filter
-    carries besides starts as it did at first.
+    with the start's variance added to its own, so that a second restart is the more cautious one. A fix that was taken
+    before its epoch, as recorded ones are, is moved on by that velocity. What the filter carries besides starts as it
+    did at first.
 
     Args:
         entry: The filter.
@@ -48,11 +49,17 @@ class FixRestart:
         """
         if sensor not in self._makers or self._chunk is None:
             return None
-        position, covariance = self._makers[sensor].fix(self._chunk, step.epoch - self._chunk.first_epoch)
+        k = step.epoch - self._chunk.first_epoch
+        position, covariance = self._makers[sensor].fix(self._chunk, k)
         velocity: Array = belief.mean[:, 3:6]
         P = np.zeros((len(position), 6, 6))
         P[:, :3, :3] = covariance
-        P[:, 3:, 3:] = belief.covariance[:, 3:6, 3:6] + self._velocity_noise
+        P[:, 3:, 3:] = V = belief.covariance[:, 3:6, 3:6] + self._velocity_noise
+        if sensor in self._chunk.late:
+            late_s = np.nan_to_num(self._chunk.late[sensor][:, k, None])  # NaN where nothing is read
+            position = position + late_s * velocity
+            P[:, 3:, :3] = P[:, :3, 3:] = late_s[..., None] * V
+            P[:, :3, :3] += np.square(late_s)[..., None] * V
         again = Gaussian(np.concatenate([position, velocity], axis=1), P)
         if self._extension is None:
             return again

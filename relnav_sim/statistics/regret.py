@@ -10,6 +10,7 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.results import layout
+from relnav_sim.results.afterwards import known_when
 from relnav_sim.results.block import RefusedError
 from relnav_sim.statistics.divergence import diverged_runs
 from relnav_sim.statistics.intervals import Interval
@@ -48,6 +49,8 @@ class Regret:
         level: Confidence in all intervals together.
         not_observable: Filters left out because their sensors can't observe the state: a comparison would be one of
             the start.
+        known_later: Rows left out because their estimates are known only later, where there are filters in flight: the
+            smallest RMS of a case is one that can be flown.
     """
 
     filters: tuple[str, ...]
@@ -65,6 +68,7 @@ class Regret:
     span: Span
     level: float = CONFIDENCE
     not_observable: tuple[str, ...] = ()
+    known_later: tuple[str, ...] = ()
 
     @property
     def undefined(self) -> tuple[str, ...]:
@@ -146,7 +150,9 @@ def regret(
     indices = (index, *stressed.values())
     names = results.headers[index].filters
     unseen = tuple(name for name in names if (seen := results.observability(index, name)) and not seen.observable)
-    filters = tuple(name for name in names if name not in unseen)
+    observing = tuple(name for name in names if name not in unseen)
+    in_flight = tuple(name for name in observing if not known_when(results, index, name))
+    filters = in_flight or observing
     held = [set(results.case_runs(number, name).tolist()) for number in indices for name in filters]
     runs = np.array(sorted(set.intersection(*held)) if held else [], dtype=np.int64)
     if not len(runs):
@@ -183,6 +189,7 @@ def regret(
         span=chosen,
         level=level,
         not_observable=unseen,
+        known_later=tuple(name for name in observing if name not in filters),
     )
 
 

@@ -143,6 +143,18 @@ def test_a_gate_is_left_out_and_named():
     assert gated.not_covered == ("readings that the gate rejects",)
 
 
+@pytest.mark.parametrize("kind", ["ekf", "ud_ekf", "srif"])
+def test_the_gain_of_a_filter_in_float32_is_not_read_off_rounded_readings(kind):
+    """At 200 km float32 holds a range to 0.016 m only, a sixth of this sigma."""
+    far = ("truth.deputy.relative.position_m=[0, -200000, 100]", "sensors.radar.range_sigma_m=0.1")
+    made = campaign(*QUIET, *far, f"filters.single={{kind: {kind}, arithmetic: float32, dynamics: {{kind: cw}}}}",
+                    f"filters.double={{kind: {kind}, dynamics: {{kind: cw}}}}")  # fmt: skip
+    single, double = (error_budget(made, filter=name) for name in ("single", "double"))
+    np.testing.assert_array_equal(single.total, double.total)
+    assert "rounding in float32: the filter counts as one in float64" in single.not_covered
+    assert not any("float32" in words for words in double.not_covered)
+
+
 def test_what_is_not_in_it_is_named():
     noise = "sensors.radar.noise=[{kind: gaussian}, {kind: outage, rate_per_hour: 60, mean_duration_s: 5}]"
     made = campaign(
@@ -167,6 +179,14 @@ def test_filters_whose_gain_depends_on_the_readings_are_refused_by_name():
     with pytest.raises(IndexError, match="there is no case 3"):
         error_budget(made, case=3)
     assert error_budget(made).filter == "ekf"
+
+
+def test_a_filter_that_its_arithmetic_fails_has_no_budget():
+    unequal = ("filters.srif={kind: srif, dynamics: {kind: cw}}", "start.velocity_sigma_m_s=1e9")
+    with pytest.raises(
+        ValueError, match="'srif' has no error budget: it fails on the nominal truth at 1 s: srif holds"
+    ):
+        error_budget(campaign(*unequal), 0, "srif")
 
 
 def test_process_noise_that_is_found_from_the_readings_has_no_budget():

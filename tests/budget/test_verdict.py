@@ -11,7 +11,8 @@ TIMES = np.arange(11.0)
 
 def budget(variance=4.0):
     total = np.full((11, 6), variance / 3)
-    return Budget("ekf", ("one",), total[None], np.zeros((1, 11, 6)), total, total, TIMES, ())
+    means = np.zeros((1, 11, 6))
+    return Budget("ekf", ("one",), total[None], means, total, total, TIMES, (), np.ones(1), ("sigma",), ())
 
 
 @pytest.mark.parametrize("freedom", [1, 3, 100])

@@ -25,7 +25,8 @@ def test_the_default_written_out_changes_no_hash():
 @pytest.mark.parametrize(
     "override, sentence",
     [
-        ("filters.ukf.arithmetic=float32", "unknown key; it belongs to the kind 'kf', 'ekf', 'ud_ekf' or 'srif'"),
+        ("filters.imm.arithmetic=float32", "the imm filter computes in float64 only, as it mixes several Gaussians"),
+        ("filters.imm.arithmetic=float32", "float32: kf, ekf, ukf, ckf, sr_ukf, ud_ekf, srif, gp_ukf, huber"),
         ("filters.ekf.arithmetic=float16", "must be 'float64' or 'float32'"),
         ("filters.ekf.arithmetic=32", "must be"),
         ("filters.ekf.arithmetic=[float32]", "must be"),

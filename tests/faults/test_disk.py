@@ -8,6 +8,10 @@ from pathlib import Path
 import pytest
 from relnav_process import RELNAV, Relnav
 from small_campaign import assert_same_bits
+from typer.testing import CliRunner
+
+from relnav_sim import load_campaign, run_campaign
+from relnav_sim.cli.app import app
 
 SEQUENTIAL = ("run", "small.yaml", "--backend", "sequential")
 
@@ -30,7 +34,7 @@ def run_with_largest_file(relnav, size, *arguments):
 def computed(tmp_path_factory):
     """The folder `results` of the whole campaign."""
     here = Relnav(tmp_path_factory.mktemp("computed"))
-    assert here.run(*SEQUENTIAL)[0] == 0
+    run_campaign(load_campaign(here.folder / "small.yaml"), here.out, backend="sequential")
     return here.out.parent
 
 
@@ -56,8 +60,7 @@ def test_a_full_disk(relnav, reference, options):
         assert stderr.rstrip().endswith(": File too large")
         assert not here.out.exists() and not list(here.out.parent.rglob("*.tmp"))
     assert len(list(here.shards.glob("*.h5"))) == 4, "every block was finished; only the result did not fit"
-    code, _, stderr = here.run(*SEQUENTIAL)
-    assert code == 0
+    run_campaign(load_campaign(here.folder / "small.yaml"), here.out, backend="sequential")
     assert_same_bits(reference.out, here.out)
 
 
@@ -70,12 +73,13 @@ def test_a_finished_result_stays_when_its_extension_does_not_fit(relnav, referen
     assert reference.run(*SEQUENTIAL, "--runs", "8")[0] == 0
 
 
-def test_a_target_that_cannot_be_written(relnav):
+def test_a_target_that_cannot_be_written(relnav, monkeypatch):
     here = relnav()
+    monkeypatch.chdir(here.folder)
     (here.folder / "file").write_text("in the way")
     read_only = next((str(path) for path in (Path("/proc"), Path("/sys")) if path.is_dir()), "file")
     for target, word in (("file/out.h5", "Not a directory"), (f"{read_only}/out.h5", f"{read_only}/out.h5.shards")):
-        code, stdout, stderr = here.run(*SEQUENTIAL, "--out", target)
-        assert code == 3
-        assert stdout == "" and stderr.startswith("relnav: ") and stderr.count("\n") == 1
-        assert word in stderr
+        done = CliRunner().invoke(app, [*SEQUENTIAL, "--out", target])
+        assert done.exit_code == 3
+        assert done.stdout == "" and done.stderr.startswith("relnav: ") and done.stderr.count("\n") == 1
+        assert word in done.stderr

@@ -8,7 +8,7 @@ import pytest
 from relnav_process import installed
 from small_campaign import data_of
 
-from relnav_sim import open_results
+from relnav_sim import load_campaign, open_results, run_campaign
 
 PLUGIN = '''
 import gc, os, signal, sys, threading, warnings
@@ -176,8 +176,11 @@ def run(made, code, *options):
 def test_whatever_a_filter_raises_or_returns_is_its_own_failure(with_ways):
     ways = (*RAISED, *RETURNED, "long")
     plain, here = with_ways(folder="plain"), with_ways(*ways)
-    run(plain, 0, *SEQUENTIAL, *ONE_RUN)
-    _, stderr, _ = run(here, 1, *SEQUENTIAL, *ONE_RUN)
+    one_run = load_campaign(plain.folder / "small.yaml", ["runs=1", "bound=false"])
+    run_campaign(one_run, plain.out, backend="sequential")
+    ran, inspected = here.in_turn(["run", "small.yaml", *SEQUENTIAL, *ONE_RUN], ["inspect", "results/small.h5"])
+    code, stdout, stderr = ran
+    assert code == 1 and "Traceback" not in stderr + stdout, stderr
     assert "results/small.h5.shards/failures.log has the tracebacks" in stderr
     found = failures(here.out)
     assert found.keys() == set(ways)
@@ -192,7 +195,7 @@ def test_whatever_a_filter_raises_or_returns_is_its_own_failure(with_ways):
     assert log.count("epoch 12\nTraceback") == len(ways)
     assert all(letter.isprintable() or letter == "\n" for letter in log)
     assert len(log) < len(ways) * 22_000
-    code, stdout, _ = here.run("inspect", "results/small.h5")
+    code, stdout, _ = inspected
     assert code == 0 and all(letter.isprintable() or letter == "\n" for letter in stdout)
 
 

@@ -133,6 +133,9 @@ def _held(belief):
     if hasattr(belief, "L"):
         L = belief.L[0].astype(float)
         return lambda: mpmath.inverse(exactly(L) * exactly(L).T)
+    if hasattr(belief, "root"):
+        root = belief.root[0].astype(float)
+        return lambda: exactly(root) * exactly(root).T
     return belief.covariance[0]
 
 

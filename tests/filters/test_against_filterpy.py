@@ -8,6 +8,10 @@ from relnav_sim import create_filter, run_filter
 
 filterpy_kalman = pytest.importorskip("filterpy.kalman")
 
+SHORT = 1500
+"""Epochs of the quick comparison."""
+UNSCENTED = {"alpha": 0.5, "beta": 2.0, "kappa": 1.0}
+
 
 def wrapped(a, b):
     difference = a - b
@@ -18,16 +22,16 @@ def wrapped(a, b):
 @pytest.fixture(scope="module")
 def problem():
     problem = radar_problem(runs=2, steps=3000)
-    azimuth = problem.z[0, :, 1]
+    azimuth = problem.z[0, :SHORT, 1]
     assert (np.abs(np.diff(azimuth)) > np.pi).any(), "the problem must cross +-pi"
     return problem
 
 
-def run_peer(problem, run, kind):
+def run_peer(problem, run, kind, epochs):
     if kind == "ekf":
         peer = filterpy_kalman.ExtendedKalmanFilter(dim_x=6, dim_z=3)
     else:
-        points = filterpy_kalman.MerweScaledSigmaPoints(6, alpha=0.5, beta=2.0, kappa=1.0)
+        points = filterpy_kalman.MerweScaledSigmaPoints(6, **UNSCENTED)
         peer = filterpy_kalman.UnscentedKalmanFilter(
             dim_x=6, dim_z=3, dt=1.0, hx=polar, fx=lambda x, dt: problem.F @ x, points=points
         )
@@ -36,7 +40,7 @@ def run_peer(problem, run, kind):
     peer.x, peer.P = problem.mean0[run].copy(), problem.cov0.copy()
     peer.F, peer.Q, peer.R = problem.F, problem.Q, problem.R
     means, log_likelihoods = [], []
-    for z in problem.z[run]:
+    for z in problem.z[run, :epochs]:
         peer.predict()
         if kind == "ekf":
             # filterpy passes the predicted state to both functions.
@@ -53,13 +57,21 @@ def run_peer(problem, run, kind):
     return np.array(means), np.array(log_likelihoods)
 
 
-@pytest.mark.parametrize("kind, options", [("ekf", {}), ("ukf", {"alpha": 0.5, "beta": 2.0, "kappa": 1.0})])
-def test_agrees_with_filterpy_over_3000_steps(problem, kind, options):
+@pytest.mark.parametrize(
+    "kind, options, runs, epochs",
+    [
+        ("ekf", {}, 2, 3000),
+        ("ukf", UNSCENTED, 1, SHORT),
+        pytest.param("ukf", UNSCENTED, 2, 3000, marks=pytest.mark.slow),
+    ],
+)
+def test_agrees_with_filterpy_over_thousands_of_steps(problem, kind, options, runs, epochs):
     history = run_filter(
         create_filter(kind, problem.dynamics, problem.measurement, **options), problem.z, problem.mean0, problem.cov0
     )
-    for run in range(len(problem.z)):
-        means, log_likelihoods = run_peer(problem, run, kind)
-        assert np.abs(history.mean[run, :, :3] - means[:, :3]).max() < 1e-8
-        assert np.abs(history.mean[run, :, 3:] - means[:, 3:]).max() < 1e-10
-        assert np.abs(history.log_likelihood[run] - log_likelihoods).max() < 1e-6
+    for run in range(runs):
+        means, log_likelihoods = run_peer(problem, run, kind, epochs)
+        mean = history.mean[run, :epochs]
+        assert np.abs(mean[:, :3] - means[:, :3]).max() < 1e-8
+        assert np.abs(mean[:, 3:] - means[:, 3:]).max() < 1e-10
+        assert np.abs(history.log_likelihood[run, :epochs] - log_likelihoods).max() < 1e-6

@@ -8,7 +8,8 @@ from scipy.stats import chi2
 
 from relnav_sim import FunctionMeasurement, LinearDynamics, LinearMeasurement, create_filter, run_filter
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
-from relnav_sim.dynamics.augmentation.kinds import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions, extension
+from relnav_sim.dynamics.augmentation.extension import extension
+from relnav_sim.dynamics.augmentation.kinds import AzimuthBiasOptions, ElevationBiasOptions, RangeBiasOptions
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.process_noise import van_loan
 from relnav_sim.filters.registry import filter_kinds

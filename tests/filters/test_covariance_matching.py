@@ -8,6 +8,8 @@ from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
 from relnav_sim.filters.covariance_matching import CovarianceMatching
+from relnav_sim.filters.editing import edited
+from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.partial import PartialMeasurement
 
@@ -75,6 +77,34 @@ def test_a_run_has_the_same_bits_in_any_block(kind):
         assert np.array_equal(alone.covariance, of[0].covariance[runs])
         assert np.array_equal(densities(alone), densities(of[0])[runs], equal_nan=True)
     assert not np.array_equal(densities(of[0])[:, -1], np.tile(TRUE, (7, 1)))
+
+
+def test_a_run_that_is_read_later_than_others_holds_up_none():
+    """Where it has told nothing yet there is nothing to fit: to the bit as by itself, no singular matrix."""
+    _, z = flight(3, 40)
+    z[1, :5] = np.nan
+    whole = run_filter(matching("kf", TRUE, 10), z, np.zeros(6), PRIOR, step_s=STEP_S)
+    for run in range(3):
+        alone = run_filter(matching("kf", TRUE, 10), z[run : run + 1], np.zeros(6), PRIOR, step_s=STEP_S)
+        assert np.array_equal(whole.covariance[run], alone.covariance[0])
+
+
+@pytest.mark.parametrize("action", ["inflate", "restart"])
+def test_a_run_that_begins_anew_does_so_with_the_first_densities(action):
+    """Beside another run that does not, and to the bit as by itself."""
+    _, z = flight(2, 60)
+    z[0, 40:] += 50.0
+    options = EditingOptions(probability=0.9999, max_rejects=2, action=action)
+
+    def run(part):
+        return run_filter(edited(matching("ukf", TRUE, 10), options, None), part, np.zeros(6), PRIOR, step_s=STEP_S)
+
+    both, alone = run(z), run(z[:1])
+    assert np.array_equal(both.covariance[0], alone.covariance[0])
+    acted = np.flatnonzero(both.edits_by[""]["actions"][0])
+    assert len(acted) and acted[0] >= 41 and not both.edits_by[""]["actions"][1].any()
+    found = densities(both)
+    assert not np.array_equal(found[0, acted[0]], TRUE) and np.array_equal(found[0, acted[0] + 1], TRUE)
 
 
 def test_before_the_window_is_full_it_is_the_filter_itself():

@@ -164,7 +164,10 @@ def test_one_step_against_a_plain_loop():
         np.testing.assert_allclose(innovation.extras["ess"][run], 1 / np.square(weights).sum())
 
 
-@pytest.mark.parametrize("options", [{}, {"resampling": "stratified"}, {"resampling": "residual"}, {"mcmc_steps": 2}])
+OTHERS = [{"resampling": "stratified"}, {"resampling": "residual"}, {"mcmc_steps": 2}]
+
+
+@pytest.mark.parametrize("options", [{}, *(pytest.param(options, marks=pytest.mark.slow) for options in OTHERS)])
 def test_evidence_is_unbiased(options):
     """The evidence itself, not its logarithm, which is low by half its variance."""
     runs = 1500

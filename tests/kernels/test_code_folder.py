@@ -97,6 +97,7 @@ def copy(tmp_path):
     return Copy(tmp_path)
 
 
+@pytest.mark.slow
 def test_what_is_compiled_is_kept(copy):
     assert copy.doubles() == (6.0, 1)
     assert copy.doubles() == (6.0, 0)

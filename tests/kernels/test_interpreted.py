@@ -20,7 +20,7 @@ def last_line(program, *arguments):
 
 
 SHIPPED = sorted(path.stem for path in CAMPAIGNS.glob("*.yaml"))
-SOME = ["angles_only"]
+SOME = ["demo"]
 
 
 @pytest.mark.parametrize("names", [SOME, pytest.param(SHIPPED, marks=pytest.mark.slow)], ids=["some", "all"])

@@ -1,6 +1,7 @@
 """Every kind of figure: made by one call, what it draws compared with the stored numbers, and documented."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from relnav_sim.plots.choice import pareto_front
 from relnav_sim.plots.data import drawn_step, window
 from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.plots.regret import drawn_regret
 from relnav_sim.plots.start import start_span
-from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, png, write_figure
+from relnav_sim.plots.style import BOUND, PALETTE, WIDTH_INCH, line_styles, marker, png, write_figure
 from relnav_sim.plots.sweep_points import grid_paths, trends
 from relnav_sim.plots.sweeps import axis_label
 from relnav_sim.report import FIGURE_KINDS, figure
@@ -22,6 +24,7 @@ from relnav_sim.results import layout, open_results
 from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.read import Results
+from relnav_sim.statistics.regret import regret
 
 ResultMaker = Callable[..., Path]
 ROOT = Path(__file__).parents[2]
@@ -83,9 +86,25 @@ def sensed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Ite
         yield opened
 
 
+@pytest.fixture(scope="module")
+def stressed(invent: ResultMaker, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+    """One case and the same under two stresses; the ekf fails a run in each."""
+    path = invent(
+        tmp_path_factory.mktemp("stressed"),
+        labels=["base", "stress=noisy", "stress=heavy"],
+        runs=RUNS,
+        failed={"ekf": [4]},
+        stresses=["noisy", "heavy"],
+    )
+    with open_results(path) as opened:
+        yield opened
+
+
 @pytest.mark.parametrize("kind", FIGURE_KINDS)
-def test_one_call_draws_it_with_units_on_every_axis(bounded: Results, sensed: Results, kind: str) -> None:
-    drawn = figure(sensed if kind == "availability" else bounded, kind)
+def test_one_call_draws_it_with_units_on_every_axis(
+    bounded: Results, sensed: Results, stressed: Results, kind: str
+) -> None:
+    drawn = figure({"availability": sensed, "regret": stressed}.get(kind, bounded), kind)
     assert drawn.get_figwidth() == WIDTH_INCH
     assert png(drawn).startswith(b"\x89PNG")
     labels = [label for panel in drawn.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
@@ -118,6 +137,20 @@ def test_a_filter_has_one_colour_everywhere(results: Results) -> None:
         assert PALETTE[index] in colours and not colours & (set(PALETTE) - {PALETTE[index]}), kind
     alone = figure(results, "errors", filter="ekf").axes[0].lines
     assert PALETTE[index] in {line.get_color() for line in alone}
+
+
+def test_points_of_no_two_filters_look_alike() -> None:
+    names = [f"filter {number}" for number in range(20)]
+    looks = {(line_styles(names)[name].colour, marker(names, name)) for name in names}
+    assert len(looks) == len(names)
+
+
+def test_a_wide_interval_leaves_the_regrets_to_see(stressed: Results) -> None:
+    found = regret(stressed)
+    wide = replace(found, high=np.full_like(found.high, 1e20))
+    bottom, top = drawn_regret(wide, stressed.filters).axes[0].get_ylim()
+    largest = 1 + found.regret[np.isfinite(found.regret)].max()
+    assert 0 < bottom < 1 and largest < top < 12 * largest
 
 
 def test_the_bound_is_drawn_where_it_is_stored(results: Results, bounded: Results) -> None:
@@ -350,18 +383,32 @@ def test_what_cannot_be_drawn_is_said(results: Results, arguments: dict[str, Any
         figure(results, **arguments)
 
 
+def test_regret_is_that_of_the_statistics(stressed: Results) -> None:
+    found = regret(stressed)
+    panel = figure(stressed, "regret").axes[0]
+    drawn = {container.lines[0].get_marker(): container.lines[0].get_ydata() for container in panel.containers}
+    assert len(drawn) == len(found.filters) == 3 and found.cases == ("nominal", "noisy", "heavy")
+    for row, ratio in enumerate(drawn.values()):
+        expected = 1 + found.regret[row]
+        np.testing.assert_allclose(ratio, np.where(np.isfinite(expected), expected, np.nan))
+    assert np.isinf(found.regret[found.filters.index("ekf")]).all()
+    lost = [line for line in panel.lines if line.get_marker() == "^" and len(line.get_xdata()) == 3]
+    assert {float(at) for line in lost for at in line.get_ydata()} >= {panel.get_ylim()[1]}
+
+
 @pytest.mark.parametrize(("runs", "failed"), [(2, [0, 1]), (1, [])])
 def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, runs: int, failed: list[int]) -> None:
     with open_results(make_result(filters={"ekf": 1.0}, runs=runs, failed={"ekf": failed}, times=11)) as results:
         for kind in FIGURE_KINDS:
             try:
-                figure(results, kind).canvas.draw()
+                figure(results, kind).draw_without_rendering()
             except ValueError as error:
                 told = "varie" in str(error) or (failed and "completed" in str(error))
                 lacking = {
                     "availability": "tell sensors apart",
                     "observability": "does not say what the filters can observe",
                     "whiteness": "holds no residuals by channel",
+                    "regret": "has no stressed cases",
                 }
                 assert told or (kind in lacking and lacking[kind] in str(error)), kind
 

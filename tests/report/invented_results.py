@@ -62,6 +62,7 @@ def invented_result(
     dispersed: bool = False,
     unknown: bool = False,
     sensors: bool = False,
+    stresses: Sequence[str] = (),
 ) -> Path:
     """Write the result of a campaign that never ran.
 
@@ -87,6 +88,7 @@ def invented_result(
         dispersed: Every run flies a truth of its own, the range of which varies; otherwise all fly one at rest.
         unknown: Every error and sigma is NaN, though no run failed.
         sensors: The filters take two sensors, those of `sensors_result`.
+        stresses: The last cases are the first one under these stresses.
     """
     sizes = dict(filters or {"kf": 1.0, "ekf": 0.6, "ukf": 0.601})
     failed = failed or {}
@@ -103,6 +105,9 @@ def invented_result(
         )
         for i, label in enumerate(labels)
     )
+    nominal = len(cases) - len(stresses)
+    stressed = zip(cases[nominal:], stresses, strict=True)
+    cases = *cases[:nominal], *(replace(case, stress=name, nominal=cases[0].id) for case, name in stressed)
     content = _content(sizes, settle_s) | {"requirements": dict(requirements or {})}
     header = ResultHeader(
         name, text, content, "0123456789abcdef" * 4, 7, planned or runs, cases, {"mu_m3_s2": 3.986e14},

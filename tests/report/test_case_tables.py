@@ -14,12 +14,12 @@ from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.facts import CaseFacts, case_facts
 from relnav_sim.report.case_tables import (
     case_table_makers,
-    comparison_table,
     consistency_table,
     convergence_table,
     reliability_table,
     spread_table,
 )
+from relnav_sim.report.comparison_table import comparison_table
 from relnav_sim.report.layouts import case_table, reading_notes, worst_runs_table
 from relnav_sim.report.metrics import NIS, nis_ratio
 from relnav_sim.report.overview import overview_table

@@ -2,13 +2,18 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.report import figure
 from relnav_sim.report.ranking import rank
 from relnav_sim.report.summary import summarise
 from relnav_sim.results import open_results
 from relnav_sim.results.afterwards import known_when
+
+RTS = {"filters.rts.smoother": "rts"}
 
 
 def ranking_of(path):
@@ -27,6 +32,23 @@ def test_they_are_compared_with_no_filter_in_flight(make_result):
     assert sentences[0].startswith("ekf has the smallest position error")
     (said,) = (each for each in sentences if each.startswith("Known only later"))
     assert "no filter to fly: position RMS of rts (after the run) 0.1" in said and "lag (60 s later) 0.2" in said
+
+
+def test_they_are_not_on_the_front_of_cost_and_accuracy(make_result):
+    with open_results(make_result(filters={"kf": 1.0, "ekf": 0.5, "rts": 0.2}, runs=10, variables=[RTS])) as results:
+        panel = figure(results, "cost").axes[0]
+        (smoothed,) = (item.mean_rms("settled") for item in case_facts(results, 0).filters if item.name == "rts")
+    drawn = [np.asarray(line.get_ydata()) for line in panel.lines]
+    assert any(np.isclose(line, smoothed).any() for line in drawn if len(line) == 1)  # its own marker
+    fronts = [line for line in drawn if len(line) > 1 and not np.isclose(line, line[0]).all()]
+    assert not any(np.isclose(line, smoothed).any() for line in fronts)
+
+
+def test_none_of_them_is_the_filter_that_figures_are_drawn_of(make_result):
+    """Nor the best one of a cell of a heat map: that is the one the ranking names."""
+    with open_results(make_result(filters={"kf": 1.0, "ekf": 0.5, "rts": 0.2}, runs=10, variables=[RTS])) as results:
+        facts = case_facts(results, 0)
+    assert leading_filter(facts) == rank(facts).best.name == "ekf"
 
 
 def test_without_one_in_flight_they_are_compared_with_one_another(make_result):

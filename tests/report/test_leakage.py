@@ -39,6 +39,7 @@ def test_filters_that_know_the_truths_field_are_named():
     chief = {"orbit": {"a_km": 7000.0, "e": 0.0, "i_deg": 50.0}} | spacecraft
     deputy = {"relative": {"position_m": [0.0, 100.0, 0.0], "velocity_m_s": [0.0, 0.0, 0.0]}} | spacecraft
     found.campaign_content["truth"] = {"chief": chief, "deputy": deputy}
+    found.nominal = (0,)
     found.headers = (SimpleNamespace(label="base", variables={}, filters=("a", "b", "c")),)
     found.case_runs = lambda index, name: [] if name == "b" else [0]  # b has not run yet
     (sentence,) = shared_field(found)

@@ -123,6 +123,7 @@ def test_everything_is_there(reference):
         assert all(np.isfinite(results.bound(1, name)).all() for name in (None, *results.filters))
 
 
+@pytest.mark.slow
 def test_parts_of_other_blocks_merge_to_the_whole(tmp_path, reference):
     campaign = made(block_runs=1)
     parts = [run_campaign(campaign, tmp_path / f"{i}.h5", backend="sequential", part=(i, 2)) for i in (1, 2)]

@@ -15,6 +15,7 @@ from relnav_sim.report import write_report
 from relnav_sim.report.campaign_facts import headline_facts
 from relnav_sim.report.regret import in_sentences, regret_section
 from relnav_sim.report.tables import comma_separated
+from relnav_sim.results import layout
 from relnav_sim.results.block import RefusedError
 from relnav_sim.results.stored_campaign import stored_campaign
 from relnav_sim.runner.merging import merge_results
@@ -123,6 +124,21 @@ def test_the_report_keeps_all_but_the_section_on_regret_to_the_nominal_cases(out
     assert "Flown under the stress heavy, of which no filter is told" in text
     tables = tmp_path / "small" / "tables"
     assert (tables / "case_001_stressed_rms.tex").exists() and (tables / "stresses.csv").exists()
+
+
+def test_rows_that_are_known_only_later_set_no_standard(tmp_path):
+    """A smoother is nearer the truth than any filter in flight, and none to fly: regret leaves it out, and says so."""
+    text = TEXT.partition("grid:")[0] + "  rts: {kind: ekf, smoother: rts}\n" + STRESS
+    path = tmp_path / "later.h5"
+    run_campaign(parse_campaign(text, ("runs=3", "bound=false")).with_stress(), path, backend="sequential")
+    with open_results(path) as results:
+        found = regret(results)
+        smoothed, filtered = (
+            results.statistic(0, name, "rms")[:, 1, layout.QUANTITIES.index("r")].mean() for name in ("rts", "ekf")
+        )
+    assert smoothed < filtered and found.filters == ("kf", "ekf") and found.known_later == ("rts",)
+    assert (found.regret.min(axis=0) == 0).all()
+    assert "Left out, because their estimates are known only later: rts." in in_sentences(found)
 
 
 def test_the_command_line(tmp_path, monkeypatch):

@@ -1,7 +1,6 @@
 """What a terminal shows while a campaign runs: counts, the time left, means with intervals that shrink."""
 
 import io
-import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from relnav_sim.results.shards import read_shard
 from relnav_sim.runner.headline import headline_figures
 from relnav_sim.runner.progress import Bar, Lines
 from relnav_sim.runner.tally import Tally
+from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import blocks_left
 
 
@@ -26,8 +26,8 @@ def figures(block, offset=0.0):
 
 
 def test_counts_by_case(blocks):
-    tally = Tally(blocks, {})
-    assert tally.total == 12 and tally.left_s == math.inf and not tally.cases_under_way()
+    tally = Tally(blocks, {}, Watch())
+    assert tally.total == 12 and not tally.cases_under_way()
     tally.count(blocks[0], figures(blocks[0]))
     ((label, count, means),) = tally.cases_under_way()
     assert label == blocks[0].case.label and count == "2/6"
@@ -36,24 +36,15 @@ def test_counts_by_case(blocks):
 
 def test_the_interval_is_students_over_all_runs_known_earlier_ones_too(blocks):
     case = blocks[0].case.id
-    tally = Tally(blocks[1:], {(case, "kf"): {0: 1.0, 1: 2.0}})
+    tally = Tally(blocks[1:], {(case, "kf"): {0: 1.0, 1: 2.0}}, Watch())
     tally.count(blocks[1], figures(blocks[1]))
     sample = np.array([1.0, 2.0, 3.0, 4.0])
     wide = stats.t.ppf(0.975, 3) * stats.sem(sample)
     assert tally.row(case)[2].startswith(f"kf {sample.mean():.3g} ±{wide:.2g} m")
 
 
-def test_the_time_left_is_that_of_the_work_left(blocks, monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr("relnav_sim.runner.tally.time.monotonic", lambda: now[0])
-    tally = Tally(blocks[2:], {})
-    now[0] = 110.0
-    tally.count(blocks[2], {})
-    assert tally.left_s == pytest.approx(30.0), "one of the four blocks left took 10 s; the two done before don't count"
-
-
 def test_lines(blocks, capsys):
-    lines = Lines(Tally(blocks[:2], {}), every_s=1e9)
+    lines = Lines(Tally(blocks[:2], {}, Watch()), every_s=1e9)
     lines.advance(blocks[0], figures(blocks[0]))
     assert capsys.readouterr().err == ""
     lines.advance(blocks[1], figures(blocks[1]))
@@ -63,7 +54,7 @@ def test_lines(blocks, capsys):
 
 
 def test_the_last_lines_are_of_all_cases(blocks, capsys):
-    lines = Lines(Tally(blocks, {}), every_s=1e9)
+    lines = Lines(Tally(blocks, {}, Watch()), every_s=1e9)
     for block in blocks:
         lines.advance(block, figures(block))
     labels = list(dict.fromkeys(block.case.label for block in blocks))
@@ -75,7 +66,7 @@ def test_the_last_lines_are_of_all_cases(blocks, capsys):
 def test_the_bar_shows_cases_under_way(blocks):
     from rich.console import Console
 
-    tally = Tally(blocks, {})
+    tally = Tally(blocks, {}, Watch())
     bar = Bar(tally)
     for block in (blocks[0], blocks[-1]):
         bar.advance(block, figures(block))

@@ -13,17 +13,18 @@ from relnav_sim.streams import RandomSource
 PARTS = ("mean", "covariance", "nis")
 BURN = "manoeuvres: {burn: {time_s: 44, duration_s: 12, delta_v_m_s: [0, 0.2, 0]}}"
 CAMERA = "camera: {angle_sigma_deg: 0.05, period_s: 2"
+ACCELEROMETER = "accelerometer: {bias_sigma_m_s2: 1.0e-3, velocity_random_walk_m_s_sqrt_s: 1.0e-4}"
 START = "start: {kind: dispersed, position_sigma_m: 50, velocity_sigma_m_s: 0.2}"
 
 
-def campaign(tmp_path, filters, late=True, drawn="drawn_latency_s: [0, 2.5]"):
+def campaign(tmp_path, filters, late=True, drawn="drawn_latency_s: [0, 2.5]", more=""):
     drawn = f", {drawn}}}" if late else "}"
     text = (
         TEXT[: TEXT.index("filters:")]
         .replace("duration_s: 40", "duration_s: 130")
         .replace("store_every_s: 4", "store_every_s: 1")
         .replace("  dispersions:", f"  {BURN}\n  dispersions:")
-        .replace("sigma_deg: 0.1}", f"sigma_deg: 0.1, noise: {{kind: gaussian}}{drawn}\n  {CAMERA}{drawn}")
+        .replace("sigma_deg: 0.1}", f"sigma_deg: 0.1, noise: {{kind: gaussian}}{drawn}\n  {CAMERA}{drawn}\n  {more}")
     )
     path = tmp_path / "late.yaml"
     entries = "".join(f"  {name}: {{{entry}}}\n" for name, entry in filters.items())
@@ -97,6 +98,18 @@ def test_it_is_the_filter_in_order_wherever_nothing_is_outstanding(tmp_path, mon
             assert not np.array_equal(now[missing], was[missing])
         # The innovations are those in order, 2 epochs later, when the last reading of an epoch has arrived.
         assert np.array_equal(late[name]["nis"][:, 3:], in_order[name]["nis"][:, 1:-2], equal_nan=True)
+
+
+def test_a_bias_that_acts_while_pushed_is_gone_back_over_as_it_was(tmp_path, monkeypatch):
+    """The dynamics of the chunk before keep their own forces: also where an augmented state asks for them."""
+    monkeypatch.setattr("relnav_sim.simulation.chunks.CHUNK_EPOCHS", 48)
+    entry = "kind: ekf, augment: [{kind: accelerometer_bias, sigma_m_s2: 1.0e-3}]"
+    late, delays = estimates(campaign(tmp_path, {"row": f"{entry}, out_of_sequence: buffer"}, more=ACCELEROMETER))
+    in_order, _ = estimates(campaign(tmp_path, {"row": entry}, late=False, more=ACCELEROMETER))
+    missing = outstanding(delays)
+    assert (~missing)[:, 48:].any()
+    for part in ("mean", "covariance"):
+        assert np.array_equal(late["row"][part][~missing], in_order["row"][part][~missing]), part
 
 
 def test_dropped_readings_are_as_if_never_taken_and_a_smoother_has_them_all(tmp_path):

@@ -144,9 +144,10 @@ class DaskCluster:
         before = time.monotonic()
         while not ended and time.monotonic() - before < LOOKED_AT_EVERY_S and not self._news.has_ready():
             time.sleep(POLLED_EVERY_S)
-        while self._news.has_ready():
-            for future in self._news.next_batch(block=False):
-                ended += self._ended(future)
+        # Not all that are ready: while they are received, the places that they have left have nothing to do.
+        began = time.monotonic()
+        while self._news.has_ready() and time.monotonic() - began < LOOKED_AT_EVERY_S:
+            ended += self._ended(next(self._news))
         return ended
 
     def _ended(self, future: Future) -> Iterator[Ended]:

@@ -9,14 +9,13 @@ from scipy.integrate import solve_ivp
 from relnav_sim import LinearDynamics, LinearMeasurement
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, mounting_matrix
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
+from relnav_sim.dynamics.augmentation.extension import extension, held_acceleration
 from relnav_sim.dynamics.augmentation.kinds import (
     AttitudeErrorOptions,
     AzimuthBiasOptions,
     DifferentialDragOptions,
     ElevationBiasOptions,
     RangeBiasOptions,
-    extension,
-    held_acceleration,
 )
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step

@@ -6,7 +6,8 @@ from scipy.linalg import expm
 
 from relnav_sim import LinearDynamics
 from relnav_sim.dynamics.augmentation.augmented import AugmentedDynamics
-from relnav_sim.dynamics.augmentation.kinds import ClockOptions, RangeBiasOptions, extension, sensor_of
+from relnav_sim.dynamics.augmentation.extension import extension, sensor_of
+from relnav_sim.dynamics.augmentation.kinds import ClockOptions, RangeBiasOptions
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.process_noise import van_loan
