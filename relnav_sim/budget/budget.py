@@ -13,7 +13,6 @@ from relnav_sim.budget.recursion import means, variances
 from relnav_sim.budget.sources import (
     INTERACTION,
     fixed_sources,
-    in_single,
     injections_of,
     not_covered,
     random_sources,
@@ -106,11 +105,6 @@ def _has_nominal_gain(entry: FilterEntry) -> bool:
     return nominal and entry.process_noise.adaptive is None and entry.smoother is None and entry.batch_start is None
 
 
-def _in_double(entry: FilterEntry) -> FilterEntry:
-    """Return a filter in float64: its gain is read off small differences of readings, which float32 rounds away."""
-    return entry.model_copy(update={"arithmetic": "float64"}) if in_single(entry) else entry
-
-
 def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -> Budget:
     """Return the error budget of a filter: linear covariance analysis along the nominal truth.
 
@@ -143,7 +137,7 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
     asked = asked_numbers(config)
     injections, numbers = injections_of(config, entry, asked), truth_numbers(config, entry)
     try:
-        linear = linear_filter(config, _in_double(entry), campaign.seed, injections)
+        linear = linear_filter(config, entry, campaign.seed, injections)
     except ValueError as error:
         raise ValueError(f"filter {name!r} has no error budget: {error}") from None
     linear = with_truth_errors(linear, config, numbers)

@@ -18,6 +18,7 @@ from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.readings import Readings
+from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.measurements.partial import sensors_of
 from relnav_sim.simulation.augmented_states import extended_prior
 from relnav_sim.simulation.campaign_filter import CampaignFilter, create_campaign_filter, sensor_forms
@@ -109,7 +110,9 @@ class _Along:
         self._context = dynamics_context(entry, config, seed, Learned(), 1)
         self._made: CampaignFilter = create_campaign_filter(entry, config, self._context, first.late)
         assert isinstance(self._made.algorithm, GaussianFilter)  # as those with a nominal gain are
-        self._filter: GaussianFilter = self._made.algorithm
+        self._own: GaussianFilter = self._made.algorithm
+        # The gain is read off small differences of readings, which float32 would round away.
+        self._filter = _in_double(self._own, entry)
         self._measurement = self._filter.measurement
         self._thrust_inputs = ThrustInputs(config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
@@ -228,8 +231,11 @@ class _Along:
         probe = np.sqrt(np.diagonal(R if R.ndim == 2 else R[0]))
         probed = z.copy()
         probed[errors:] += np.diag(probe)
-        prior = filter.start(Gaussian(mean, np.repeat(P, len(z), axis=0)), self._source)
+        gaussian = Gaussian(mean, np.repeat(P, len(z), axis=0))
+        prior = filter.start(gaussian, self._source)
         posterior, innovation = filter.correct(prior, probed, step)
+        if self._own is not filter:
+            _, innovation = self._own.correct(self._own.start(gaussian, self._source), z, step)
         if innovation.failed:  # runs would end here: what arithmetic loses depends on P, not on what is read
             reason = innovation.failed[min(innovation.failed)]
             raise ValueError(f"it fails on the nominal truth at {self._times[epoch]:g} s: {reason}")
@@ -261,6 +267,21 @@ class _Along:
             time_s = self._times[np.argmax(wrong)]
             raise ValueError(f"its gain, its transition or what a sensor's error does is not finite at {time_s:g} s")
         return found
+
+
+def in_single(entry: FilterEntry) -> bool:
+    """Return whether a filter computes in float32."""
+    return getattr(entry, "arithmetic", "float64") == "float32"
+
+
+def _in_double(filter: GaussianFilter, entry: FilterEntry) -> GaussianFilter:
+    """Return a filter with the same models in float64."""
+    if not in_single(entry):
+        return filter
+    in_double = entry.model_copy(update={"arithmetic": "float64"})
+    made = filter_kinds()[entry.kind].factory(filter.dynamics, filter.measurement, in_double)
+    assert isinstance(made, GaussianFilter)  # as it was
+    return made
 
 
 def _run(chunk: Chunk, run: int) -> Chunk:

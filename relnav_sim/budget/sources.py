@@ -10,7 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.budget.injection import Asked, Injection
-from relnav_sim.budget.linearised import LinearFilter
+from relnav_sim.budget.linearised import LinearFilter, in_single
 from relnav_sim.budget.recursion import FixedSourceOfError, RandomSourceOfError
 from relnav_sim.budget.truth_errors import TruthNumber
 from relnav_sim.campaign.entries import FilterEntry
@@ -221,8 +221,3 @@ def not_covered(
     if in_single(entry):
         found.append("rounding in float32: the filter counts as one in float64")
     return found
-
-
-def in_single(entry: FilterEntry) -> bool:
-    """Return whether a filter computes in float32."""
-    return getattr(entry, "arithmetic", "float64") == "float32"

@@ -1,4 +1,4 @@
-"""Which rows of a result tell what is known afterwards, and not what a filter knows in flight."""
+"""When the rows of a result are known: in flight or afterwards, and from which time on."""
 
 from __future__ import annotations
 
@@ -24,3 +24,13 @@ def known_when(results: Results, index: int, name: str) -> str:
         return f"{lag_s:g} s later"
     kind = filter_kinds().get(str(varied.get(f"filters.{name}.kind", entry.get("kind"))))
     return AFTER_THE_RUN if smoother is not None or (kind is not None and kind.repeats) else ""
+
+
+def reads_from_s(results: Results, index: int, name: str) -> float:
+    """Return the time from which a row has the readings, s: a start that is fitted to them waits for the last."""
+    entry, varied = filter_settings(results, index, name), results.headers[index].variables
+    start = varied.get(f"filters.{name}.batch_start", entry.get("batch_start"))
+    duration_s = varied.get(f"filters.{name}.batch_start.duration_s")
+    if isinstance(start, dict) and duration_s is None:
+        duration_s = start.get("duration_s")
+    return float(duration_s or 0.0)

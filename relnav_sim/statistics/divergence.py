@@ -15,6 +15,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.results import layout
+from relnav_sim.results.afterwards import reads_from_s
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -32,8 +33,10 @@ def diverged_runs(results: Results, case: int | str, filter: str) -> Mask:
     bound = results.perfect_bound(case, filter)
     if bound is None:
         return lost
-    r = np.linalg.norm(results.error(case, filter)[..., :3], axis=-1)
-    return lost | far_beyond_bound(r, results.time_s(case), bound[:, layout.QUANTITIES.index("r")])
+    r, time_s = np.linalg.norm(results.error(case, filter)[..., :3], axis=-1), results.time_s(case)
+    # While a filter waits for a start that is fitted to readings, the bound has those readings and the filter has not.
+    waits = time_s < reads_from_s(results, results.case_index(case), filter)
+    return lost | far_beyond_bound(r, time_s, np.where(waits, np.nan, bound[:, layout.QUANTITIES.index("r")]))
 
 
 def diverged(failed: Mask, outside_late: Array) -> Mask:
