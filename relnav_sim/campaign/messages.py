@@ -14,6 +14,7 @@ from relnav_sim.campaign.paths import has, inside, value_at
 from relnav_sim.campaign.problems import SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.campaign.units import meant_key, meant_value
+from relnav_sim.filters.registry import double_only, filter_kinds
 
 MOST_KEYS_NAMED = 14
 _PLAIN = 1e12  # numbers from here on are shown with an exponent
@@ -64,6 +65,8 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
         section = shape.at(parent, data)
         if section is None:
             return unknown_key(str(place[-1]), value, whole, whole)
+        if place[-1] == "arithmetic" and (own := value_at(data, parent).get("kind")) in filter_kinds():
+            return double_only(own)
         others = [form.kind for form in section.alternatives if form.kind and place[-1] in form.keys]
         return unknown_key(str(place[-1]), value, section.chosen(value_at(data, parent)), whole, others)
     if kind == "missing" and isinstance(detail["loc"][-1], str):
