@@ -65,8 +65,8 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
         section = shape.at(parent, data)
         if section is None:
             return unknown_key(str(place[-1]), value, whole, whole)
-        if place[-1] == "arithmetic" and (own := value_at(data, parent).get("kind")) in filter_kinds():
-            return double_only(own)
+        if place[-1] == "arithmetic" and (filter_kind := _filter_kind(value_at(data, parent))):
+            return double_only(filter_kind)
         others = [form.kind for form in section.alternatives if form.kind and place[-1] in form.keys]
         return unknown_key(str(place[-1]), value, section.chosen(value_at(data, parent)), whole, others)
     if kind == "missing" and isinstance(detail["loc"][-1], str):
@@ -79,6 +79,12 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     if value is None:
         return f"has no value; it must be {expected}"
     return f"must be {expected}, not {_shown(value)}{_hint(place, value, details)}"
+
+
+def _filter_kind(entry: Any) -> str | None:
+    """Return the kind of a section that is a filter."""
+    kind = entry.get("kind") if isinstance(entry, dict) else None
+    return kind if isinstance(kind, str) and kind in filter_kinds() else None
 
 
 def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Sequence[str] = ()) -> str:

@@ -39,7 +39,7 @@ def reweighted_in_single(
     failed = dict(unweighted.failed)
     for _ in range(iterations):
         e, spread = kernels.reweighting.residuals_single(white, rows, posterior.x - prior.x, posterior.P)
-        weights = np.ascontiguousarray(weigh(e, spread), dtype=np.float32)
+        weights: Array = np.ascontiguousarray(weigh(e, spread), dtype=np.float32)
         posterior, weighted = single.joseph_update(prior, nu, H, kernels.reweighting.scaled_single(root, weights))
     failed |= dict(weighted.failed) | dict.fromkeys(np.flatnonzero(singular).tolist(), NEEDS_NOISE)
     extras = {"lowest_weight": weights.min(axis=-1).astype(np.float64)}
