@@ -94,7 +94,7 @@ def _show(path: Path, one: Status) -> None:
         blocks = sorted(one.running, key=lambda block: (not block.is_slow, -block.elapsed_s))
         print_table(
             [_block_row(block) for block in blocks[:BLOCKS_SHOWN]],
-            headings=("running", "runs", "host", "since", "for", "expected", "filters"),
+            headings=("runs", "host", "since", "for", "expected", "filters", "case"),
         )
         if len(blocks) > BLOCKS_SHOWN:
             say(f"and {len(blocks) - BLOCKS_SHOWN} more")
@@ -104,17 +104,17 @@ def _show_rows(found: dict[Path, Status]) -> None:
     print_table(
         [
             (
-                str(path),
                 one.state.value,
                 _done_in_words(one),
                 "" if one.left_s is None else in_words(one.left_s),
                 str(one.failures),
                 str(one.retries),
                 one.host,
+                str(path),
             )
             for path, one in found.items()
         ],
-        headings=("result", "state", "done", "left", "failed", "again", "host"),
+        headings=("state", "done", "left", "failed", "again", "host", "result"),
     )
 
 
@@ -144,7 +144,7 @@ def _block_row(block: RunningBlock) -> tuple[str, ...]:
     expected = "" if block.expected_s is None else in_words(block.expected_s)
     slow = " slow" if block.is_slow else ""
     filters = ", ".join(block.filters)
-    return (block.case, runs, block.host, _local(block.since), in_words(block.elapsed_s) + slow, expected, filters)
+    return (runs, block.host, _local(block.since), in_words(block.elapsed_s) + slow, expected, filters, block.case)
 
 
 def _local(moment: str) -> str:

@@ -46,7 +46,18 @@ class _Row:
 
     case: str
     filters: tuple[str, str]
+    known: tuple[str, str]
     metric: Metric
+
+    @property
+    def names(self) -> str:
+        """The filters, with when their estimates are known where that is not alike."""
+        apart = self.known[0] != self.known[1]
+        said = [
+            f"{name} (known {when})" if apart and when else name
+            for name, when in zip(self.filters, self.known, strict=True)
+        ]
+        return " against ".join(dict.fromkeys(said))
 
 
 @dataclass(frozen=True)
@@ -77,6 +88,7 @@ def compare(first: Side, second: Side) -> Compared:
     places = {header.id: index for index, header in enumerate(b.headers)}
     labels = short_labels([header.label for header in a.headers])
     reasons: list[str] = []
+    later: list[str] = []
     found: dict[_Row, tuple[Array, Array]] = {}
     for index, header in enumerate(a.headers):
         if header.id not in places:
@@ -85,12 +97,14 @@ def compare(first: Side, second: Side) -> Compared:
         one, other = case_facts(a, index), case_facts(b, places[header.id])
         for names in _filters(first, second, one, other, reasons, labels[index]):
             notes += _other_settings(a, b, index, places[header.id], names)
+            known = (one.filter(names[0]).known_when, other.filter(names[1]).known_when)
+            later += _known_apart((first, second), names, known)
             runs = 0
             for metric in _COMPARED:
                 values = _paired(one.filter(names[0]), other.filter(names[1]), one, metric)
                 runs = max(runs, len(values[0]))
                 if len(values[0]):
-                    found[_Row(labels[index], names, metric)] = values
+                    found[_Row(labels[index], names, known, metric)] = values
             if not runs:
                 reasons.append(f"case {labels[index]}: {' and '.join(names)} have no completed run in common")
     keys = [
@@ -106,7 +120,9 @@ def compare(first: Side, second: Side) -> Compared:
         for index, header in enumerate(b.headers)
         if header.id not in here
     ]
-    return Compared(_table(first, second, found) if found else None, tuple(reasons), tuple(dict.fromkeys(notes)))
+    later = list(dict.fromkeys(later))
+    table = _table(first, second, found, later) if found else None
+    return Compared(table, tuple(reasons), (*later, *dict.fromkeys(notes)))
 
 
 def _filters(
@@ -137,6 +153,19 @@ def _other_settings(a: Results, b: Results, index: int, place: int, names: tuple
     return [f"{names[0]} has other settings in each of the two"]
 
 
+def _known_apart(sides: tuple[Side, Side], names: tuple[str, str], known: tuple[str, str]) -> list[str]:
+    """Return a sentence where the estimates of two rows are not known at the same time."""
+    if known[0] == known[1]:
+        return []
+    if names[0] == names[1]:
+        names = (f"{names[0]} of {sides[0].name}", f"{names[1]} of {sides[1].name}")
+    one, other = (f"{name} is known {when or 'in flight'}" for name, when in zip(names, known, strict=True))
+    return [
+        f"{one}, {other}: a row that is known later has had more readings and is no filter to fly, so its verdict is "
+        "not one between two filters."
+    ]
+
+
 def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, metric: Metric) -> tuple[Array, Array]:
     """Return a metric of both filters on their common runs."""
     _, here, there = np.intersect1d(one.runs, other.runs, return_indices=True)
@@ -145,7 +174,7 @@ def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, metric: Metri
     return first[here][both], second[there][both]
 
 
-def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) -> Table:
+def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]], later: Sequence[str]) -> Table:
     compared = paired_differences({key: one - other for key, (one, other) in found.items()})
     rows = []
     for key, (one, other) in found.items():
@@ -153,7 +182,7 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
             Row(
                 key.case,
                 (
-                    Words(" against ".join(dict.fromkeys(key.filters))),
+                    Words(key.names),
                     Words(key.metric.label),
                     *numbers([mean_interval(one), mean_interval(other)]),
                     *_cells(compared[key], float(other.mean())),
@@ -167,7 +196,8 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]]) ->
     return Table(
         name="comparison",
         title=f"{first.name} against {second.name}",
-        caption="First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
+        caption="".join(f"{sentence} " for sentence in later)
+        + "First minus second on their common runs that failed in neither: mean over runs, 95 % interval. The "
         "verdict is the first's. Verdicts, intervals of differences and p (sign-flip test, after Holm) hold at 95 % "
         "for all rows together: zero lies in an interval where the verdict is undecided. "
         f"{fewest_in_words(len(found), 'row')}",

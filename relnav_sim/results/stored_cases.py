@@ -17,6 +17,7 @@ from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.observability import Observability, course_of
 from relnav_sim.results.sound import odd_coordinate
 
+_NO_ROWS = slice(0, 0)
 _OWN_AXES = ("run", "trajectory", "failure")
 """Along which a stack has rows of many cases."""
 
@@ -34,6 +35,7 @@ class StoredCases:
         if stacks.CASES in store.names(file):
             self._stacks = store.read(store.subgroup(file, stacks.CASES), stacks.STACK)
         self._groups: dict[str, _Stack] = {}
+        self._filters: dict[tuple[int, str], StoredPart | None] = {}
 
     def case(self, index: int) -> StoredPart | None:
         """Return what the file holds of a case beside its filters; None where nothing has been computed yet."""
@@ -45,13 +47,18 @@ class StoredCases:
 
     def filter(self, index: int, name: str) -> StoredPart | None:
         """Return what the file holds of a filter of a case; None where no run has been computed yet."""
+        if (index, name) not in self._filters:
+            self._filters[index, name] = self._filter(index, name)
+        return self._filters[index, name]
+
+    def _filter(self, index: int, name: str) -> StoredPart | None:
         case = self.case(index)
         if case is None or name not in case.names:
             return None
         if case.stack is None:
             return StoredPart(store.subgroup(case.group, name))
         part = StoredPart(*self._stack(f"{case.group.name}/{name}", index))
-        return part if part.rows("run") != slice(0, 0) else None
+        return part if part.rows("run") != _NO_ROWS else None
 
     def failures(self, index: int) -> tuple[Failure, ...]:
         """Return the failures of a case; none where nothing has been computed yet.
@@ -66,7 +73,7 @@ class StoredCases:
             part = StoredPart(store.subgroup(case.group, "failures"))
         else:
             part = StoredPart(*self._stack(f"{case.group.name}/failures", index))
-            if part.rows("failure") == slice(0, 0):
+            if part.rows("failure") == _NO_ROWS:
                 return ()
         table = {spec.name: part.read(spec) for spec in layout.FAILURES}
         rows = zip(table["run"], table["filter"], table["epoch"], table["reason"], strict=True)
@@ -137,7 +144,8 @@ class StoredPart:
         first = layout.OBSERVABILITY[0]
         if first.name not in self.names:
             return None
-        states = tuple(map(str, store.read(self.group, layout.DIMENSIONS["state"])))
+        axis = layout.DIMENSIONS["state"]
+        states = tuple(map(str, store.read(self.group, axis) if self.stack is None else self.stack.column(axis)))
         if self.stack is None:
             ratio, direction, sigma_ratio = (store.read(self.group, spec) for spec in layout.OBSERVABILITY)
             blind, weakest = store.whole_number(self.group, "blind"), store.text(self.group, "weakest")
@@ -221,13 +229,16 @@ class _Stack:
         return found
 
     def rows(self, axis: str, case: int) -> slice:
-        owners = self.column(stacks.row_of_case(axis))
-        if (axis, "sorted") not in self._kept:
+        if (axis, "rows") not in self._kept:
+            owners = self.column(stacks.row_of_case(axis))
             if (np.diff(owners) < 0).any():
                 raise ResultsError(f"{self.group.file.filename}: {self.group.name}/case does not ascend")
-            self._kept[axis, "sorted"] = True
-        first, last = np.searchsorted(owners, [case, case + 1]).tolist()
-        return slice(first, last) if last > first else slice(0, 0)
+            cases, first = np.unique(owners, return_index=True)
+            ends = [*first.tolist()[1:], len(owners)]
+            places = zip(cases.tolist(), map(slice, first.tolist(), ends), strict=True)
+            self._kept[axis, "rows"] = dict(places)
+        found: slice = self._kept[axis, "rows"].get(case, _NO_ROWS)
+        return found
 
     def row_of(self, dim: str, case: int) -> int | None:
         owners = self.column(layout.DIMENSIONS[dim])

@@ -12,7 +12,8 @@ from relnav_sim import open_results, run_campaign
 from relnav_sim.campaign.load import parse_campaign
 from relnav_sim.cli.app import app
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.source import newest_result, readable
+from relnav_sim.cli.source import contents_by_now, newest_result, readable
+from relnav_sim.results.contents import contents_of
 from relnav_sim.runner.shard_folder import shard_folder
 
 
@@ -39,6 +40,7 @@ def test_the_runs_so_far(interrupted, capsys):
     with readable(out) as file, open_results(file) as results:
         assert len(results.missing()) == 2, "both filters of one case"
         assert file.name == out.name and results.planned_runs == 6
+        assert contents_by_now(out) == contents_of(results)
     assert not file.exists() and not out.exists()
     assert "not finished" in capsys.readouterr().err
 
@@ -49,6 +51,7 @@ def test_a_damaged_shard_is_left_out(interrupted):
     shard.write_bytes(shard.read_bytes()[:4000])
     with readable(out) as file, open_results(file) as results:
         assert sum(map(len, results.missing().values())) > 6
+        assert contents_by_now(out) == contents_of(results)
 
 
 FUTURE = 2**32
@@ -80,6 +83,7 @@ def test_a_campaign_that_grows_is_not_finished_until_the_result_has_grown(interr
     with readable(out) as file, open_results(file) as results:
         assert file != out and results.planned_runs == 10 and results.missing() == {}
         np.testing.assert_array_equal(results.runs, range(10))
+        assert contents_by_now(out) == contents_of(results)
     grown.rename(out)
     with readable(out) as file:
         assert file == out

@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from relnav_sim.cli.app import app
 from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report import figure
@@ -55,6 +57,20 @@ def test_without_one_in_flight_they_are_compared_with_one_another(make_result):
     later = {"filters.a.smoother": "rts", "filters.b.smoother": "rts"}
     ranking = ranking_of(make_result(filters={"a": 1.0, "b": 0.5}, runs=10, variables=[later]))
     assert [item.name for item in ranking.ranked] == ["b", "a"] and not ranking.known_later
+
+
+@pytest.mark.parametrize("form", ["text", "md", "csv", "latex"])
+def test_a_comparison_with_one_in_flight_says_so_first(make_result, form):
+    path = make_result(filters={"kf": 1.0, "ekf": 0.5, "rts": 0.2}, runs=5, variables=[RTS])
+    found = CliRunner().invoke(app, ["compare", f"{path}:kf", f"{path}:rts", "--format", form])
+    assert found.exit_code == 0 and " ".join(found.stderr.split()).startswith(
+        "kf is known in flight, rts is known after the run: a row that is known later"
+    )
+    stdout = " ".join(found.stdout.split())
+    assert "kf against rts (known after the run)" in stdout or form == "text"
+    assert "kf is known in flight, rts is known after the run" in stdout or form == "csv"
+    both = CliRunner().invoke(app, ["compare", f"{path}:kf", f"{path}:ekf", "--format", form])
+    assert both.exit_code == 0 and "known" not in both.output
 
 
 @pytest.mark.parametrize(

@@ -151,5 +151,6 @@ def test_an_array_of_twenty_with_two_killed_one_out_of_time_and_two_twice(played
     subprocess.run([relnav, "run", "small.yaml", "--out", "whole.h5"], cwd=tmp_path, check=True)
     subprocess.run([relnav, "merge", "merged.h5", *parts], cwd=tmp_path, check=True)
     assert_same_bits(tmp_path / "whole.h5", tmp_path / "merged.h5")
-    states = subprocess.run([relnav, "status", *results.glob("*.h5")], capture_output=True, text=True, cwd=tmp_path)
+    command = [relnav, "status", *results.glob("*.h5")]
+    states = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert states.returncode == 0 and states.stdout.count("finished") == ELEMENTS

@@ -3,6 +3,8 @@
 import json
 import os
 import platform
+import re
+import shutil
 import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
@@ -180,6 +182,10 @@ def test_the_command_from_another_terminal(campaign, tmp_path, monkeypatch):
     seen = CliRunner().invoke(app, ["status", f"{out}.shards"])
     assert seen.exit_code == 0 and "finished" in seen.output and "12 of 12" in seen.output
     assert status_of(out).failures == 0
+    other = tmp_path / f"{'long_' * 20}.h5"
+    shutil.copytree(f"{out}.shards", f"{other}.shards")
+    seen = CliRunner().invoke(app, ["status", str(out), str(other)])
+    assert re.sub(r" +", " ", seen.output).count("finished 12 of 12") == 2, "a long name leaves the columns whole"
     ours = [event["event"] for event in read_events(log)]
     assert ours == [event["event"] for event in read_events(tmp_path / "out.h5.shards" / "log.jsonl")]
     assert ours == ["begin", "start", "done", "end", "begin", "start", "done", "start", "done", "end"]
