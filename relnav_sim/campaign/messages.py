@@ -99,7 +99,8 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
     """
     # A key that the section of the file knows is unknown to the kind that a case has in its place.
     meant = [] if key in section.keys else section.keys
-    hint = meant_key(key, value, meant) or did_you_mean(key, meant)
+    known_elsewhere = bool(kinds or whole.homes.get(key))  # and so no misspelling of what is known here
+    hint = meant_key(key, value, meant) or ("" if known_elsewhere else did_you_mean(key, meant))
     if not hint and 0 < len(kinds) <= MOST_KEYS_NAMED:
         hint = f"; it belongs to the kind {listed(list(map(quoted, kinds)))}"
     homes = list(dict.fromkeys(whole.homes.get(key, ()))) if not hint else []

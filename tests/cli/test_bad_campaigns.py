@@ -239,7 +239,7 @@ BAD = {
         DEMO + "zip: {clock.step_s: [1, 2], statistics.settle_s: [1, 2, 3]}\n",
         "zip: its lists must be equally long",
     ),
-    "too many cases": (DEMO + f"  clock.step_s: {[*range(1, 700)]}\n", "1398 cases; a campaign has at most 1000"),
+    "too many cases": (DEMO + f"  clock.step_s: {[*range(1, 7000)]}\n", "13998 cases; a campaign has at most 10000"),
 }  # fmt: skip
 
 

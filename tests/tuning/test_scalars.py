@@ -1,3 +1,5 @@
+from typing import get_args
+
 import pytest
 
 from relnav_sim.filters.registry import filter_kinds
@@ -29,12 +31,24 @@ def test_every_declared_range_is_taken_by_its_filter(make_campaign):
             free_scalars(make_campaign(f"filters.x={{kind: {name}}}"), ("x",))
 
 
+def field_at(model, path):
+    """Return the field of an options model, or of a section in it that may be left out."""
+    *sections, last = path
+    for key in sections:
+        annotation = model.model_fields[key].annotation
+        (model,) = (
+            one for one in (annotation, *get_args(annotation)) if isinstance(one, type) and issubclass(one, Options)
+        )
+    return model.model_fields[last]
+
+
 def test_every_mark_stands_on_a_number_with_its_default_in_range():
     for kind in filter_kinds().values():
+        assert issubclass(kind.options_model, Options)
         for path, mark in marked(kind.options_model):
-            default = kind.options_model.model_fields[path[-1]].default
-            assert issubclass(kind.options_model, Options)
-            assert mark.low <= default <= mark.high, (kind.name, path)
+            field = field_at(kind.options_model, path)
+            assert mark.low < mark.high, (kind.name, path)
+            assert field.is_required() or mark.low <= field.default <= mark.high, (kind.name, path)
 
 
 def test_named_numbers(make_campaign):
