@@ -8,7 +8,7 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, cast
 
-from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator, model_validator
+from pydantic import ConfigDict, Field, SerializeAsAny, TypeAdapter, create_model, field_validator
 
 from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption, AugmentedStateOptions
 from relnav_sim.dynamics.augmentation.unmodelled_acceleration import process_noise_states
@@ -17,7 +17,7 @@ from relnav_sim.dynamics.process_noise import ProcessNoiseOptions
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.afterwards_options import BatchStartOptions, SmootherOption
 from relnav_sim.filters.editing_options import EditingOptions
-from relnav_sim.filters.registry import FilterKind, double_only, filter_kinds
+from relnav_sim.filters.registry import FilterKind, filter_kinds
 from relnav_sim.options import AddedLater, Options
 from relnav_sim.sensors.interface import AssumedNoise, Form, SensorOptions
 from relnav_sim.sensors.registry import sensor_kinds
@@ -102,13 +102,6 @@ class FilterEntry(Options):
         description="Which readings are rejected and how the filter recovers once it has rejected too many; default: "
         "every reading is taken",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _in_its_arithmetic(cls, data: Any) -> Any:
-        if isinstance(data, Mapping) and "arithmetic" in data and "arithmetic" not in cls.model_fields:
-            raise ValueError(f"arithmetic: {double_only(str(data['kind']))}")
-        return data
 
     @field_validator("sensors")
     @classmethod

@@ -14,6 +14,7 @@ from relnav_sim.campaign.paths import has, inside, value_at
 from relnav_sim.campaign.problems import SHOWN, Path, Problem, did_you_mean, dotted, listed, quoted
 from relnav_sim.campaign.shape import Shape
 from relnav_sim.campaign.units import meant_key, meant_value
+from relnav_sim.filters.registry import double_only, filter_kinds
 
 MOST_KEYS_NAMED = 14
 _PLAIN = 1e12  # numbers from here on are shown with an exponent
@@ -61,6 +62,8 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     parent = place[:-1]
     value, known = value_at(data, place), shape.at(place, data)
     if kind == "extra_forbidden":
+        if place == ("arithmetic",) and data.get("kind") in filter_kinds():
+            return double_only(data["kind"])
         section = shape.at(parent, data)
         if section is None:
             return unknown_key(str(place[-1]), value, whole, whole)
