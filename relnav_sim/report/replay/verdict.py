@@ -42,8 +42,8 @@ def shared_findings(filters: Sequence[FilterFigures]) -> str:
         return ""
     return (
         f"All {len(filters)} filters find the residuals of {listed(shared)} not white; they share the readings, so "
-        f"this is one finding and not {len(filters)}: that of the readings, of what all filters believe alike, or chance "
-        f"({100 * (1 - CONFIDENCE):.0f} % of the filters that are right have such a finding)."
+        f"this is one finding and not {len(filters)}: that of the readings, of what all filters believe alike, or "
+        f"chance ({100 * (1 - CONFIDENCE):.0f} % of the filters that are right have such a finding)."
     )
 
 
