@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import Clock, exact
@@ -11,6 +11,12 @@ from relnav_sim.conventions import CHUNK_EPOCHS
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.sensors import Sensors, relative_sensors
 from relnav_sim.sensors.arrivals import most_epochs_late
+
+ONLY_INNOVATIONS = (
+    "a filter that goes back for late readings (out_of_sequence: buffer), or over the whole run, has residuals that "
+    "are not about a prediction made before the reading, and only such are white when it is consistent"
+)
+"""Why the residuals of some filters are not tested for correlation."""
 
 
 def check_afterwards(name: str, entry: FilterEntry, clock: Clock | None) -> Iterator[Problem]:
@@ -133,6 +139,19 @@ def _check_buffer(path: Path, entry: FilterEntry, longest_s: float, slowest: str
         )
     if entry.batch_start is not None:
         yield Problem(path, "a start is fitted to readings that are there in time; take drop, or leave out batch_start")
+
+
+def tells_innovations(entry: FilterEntry) -> bool:
+    """Whether each residual of a filter is about what it predicted before it had read on, as only those are white."""
+    return entry.out_of_sequence != "buffer" and not filter_kinds()[entry.kind].repeats
+
+
+def untested_residuals(filters: Mapping[str, FilterEntry]) -> list[str]:
+    """Return a sentence on the filters that `statistics.whiteness` can't test; none where it can test all."""
+    names = [name for name, entry in filters.items() if not tells_innovations(entry)]
+    if not names:
+        return []
+    return [f"statistics.whiteness does not test the residuals of {listed(names, 'and')}: {ONLY_INNOVATIONS}."]
 
 
 def check_whole_steps(value: float, step_s: float, path: Path) -> Iterator[Problem]:

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from relnav_sim.arrays import Array
+from relnav_sim.campaign.afterwards import untested_residuals
 from relnav_sim.campaign.editing_checks import editing_warnings
 from relnav_sim.campaign.file_model import sensors_from
 from relnav_sim.campaign.idle_options import idle_options
@@ -63,7 +64,9 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
         if key not in found and len(found) < MOST_GEOMETRIES:
             found[key] = _nominal_warnings(config)
         if key in found:
-            said.append((case.label, [*idle_options(config), *editing_warnings(config.filters), *found[key]]))
+            untested = untested_residuals(config.filters) if config.statistics.whiteness else []
+            known = [*idle_options(config), *editing_warnings(config.filters), *untested]
+            said.append((case.label, [*known, *found[key]]))
     unseen = len(campaign.cases) - len(said)
     rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
     return (*together(said), *rest)

@@ -99,7 +99,7 @@ def replay(
 
         from relnav_sim.recorded import EphemerisError
         from relnav_sim.recorded.readings import ReadingsError
-        from relnav_sim.report.replay import figures_of, verdict, write_replay
+        from relnav_sim.report.replay import figures_of, shared_findings, verdict, write_replay
         from relnav_sim.runner.replay import replay_campaign, write_result
         from relnav_sim.simulation.own_readings import ReplayError
 
@@ -116,6 +116,8 @@ def replay(
             say(f"{one.name} is {verdict(one, len(done.recorded))}")
         for name, why in done.block.broken.items():
             say(f"{name} broke: {why.reason}", err=True)
+        if shared := shared_findings(found):
+            say(shared)
         say("")
         _print(found, done)
         (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's

@@ -24,6 +24,8 @@ from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import verdict
 from relnav_sim.report.tables import Table
+from relnav_sim.report.whiteness_table import untested_residuals
+from relnav_sim.results.settings import case_setting
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -68,6 +70,9 @@ def compose_case(
             section = replace(section, notes=(_STRESSED.format(stress=stress), *section.notes))
         if not ranking.case.filters:
             return ranking, section
+        asked = case_setting(results, index, "statistics.whiteness", False)
+        if asked and all(item.by_channel is None for item in ranking.case.filters):  # so there is no table to say it
+            section = replace(section, notes=(*section.notes, untested_residuals(ranking.case)))
         missing = list(section.missing)
         curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
         section = replace(section, curves=curves, missing=tuple(missing))

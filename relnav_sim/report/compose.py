@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from relnav_sim.parent_watch import end_with_parent
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import reproduce_commands
 from relnav_sim.report import campaign_facts, html
@@ -109,7 +111,7 @@ def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, worker
 
         parts = [left[first :: min(workers, len(left))] for first in range(min(workers, len(left)))]
         with safe_path():
-            made = joblib.Parallel(n_jobs=len(parts), max_nbytes=None)(
+            made = joblib.Parallel(n_jobs=len(parts), max_nbytes=None, **_ended_with_this())(
                 joblib.delayed(rank_cases)(results.path, part, axes) for part in parts
             )
         found |= {ranking.case.index: ranking for part in made for ranking in part}
@@ -134,9 +136,14 @@ def _cases(
         return [compose_case(*arguments) for arguments in todo]
     import joblib
 
-    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)))
+    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)), **_ended_with_this())
     with safe_path():
         return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
+
+
+def _ended_with_this() -> dict[str, Any]:
+    """Return the options of processes that end with this one, whatever ends it."""
+    return {"initializer": end_with_parent, "initargs": (os.getpid(),)}
 
 
 def _without_pictures(

@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from relnav_sim.campaign.afterwards import ONLY_INNOVATIONS
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.residuals import channel_checks
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
 from relnav_sim.statistics.residual_checks import RELEVANT_CORRELATION, ChannelCheck
-from relnav_sim.wording import MISSING
+from relnav_sim.wording import MISSING, listed
 
 
 def whiteness_table(case: CaseFacts) -> Table | None:
@@ -49,11 +50,18 @@ def whiteness_table(case: CaseFacts) -> Table | None:
         "many apart; in brackets the band of white noise at one lag, 95 %. Correlated: more than chance allows (Ljung "
         "and Box 1978, all channels of a filter together at 5 %) and above 0.05 at some lag; white within 0.05: not "
         "above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is correlated, whose model "
-        "leaves something out or whose gain is wrong has correlated residuals.",
+        "leaves something out or whose gain is wrong has correlated residuals."
+        + (f" {untested}" if (untested := untested_residuals(case)) else ""),
         corner="figure",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
+
+
+def untested_residuals(case: CaseFacts) -> str:
+    """Return a sentence on the filters of a case whose residuals are not kept; empty without any."""
+    names = [item.name for item in case.filters if item.by_channel is None]
+    return f"Residuals of {listed(names)} are not tested: {ONLY_INNOVATIONS}." if names else ""
 
 
 def _verdict(one: ChannelCheck, level: float) -> Cell:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import os
 import signal
-import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from relnav_sim.safe_path import VARIABLE, safe_path
+from relnav_sim.parent_watch import end_with_parent
+from relnav_sim.safe_path import safe_path
 
 if TYPE_CHECKING:
     from relnav_sim.runner.bound_task import Task
@@ -22,9 +19,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Given = TypeVar("Given")
-
-PARENT_CHECKED_EVERY_S = 0.25
-PR_SET_PDEATHSIG = 1
 
 _THREADS = ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "NUMEXPR")
 _ONE_THREAD = dict.fromkeys((f"{library}_NUM_THREADS" for library in _THREADS), "1") | {"VECLIB_MAXIMUM_THREADS": "1"}
@@ -46,7 +40,7 @@ class Worker:
 
         with started_apart():
             self._executor: Any = ProcessPoolExecutor(
-                max_workers=1, initializer=_end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
+                max_workers=1, initializer=end_with_parent, initargs=(os.getpid(),), env=_ONE_THREAD
             )
             try:
                 self.started: Future[None] = self._executor.submit(_make_ready)
@@ -119,28 +113,3 @@ def _make_ready() -> None:
     importlib.import_module("relnav_sim.kernels.compiler")  # before a plug-in imports numba itself
     prepare_worker()
     importlib.import_module("relnav_sim.runner.worker_task")
-
-
-def _end_with_parent(parent: int) -> None:
-    """Make this process end when its parent does, also while compiled code leaves no other thread a turn."""
-    os.environ.pop(VARIABLE, None)  # it is for the start of this process, not for those that a filter starts
-    if not _killed_with_parent():
-        threading.Thread(target=_watch, args=(parent,), name="relnav-parent-watch", daemon=True).start()
-    if os.getppid() != parent:  # it was gone before anyone watched
-        os._exit(1)
-
-
-def _killed_with_parent() -> bool:
-    """Ask Linux for a SIGKILL at the parent's end; return whether it was granted."""
-    if sys.platform != "linux":
-        return False
-    try:
-        return bool(ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0)
-    except (OSError, AttributeError):
-        return False
-
-
-def _watch(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECKED_EVERY_S)
-    os._exit(1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.campaign import Case
+from relnav_sim.campaign.afterwards import tells_innovations
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.containment import Containment
@@ -25,7 +26,7 @@ from relnav_sim.simulation.augmented_states import AugmentedTrack, extended_prio
 from relnav_sim.simulation.breakdown import Breakdown, breakdown
 from relnav_sim.simulation.campaign_filter import filter_channels, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, chunks
-from relnav_sim.simulation.fed_filter import FedFilter, Shared, tells_innovations
+from relnav_sim.simulation.fed_filter import FedFilter, Shared
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.memory import lacks_memory
 from relnav_sim.simulation.repeated import Repeated

@@ -165,10 +165,5 @@ def buffered_epochs(entry: FilterEntry, config: CaseConfig) -> int:
     return max(most_epochs_late(limits, config.clock.step_s) for limits in drawn)
 
 
-def tells_innovations(entry: FilterEntry) -> bool:
-    """Whether each residual of a filter is about what it predicted before it had read on, as only those are white."""
-    return entry.out_of_sequence != "buffer" and not filter_kinds()[entry.kind].repeats
-
-
 def _epochs(series: Mapping[str, T], epochs: slice) -> dict[str, T]:
     return {name: values[:, epochs] for name, values in series.items()}

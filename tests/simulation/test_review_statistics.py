@@ -7,9 +7,11 @@ import pytest
 
 from relnav_sim import run_campaign
 from relnav_sim.campaign import parse_campaign
+from relnav_sim.campaign.warnings import campaign_warnings
 from relnav_sim.plots.ellipses import ellipse
 from relnav_sim.plots.facts import case_facts
 from relnav_sim.report import figure
+from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.ranking import rank
 from relnav_sim.results import open_results
@@ -114,3 +116,23 @@ def test_report_and_figures(tmp_path) -> None:
             figure(results, "ellipses", sigma=0.0)
         with pytest.raises(ValueError, match="there is no epoch"):
             figure(results, "ellipses", at_s=1e6)
+
+
+GOING_BACK = "  buffer: {kind: ekf, out_of_sequence: buffer}\n  batch: {kind: batch_least_squares}\n"
+
+
+@pytest.mark.parametrize("others", ["  ekf: {kind: ekf}\n", ""], ids=["beside another", "alone"])
+def test_filters_that_go_back_are_said_not_to_be_tested(tmp_path, others) -> None:
+    text = TEXT[: TEXT.index("  ekf:")].replace("sigma_deg: 0.07", "sigma_deg: 0.07, drawn_latency_s: [0, 2]")
+    campaign = parse_campaign(text.replace("duration_s: 300", "duration_s: 120") + others + GOING_BACK, FULL[1:])
+    (warning,) = (each for each in campaign_warnings(campaign) if "whiteness" in each)
+    assert "statistics.whiteness does not test the residuals of buffer and batch: a filter that goes back" in warning
+    path = run_campaign(campaign, tmp_path / "r.h5", backend="sequential")
+    with open_results(path) as results:
+        kept = [name for name in results.filters if results.by_channel(0, name) is not None]
+    assert kept == (["ekf"] if others else [])
+    ranking, section = compose_case(path, 0, "rtn", tmp_path, False, 10, False, False)
+    table = case_table_makers(ranking)["residuals by channel"]()
+    said = " ".join(section.notes) if table is None else table.caption
+    assert (table is None) == (not others)
+    assert "Residuals of buffer and batch are not tested: a filter that goes back for late readings" in said

@@ -1,7 +1,7 @@
 """The page of a replay: what recorded readings say about each filter, the verdict first."""
 
 from relnav_sim.report.replay.figures_of_filters import FilterFigures, figures_of
-from relnav_sim.report.replay.verdict import verdict
+from relnav_sim.report.replay.verdict import shared_findings, verdict
 from relnav_sim.report.replay.write import write_replay
 
-__all__ = ["FilterFigures", "figures_of", "verdict", "write_replay"]
+__all__ = ["FilterFigures", "figures_of", "shared_findings", "verdict", "write_replay"]

@@ -10,7 +10,7 @@ from relnav_sim.plots import residuals
 from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
 from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.report.replay.tables import channels_table, scores_table, sensors_table
-from relnav_sim.report.replay.verdict import verdict
+from relnav_sim.report.replay.verdict import shared_findings, verdict
 from relnav_sim.report.tables import Table
 from relnav_sim.results.merge import run_ranges
 from relnav_sim.simulation.replayed import Replay
@@ -103,6 +103,7 @@ def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Pat
         verdicts=(
             *(f"{one.name} is {verdict(one, runs)}." for one in filters),
             *(f"{name} broke: {why.reason}." for name, why in block.broken.items()),
+            *([shared] if (shared := shared_findings(filters)) else []),
         ),
         scored=f"Estimates are scored against {replay.truth}."
         if replay.truth

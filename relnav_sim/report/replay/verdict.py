@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.statistics.residual_checks import ChannelCheck, NisCheck
 from relnav_sim.statistics.scores import Scores
@@ -23,6 +24,27 @@ def verdict(filter: FilterFigures, runs: int) -> str:
         runs: Number of runs replayed.
     """
     return _by_residuals(filter, runs) + ("" if filter.scores is None else _against_truth(filter.scores))
+
+
+def shared_findings(filters: Sequence[FilterFigures]) -> str:
+    """Return a sentence on the channels that no filter that reads them finds white; empty without any.
+
+    Filters share the readings, so a chance in these is found by each of them, and is no verdict of so many.
+
+    Args:
+        filters: The figures of all filters.
+    """
+    if len(filters) < 2:
+        return ""
+    found = [{one.name for one in each.checks.correlated} for each in filters]
+    shared = [one.name for one in filters[0].checks.channels if all(one.name in names for names in found)]
+    if not shared:
+        return ""
+    return (
+        f"All {len(filters)} filters find the residuals of {listed(shared)} not white; they share the readings, so "
+        f"this is one finding and not {len(filters)}: that of the readings, of what all filters believe alike, or "
+        f"chance ({100 * (1 - CONFIDENCE):.0f} % of the filters that are right have such a finding)."
+    )
 
 
 def _by_residuals(filter: FilterFigures, runs: int) -> str:
