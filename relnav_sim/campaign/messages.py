@@ -62,8 +62,6 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     parent = place[:-1]
     value, known = value_at(data, place), shape.at(place, data)
     if kind == "extra_forbidden":
-        if place == ("arithmetic",) and data.get("kind") in filter_kinds():
-            return double_only(data["kind"])
         section = shape.at(parent, data)
         if section is None:
             return unknown_key(str(place[-1]), value, whole, whole)
