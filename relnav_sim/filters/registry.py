@@ -159,7 +159,16 @@ def register_filter(
 
 @cache
 def _load_all() -> None:
-    load_plugins(_KINDS, (f"relnav_sim.filters.{module}" for module in _BUILT_IN), "relnav.filters")
+    modules = [f"relnav_sim.filters.{module}" for module in _BUILT_IN]
+    load_plugins(_KINDS, modules, "relnav.filters")
+
+    def place(kind: FilterKind) -> int:
+        return modules.index(kind.factory.__module__) if kind.factory.__module__ in modules else len(modules)
+
+    # In the order above, whichever module somebody has imported first.
+    ordered = sorted(_KINDS.values(), key=place)
+    _KINDS.clear()
+    _KINDS.update((kind.name, kind) for kind in ordered)
 
 
 def filter_kinds() -> dict[str, FilterKind]:

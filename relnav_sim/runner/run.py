@@ -68,13 +68,15 @@ def run_campaign(
         ValueError: A time limit with ``sequential``: nothing could end what hangs.
     """
     out = Path(out) if out is not None else default_out(campaign, part)
+    watch = Watch(say)
+    # What it refuses is refused before anything is moved or written.
+    pool = Pool(workers, backend, timeout_s, scheduler, _told_twice(say, watch.message), watch)
     if fresh:
         move_aside(out, say)
-    watch = Watch(say)
     with (
         job_of(campaign, out, say, part) as job,
         session_of(job, watch, None if log is None else Path(log)) as session,
-        Pool(workers, backend, timeout_s, scheduler, _told_twice(say, watch.message), watch) as pool,
+        pool,
     ):
         job.take_stock()
         for sentence in recorded_orbits(campaign):

@@ -70,7 +70,7 @@ def test_the_command_line_lists_and_shows_it(installed):
     )
     done = python(installed, "-c", code)
     assert done.returncode == 0, done.stderr
-    assert re.search(rf"^{NAME} +Fading-memory filter", done.stdout, re.MULTILINE)
+    assert re.search(rf"^{NAME} .* Fading-memory filter", done.stdout, re.MULTILINE)
     assert f"{NAME}: Fading-memory filter" in done.stdout and "memory_s" in done.stdout
 
 
