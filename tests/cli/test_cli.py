@@ -286,6 +286,7 @@ class TestNothingIsOverwritten:
         assert precious.read_text(encoding="utf-8").startswith("{")
 
 
+@pytest.mark.slow
 def test_one_figure_of_a_result(demo):
     succeeds("run", demo, "--out", "r.h5", *TINY)
     assert "position_start" in succeeds("figure")

@@ -71,7 +71,7 @@ def campaign_text(chief: str, deputy: str, epoch: str = "") -> str:
 
 @pytest.mark.parametrize(
     "start",
-    [pytest.param(name, marks=[] if name in ("elements", "both by lines") else pytest.mark.slow) for name in STARTS],
+    [pytest.param(name, marks=[] if name == "both by lines" else pytest.mark.slow) for name in STARTS],
 )
 def test_a_result_is_simulated_again_without_the_files_of_its_start(start: str, tmp_path: Path) -> None:
     chief, deputy = STARTS[start]

@@ -140,6 +140,7 @@ def test_nothing_is_overwritten_unasked(demo):
     assert not Path("demo_tuned.yaml").exists()
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_it_within_two_seconds(demo):
     program = "from relnav_sim.cli.app import main; main()"
     command = [sys.executable, "-c", program, "tune", "demo.yaml", "--budget", "500"]

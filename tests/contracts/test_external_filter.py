@@ -61,6 +61,7 @@ def test_a_campaign_runs_it_on_two_workers(installed, tmp_path):
     assert told["rms"]["fading_100"] < 0.4 * told["rms"]["ekf"]
 
 
+@pytest.mark.slow
 def test_the_command_line_lists_and_shows_it(installed):
     code = (
         "from typer.testing import CliRunner\n"

@@ -17,6 +17,7 @@ def installed(tmp_path_factory):
     return [folder, EXAMPLE]
 
 
+@pytest.mark.slow
 def test_it_passes_the_contract_tests(installed):
     done = python(installed, "-m", "pytest", "tests/contracts/test_sensors.py", "-k", NAME, "-p", "no:cacheprovider")
     assert done.returncode == 0, done.stdout[-3000:]

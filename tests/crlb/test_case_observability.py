@@ -122,6 +122,7 @@ def test_nothing_is_said_where_there_is_no_start(own_sensors):
     assert blind == {}
 
 
+@pytest.mark.slow
 def test_validate_and_the_report_say_the_same_and_rank_the_others(own_sensors, tmp_path):
     campaign = parse_campaign(TEXT)
     (said,) = observability_warnings(campaign)

@@ -38,6 +38,7 @@ def test_parts_and_merge(here):
     assert missing == f"relnav: results/none.h5: No such file or directory; there are {there}\n"
 
 
+@pytest.mark.slow
 def test_one_run(here):
     result = invoke(0, "run", "small.yaml", "--only", "1:4", "--trace", *SEQUENTIAL)
     assert "wrote results/small.case_001.run_4.h5" in result.stdout
@@ -82,6 +83,7 @@ def test_a_finished_campaign_says_so_and_keeps_its_provenance(here):
         assert results.provenance == before
 
 
+@pytest.mark.slow
 def test_inspect_shows_the_campaign_and_compares(here):
     invoke(0, "run", "small.yaml", *SEQUENTIAL)
     invoke(0, "run", "small.yaml", "--out", "b.h5", "--set", "seed=6", *SEQUENTIAL)

@@ -81,6 +81,7 @@ def test_a_filter_that_kills_its_process_meanwhile_does_no_harm(relnav, caches, 
 
 
 @pytest.mark.parametrize("options", [(), ("--backend", "sequential")])
+@pytest.mark.slow
 def test_a_numba_that_can_not_be_imported_is_a_sentence(relnav, tmp_path, options):
     (tmp_path / "site").mkdir()
     (tmp_path / "site" / "sitecustomize.py").write_text("import sys\nsys.modules['numba'] = None\n")

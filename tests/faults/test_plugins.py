@@ -244,6 +244,7 @@ def test_the_log_of_a_single_run_lies_beside_it(with_ways):
         ("raise OSError('caf\\udce9 \\x1b[31m')", r"OSError: caf\udce9 \x1b[31m"),
     ],
 )
+@pytest.mark.slow
 def test_a_package_that_can_not_be_imported_is_named(relnav, tmp_path, source, problem):
     """Its filters are left out, also those that it had registered before; the campaign that names them can't be run."""
     environment = installed(tmp_path / "site", "quits", f"{PLUGIN}\n{source}\n")
@@ -257,6 +258,7 @@ def test_a_package_that_can_not_be_imported_is_named(relnav, tmp_path, source, p
     assert code == 0 and "small.yaml is a valid campaign" in stdout and left_out in stderr
 
 
+@pytest.mark.slow
 def test_what_an_import_changes_or_prints_stays_out_of_answers(relnav, tmp_path):
     source = "import os, sys; print('loading'); os.chdir('/'); os.umask(0o777); sys.stdin = sys.stdout = None"
     here = relnav(environment=installed(tmp_path / "site", "loud", source))

@@ -52,7 +52,7 @@ def shell(here, words):
     [
         pytest.param("2>&-", marks=pytest.mark.slow),
         pytest.param(">&- 2>&-", marks=pytest.mark.slow),
-        "<&- >&- 2>&-",
+        pytest.param("<&- >&- 2>&-", marks=pytest.mark.slow),
         pytest.param("2>&1 | true", marks=pytest.mark.slow),
         pytest.param(f"2>{FULL}", marks=[needs_full_disk, pytest.mark.slow]),
         pytest.param(f">{FULL} 2>&1", marks=needs_full_disk),

@@ -137,6 +137,7 @@ def test_a_damaged_file_is_compiled_anew(copy):
     assert copy.doubles() == (6.0, 0)
 
 
+@pytest.mark.slow
 def test_several_processes_at_once_compile_once_and_hinder_nobody(copy):
     processes = [copy.start("-c", DOUBLES) for _ in range(3)]
     answers = [process.communicate(timeout=120) for process in processes]

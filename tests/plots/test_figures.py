@@ -91,6 +91,7 @@ def test_accuracy_by_case_shows_the_mean_over_runs(results: Results) -> None:
     np.testing.assert_allclose(kf.get_ydata(), expected)
 
 
+@pytest.mark.slow
 def test_the_same_result_gives_the_same_bytes(results: Results) -> None:
     for form in (png, pdf):
         assert form(figures.box_plots(results, 0)) == form(figures.box_plots(results, 0))

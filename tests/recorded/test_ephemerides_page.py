@@ -15,6 +15,7 @@ FILE = re.compile(r"`(?P<name>[\w.]+)`[^\n]*:\n\n```(?:csv|yaml)\n(?P<text>.*?)`
 STEP = re.compile(r"```(?P<kind>python|sh)\n(?P<text>.*?)```", re.DOTALL)
 
 
+@pytest.mark.slow
 def test_everything_on_the_page_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], unrendered: None
 ) -> None:

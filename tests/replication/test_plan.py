@@ -34,6 +34,7 @@ class _Variables:
         return self.cases[index].variables
 
 
+@pytest.mark.slow
 def test_every_reading_finds_its_case_and_its_filters():
     readings = [reading for rule in (*RULES, *future_rules()) for reading in (*rule.main, *rule.others)]
     checked = 0

@@ -53,7 +53,13 @@ def made(maker: ResultMaker, settings: dict[str, Any]) -> Path:
     return maker(**{"filters": TWO, "times": 13, **settings})
 
 
-@pytest.mark.parametrize("settings", AWKWARD.values(), ids=AWKWARD)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(settings, id=name, marks=[] if number % 2 else pytest.mark.slow)
+        for number, (name, settings) in enumerate(AWKWARD.items())
+    ],
+)
 def test_nothing_of_the_report_is_missing(
     make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any]
 ) -> None:
@@ -97,6 +103,7 @@ def test_errors_against_range_are_those_of_each_runs_own_truth(make_result: Resu
     assert filled.sum() > 5
 
 
+@pytest.mark.slow
 def test_a_figure_that_fails_costs_only_itself(
     make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -108,6 +108,7 @@ def test_one_sensor_without_an_outage_adds_nothing(make_result: ResultMaker) -> 
     assert "NIS: the dimension of the measurement, 3, and" in consistency_table(bare).caption
 
 
+@pytest.mark.slow
 def test_the_page_shows_both(result: Path, tmp_path: Path) -> None:
     said: list[str] = []
     write_report(result, tmp_path / "out", ("md",), say=said.append)

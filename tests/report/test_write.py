@@ -158,6 +158,7 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeyp
     assert (tmp_path / "out" / "tables" / "case_025_whole.csv").is_file()
 
 
+@pytest.mark.slow
 def test_pictures_that_do_not_fit_are_linked(make_result: ResultMaker, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("relnav_sim.report.compose._LARGEST_HTML", 190_000)
     index = write_report(make_result(runs=3), tmp_path / "out")

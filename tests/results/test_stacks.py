@@ -91,6 +91,7 @@ def _compare_own(one: Results, other: Results, case: int, filter: str) -> None:
 
 
 @pytest.mark.parametrize("most", [1, CASES])
+@pytest.mark.slow
 def test_either_file_merges_again_to_the_same(tmp_path, both, make_header, facts, monkeypatch, most) -> None:
     monkeypatch.setattr(stacks, "STACKED_CASES", most)
     for path in both:

@@ -325,6 +325,7 @@ def test_what_is_there_of_an_unfinished_campaign_names_the_command_that_computes
         assert results.missing() and results.bound(0) is not None
 
 
+@pytest.mark.slow
 def test_a_stranger_s_file_with_other_content_is_damaged_in_words(tmp_path, reference):
     path = tmp_path / "strange.h5"
     shutil.copy(reference, path)

@@ -59,7 +59,16 @@ SHORT = (
 )
 
 
-@pytest.mark.parametrize("kind", sorted(name for name in filter_kinds() if not name.startswith("test_")))
+QUICK = ("ekf", "imm", "particle", "sr_ukf", "srif", "two_step")
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow)
+        for name in sorted(name for name in filter_kinds() if not name.startswith("test_"))
+    ],
+)
 def test_every_filter_flies_a_hop_and_no_bit_depends_on_the_block(kind):
     """Measured and planned thrust, latency, glint; a block of three runs, and one of them alone."""
     fields = filter_kinds()[kind].options_model.model_fields

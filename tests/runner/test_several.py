@@ -34,6 +34,7 @@ def test_several_campaigns_are_what_each_is_alone(campaign, tmp_path, capsys):
     assert again == [path.stat().st_mtime_ns for path in tmp_path.rglob("*.h5") if "shards" in str(path)]
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_the_campaigns_that_are_complete(campaign, tmp_path, monkeypatch):
     jobs = [(campaign(f"seed={seed}"), tmp_path / f"{seed}.h5") for seed in (1, 2)]
     alone = run_campaign(jobs[0][0], tmp_path / "alone.h5", backend="sequential")
@@ -73,6 +74,7 @@ def test_a_campaign_is_complete_with_the_pieces_of_its_blocks(campaign, tmp_path
     assert (tmp_path / "2.h5").exists() and not (tmp_path / "3.h5").exists()
 
 
+@pytest.mark.slow
 def test_other_settings_are_refused_before_anything_runs(campaign, tmp_path):
     run_campaign(campaign("runs=1"), tmp_path / "second.h5", backend="sequential")
     jobs = [

@@ -57,6 +57,7 @@ def test_stops_at_the_first_look_that_meets_the_rule(campaign, tmp_path, all_run
 
 
 @pytest.mark.parametrize("look", [pytest.param(4, marks=pytest.mark.slow), 6, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_workers_stop_where_one_process_does(campaign, tmp_path, all_runs, look):
     parsed = campaign("runs=12", RULE.format(widest(all_runs, look) * 1.0001))
     alone = run_campaign(parsed, tmp_path / "a.h5", backend="sequential")

@@ -85,6 +85,7 @@ def test_channels_are_named_and_consistent_ones_are_white(blocks) -> None:
     assert np.abs(found.product[:, 1, :, 0].mean(axis=0) - 1).max() < 4.5 * np.sqrt(2 / (8 * 201))
 
 
+@pytest.mark.slow
 def test_report_and_figures(tmp_path) -> None:
     path = run_campaign(parse_campaign(TEXT, FULL), tmp_path / "r.h5", backend="sequential")
     with open_results(path) as results:

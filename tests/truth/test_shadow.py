@@ -25,9 +25,7 @@ ORBITS = {
     "penumbra alone": (SUMMER, Elements(2.4e7, 0.7, 1.1, 4.3, 0.5, 3.0)),
 }
 
-SOME_ORBITS = [
-    pytest.param(name, marks=[] if name in ("low", "penumbra alone") else pytest.mark.slow) for name in ORBITS
-]
+SOME_ORBITS = [pytest.param(name, marks=[] if name == "low" else pytest.mark.slow) for name in ORBITS]
 
 
 def force_at(epoch, radiation=True, **others):
