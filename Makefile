@@ -54,7 +54,7 @@ bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in a
 	mkdir -p build
 	for script in $(BENCHMARKS); do $(BENCH)/bin/python benchmarks/$$script.py --docs $(BENCH_OPTIONS) || exit 1; done
 
-scale: setup  ## Measure how commands grow with runs, cases, filters and epochs, for docs/clusters.md; an hour on a quiet machine
+scale: setup  ## Measure how commands grow with runs, cases, filters and epochs, for docs/clusters.md; SCALE_OPTIONS takes a part
 	PYTHONPATH=benchmarks $(BIN)/python -m scale $(SCALE_OPTIONS)
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models

@@ -80,6 +80,29 @@ class Filter(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class WrappedBelief:
+    """The belief of a filter about another filter's: its estimate is that of the other.
+
+    Attributes:
+        inner: The other filter's belief.
+    """
+
+    inner: Any
+
+    @property
+    def mean(self) -> Array:
+        """State estimate (runs, n)."""
+        mean: Array = self.inner.mean
+        return mean
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of its error (runs, n, n)."""
+        covariance: Array = self.inner.covariance
+        return covariance
+
+
 B = TypeVar("B")
 
 

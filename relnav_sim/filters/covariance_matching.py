@@ -22,7 +22,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief
 from relnav_sim.linalg import transpose
 from relnav_sim.streams import RandomSource
 
@@ -39,11 +39,11 @@ LEAST_SHARE = 1e-12
 
 
 @dataclass(frozen=True)
-class MatchedBelief:
+class MatchedBelief(WrappedBelief):
     """A filter's belief, and what its readings have told of the process noise.
 
     Attributes:
-        inner: The filter's own.
+        inner: The filter's own belief.
         predicted_velocity: As predicted for this epoch, (runs, 3).
         predicted_covariance: Its covariance, (runs, 3, 3).
         made: What a density 1 on each axis has made since the last reading that counted, (runs, 3, 6, 6).
@@ -52,25 +52,12 @@ class MatchedBelief:
         taken: How many readings have counted, (runs,).
     """
 
-    inner: Any
     predicted_velocity: Array
     predicted_covariance: Array
     made: Array
     densities: Array
     window: Array
     taken: Array
-
-    @property
-    def mean(self) -> Array:
-        """State estimate (runs, n)."""
-        mean: Array = self.inner.mean
-        return mean
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of its error (runs, n, n)."""
-        covariance: Array = self.inner.covariance
-        return covariance
 
 
 class CovarianceMatching:

@@ -18,7 +18,15 @@ from scipy.special import chdtri
 
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.dynamics.interface import Step
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, considered_states, keep_considered, where_runs
+from relnav_sim.filters.belief import (
+    Filter,
+    Gaussian,
+    Innovation,
+    WrappedBelief,
+    considered_states,
+    keep_considered,
+    where_runs,
+)
 from relnav_sim.filters.channel_quantile import ChannelQuantile
 from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.kalman import joseph_update
@@ -34,30 +42,17 @@ Restart = Callable[[str, Gaussian, Step], Gaussian | None]
 
 
 @dataclass(frozen=True)
-class EditedBelief:
+class EditedBelief(WrappedBelief):
     """A filter's belief, and what was rejected of late; u sensors or channels are judged.
 
     Attributes:
-        inner: The filter's own.
+        inner: The filter's own belief.
         rejects: Failed tests in a row by now, (runs, u).
         since: Epoch of the first of them, (runs, u); -1 where there are none.
     """
 
-    inner: Any
     rejects: Integers
     since: Integers
-
-    @property
-    def mean(self) -> Array:
-        """State estimate (runs, n)."""
-        mean: Array = self.inner.mean
-        return mean
-
-    @property
-    def covariance(self) -> Array:
-        """Covariance of its error (runs, n, n)."""
-        covariance: Array = self.inner.covariance
-        return covariance
 
 
 @dataclass(frozen=True)
