@@ -21,13 +21,15 @@ from relnav_sim.campaign.messages import unknown_key
 from relnav_sim.campaign.models import CaseConfig, StopOptions, TuneOptions
 from relnav_sim.campaign.overrides import Source, apply_overrides
 from relnav_sim.campaign.paths import value_at
-from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, no_such
+from relnav_sim.campaign.problems import SHOWN, CampaignError, Problem, listed, no_such
 from relnav_sim.campaign.requirements import AnyRequirement, ErrorsRequirement, NisRequirement
 from relnav_sim.campaign.stress import Stress, read_stress, stressed
 from relnav_sim.kernels.compiling import interpreted
+from relnav_sim.notebook import table_html
 from relnav_sim.options import Options
 from relnav_sim.same_object import remembered
 from relnav_sim.sensors import sensor_kinds
+from relnav_sim.wording import counted
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Case:
         return {name: filter_id(entry) for name, entry in self.config.filters.items()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Campaign:
     """A validated campaign.
 
@@ -94,9 +96,40 @@ class Campaign:
     requirements: Mapping[str, AnyRequirement] = field(default_factory=dict)
     stressed: tuple[Case, ...] = ()
 
+    def __repr__(self) -> str:
+        names = dict.fromkeys(name for case in self.cases for name in case.config.filters)
+        held = f"{counted(len(self.cases), 'case')}, {counted(len(names), 'filter')}, {counted(self.runs, 'run')}"
+        return f"<Campaign {self.name}: {held}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [str(number), case.label, ", ".join(case.config.filters), f"{case.config.flown.clock.duration_s:g}"]
+            for number, case in enumerate(self.cases)
+        ]
+        return table_html(repr(self).strip("<>"), ["case", "", "filters", "duration, s"], rows)
+
     def with_stress(self) -> Campaign:
         """Return the campaign with its stressed cases behind the others, as `relnav run --stress` flies it."""
         return replace(self, cases=(*self.nominal_cases, *self.stressed))
+
+    def with_filters(self, names: Sequence[str]) -> Campaign:
+        """Return the campaign with these filters only, as `relnav run --filter` flies it; others can be added later.
+
+        Raises:
+            ValueError: No case has one of them, a case has none of them, or the rule to stop watches another.
+        """
+        known = list(dict.fromkeys(name for case in self.cases for name in case.config.filters))
+        for name in names:
+            if name not in known:
+                raise ValueError(no_such("filter", name, known))
+        for case in self.cases:
+            if not set(names) & set(case.config.filters):
+                raise ValueError(f"case {case.label} has no filter {listed(names)}")
+        if self.stop is not None and self.stop.filter not in (None, *names):
+            raise ValueError(f"the rule to stop watches {self.stop.filter!r}, which must be among the filters")
+        kept = tuple(_with_filters(case, names) for case in self.cases)
+        under = tuple(_with_filters(case, names) for case in self.stressed)
+        return replace(self, cases=kept, stressed=under)
 
     @property
     def nominal_cases(self) -> tuple[Case, ...]:
@@ -235,6 +268,11 @@ def _case(name: str, valid: ValidatedPoint) -> Case:
         for variable, _ in valid.point.choices
     }
     return Case(case_id(content, variables), valid.point.label, variables, config)
+
+
+def _with_filters(case: Case, names: Sequence[str]) -> Case:
+    filters = {name: entry for name, entry in case.config.filters.items() if name in names}
+    return replace(case, config=case.config.model_copy(update={"filters": filters}))
 
 
 @remembered

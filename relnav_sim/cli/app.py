@@ -13,7 +13,7 @@ from relnav_sim.cli.compare import compare
 from relnav_sim.cli.export import export
 from relnav_sim.cli.failures import EXIT_CODES, guarded
 from relnav_sim.cli.figure import figure
-from relnav_sim.cli.group import Commands
+from relnav_sim.cli.group import Command, Commands
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
@@ -35,7 +35,7 @@ app = typer.Typer(
     help="Monte Carlo campaigns that tell which relative-navigation filter to fly.",
     epilog=f"Start with: relnav new my.yaml, relnav run my.yaml, relnav report\n\n{_CODES_HELP}",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["--help", "-h"]},
     pretty_exceptions_enable=False,
 )
 
@@ -63,7 +63,7 @@ ANSWERS = ("validate", "budget", "list", "show", "schema", "inspect", "status", 
 _EPILOGS = {"run": _CODES_HELP, "new": TEMPLATES_HELP}
 
 for name, command in COMMANDS.items():
-    app.command(name, epilog=_EPILOGS.get(name))(guarded(command, answers=name in ANSWERS))
+    app.command(name, cls=Command, epilog=_EPILOGS.get(name))(guarded(command, answers=name in ANSWERS))
 
 
 def _print_version(wanted: bool) -> None:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 def budget(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The campaign, a YAML file.")],
-    case: Annotated[int, typer.Option("--case", metavar="N", min=0, help="The case, counted from 0.")] = 0,
+    named: Annotated[
+        str, typer.Option("--case", metavar="CASE", help="The case, by number from 0, label or id.")
+    ] = "0",
     filters: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,14 +60,14 @@ def budget(
     """
     from relnav_sim.budget import budgeted_filters, error_budget
     from relnav_sim.campaign import load_campaign
+    from relnav_sim.runner.single import case_number
 
     target = None if csv is None else new_file(csv, overwrite)
     if figure is not None and figure.suffix not in (".png", ".pdf"):
         raise UserError(f"--figure takes a name that ends with .png or .pdf, not {figure}")
     picture = None if figure is None else new_file(figure, overwrite)
     campaign = load_campaign(existing(file, CAMPAIGNS), changes or [])
-    if case >= len(campaign.cases):
-        raise UserError(f"--case {case}: there is no such case; the campaign has {len(campaign.cases)}, counted from 0")
+    case = case_number(campaign, named)
     wanted: Sequence[str | None] = filters or [None]
     try:
         found = [error_budget(campaign, case, name) for name in wanted]

@@ -1,4 +1,4 @@
-"""The commands as a group that says what a mistyped or guessed command probably means."""
+"""The commands, as a group that says what a mistyped or guessed one probably means, and how their help reads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from relnav_sim.cli.failures import Exit
 from relnav_sim.cli.output import command, say
@@ -19,8 +19,20 @@ _ELSEWHERE = {
 }  # fmt: skip
 
 
+class Command(TyperCommand):
+    """A command whose help names no type for a flag, which takes no value."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, that of help with them."""
+        return _flags_unlabelled(super().get_params(ctx))
+
+
 class Commands(TyperGroup):
     """The commands of relnav."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, that of help with them."""
+        return _flags_unlabelled(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command; for one that is not there say which was probably meant, and end."""
@@ -31,6 +43,13 @@ class Commands(TyperGroup):
             say(f"relnav: no command is named {word!r}; {hint}", err=True)
             raise typer.Exit(Exit.BAD_INPUT)
         return super().resolve_command(ctx, args)
+
+
+def _flags_unlabelled(params: list[Any]) -> list[Any]:
+    for param in params:
+        if getattr(param, "is_flag", False) and param.metavar is None:
+            param.metavar = ""
+    return params
 
 
 def _meant(word: str, commands: list[str]) -> str:

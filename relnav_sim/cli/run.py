@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
 
 
+_ROUTINE = re.compile(r"compil|\d+ finished blocks found|every run was finished|the shards stay|moved ")
+"""How sentences begin that --quiet leaves out: all is well."""
+
+
 def run(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The campaign, a YAML file.")],
     out: Annotated[
@@ -36,6 +41,15 @@ def run(
     changes: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="PATH=VALUE", help="Change a value, as clock.step_s=1; may be repeated."),
+    ] = None,
+    filters: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--filter",
+            metavar="NAME",
+            help="Only this filter; may be repeated. The others can be added to the result later.",
+            show_default="all",
+        ),
     ] = None,
     workers: WorkersOption = None,
     backend: BackendOption = BackendName.LOKY,
@@ -63,6 +77,12 @@ def run(
             help="Only the I-th of N parts, as 1/4, or by the variables of a SLURM job array; then relnav merge.",
         ),
     ] = None,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Print warnings, failures and errors only, and no progress.")
+    ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print a line for every block that is done.")
+    ] = False,
     log: Annotated[
         Path | None,
         typer.Option("--log", metavar="FILE", help="Add a line of JSON to this file for everything that happens."),
@@ -89,7 +109,7 @@ def run(
     @guarded
     def compute() -> None:
         with ending_promptly(_going_on(), notice.send):
-            _check_options(only, trace, shard, fresh, fail_fast, max_failures, log)
+            _check_options(only, trace, shard, fresh, fail_fast, max_failures, log, quiet, verbose)
             place = where(backend, workers, scheduler, local_cluster)
             if backend is BackendName.SEQUENTIAL and timeout_s is not None:
                 raise UserError(
@@ -104,6 +124,8 @@ def run(
             campaign = load_campaign(existing(file, CAMPAIGNS), changed)
             if stress:
                 campaign = _with_stress(campaign, file)
+            if filters:
+                campaign = _with_filters(campaign, filters)
 
             from relnav_sim.runner.run import default_out, run_campaign
             from relnav_sim.runner.single import case_number, run_single, single_out
@@ -121,6 +143,10 @@ def run(
             notice.result = os.path.abspath(result or default_out(campaign, part))
 
             def to_user(sentence: str) -> None:
+                if not quiet or _ROUTINE.match(sentence) is None:
+                    say(sentence, err=True)
+
+            def detail(sentence: str) -> None:
                 say(sentence, err=True)
 
             try:
@@ -140,13 +166,14 @@ def run(
                         max_failures=0 if fail_fast else max_failures,
                         timeout_s=timeout_s,
                         scheduler=place.scheduler,
-                        progress=True,
+                        progress=not quiet,
                         say=to_user,
+                        detail=detail if verbose else None,
                         log=log,
                     )
             except RefusedError as error:
                 raise UserError(str(error)) from None
-            _say_what_came_of_it(path, part, notice)
+            _say_what_came_of_it(path, part, notice, quiet)
 
     with notifying(notice):
         compute()
@@ -163,7 +190,19 @@ def _with_stress(campaign: Campaign, file: Path) -> Campaign:
     return campaign.with_stress()
 
 
-def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice) -> None:
+def _with_filters(campaign: Campaign, names: list[str]) -> Campaign:
+    """Return the campaign with these filters only.
+
+    Raises:
+        UserError: They can't be flown alone.
+    """
+    try:
+        return campaign.with_filters(names)
+    except ValueError as error:
+        raise UserError(f"--filter: {error}") from None
+
+
+def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice, quiet: bool) -> None:
     from relnav_sim.cli.failure_summary import divergence_summary, failure_summary
     from relnav_sim.results import open_results
     from relnav_sim.runner.failure_log import log_beside
@@ -173,7 +212,8 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice) -> N
         failed = len(results.failures()) - lacking
         summary = failure_summary(results) + divergence_summary(results)
     following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
-    say(f"wrote {path}; next: {following}")
+    if not quiet:
+        say(f"wrote {path}; next: {following}")
     if failed:
         log = log_beside(path)
         say(
@@ -197,7 +237,11 @@ def _check_options(
     fail_fast: bool,
     max_failures: int | None,
     log: Path | None,
+    quiet: bool,
+    verbose: bool,
 ) -> None:
+    if quiet and verbose:
+        raise UserError("--quiet and --verbose are opposites; give one of them")
     if trace and only is None:
         raise UserError("--trace needs --only CASE:RUN: it stores every step of one run")
     if only is not None and (shard is not None or fresh):

@@ -77,8 +77,13 @@ def tune(
         ),
     ] = None,
     cases: Annotated[
-        list[int] | None,
-        typer.Option("--case", metavar="N", min=0, help="Tune on this case; may be repeated.", show_default="all"),
+        list[str] | None,
+        typer.Option(
+            "--case",
+            metavar="CASE",
+            help="Tune on this case, by number from 0, label or id; may be repeated.",
+            show_default="all",
+        ),
     ] = None,
     changes: Annotated[
         list[str] | None,
@@ -125,11 +130,11 @@ def tune(
             )
 
         from relnav_sim.campaign import load_campaign
+        from relnav_sim.runner.single import case_number
 
         campaign = load_campaign(file, changes or [])
         check_tuning(campaign)
-        if bad := [number for number in cases or [] if number >= len(campaign.cases)]:
-            raise UserError(f"there is no case {bad[0]}; the campaign has {len(campaign.cases)}, counted from 0")
+        numbers = tuple(dict.fromkeys(case_number(campaign, case) for case in cases or []))
         options = _options(
             campaign,
             {
@@ -158,7 +163,7 @@ def tune(
                 campaign,
                 options,
                 tuple(dict.fromkeys(filters or [])),
-                tuple(dict.fromkeys(cases or [])),
+                numbers,
                 place.workers,
                 backend=place.backend,
                 scheduler=place.scheduler,
@@ -168,7 +173,7 @@ def tune(
         except TuningError as error:
             raise UserError(str(error)) from None
         text = with_header(
-            edited(campaign.text, tuning.changes(), campaign.path), header_lines(tuning, changes or [], cases or [])
+            edited(campaign.text, tuning.changes(), campaign.path), header_lines(tuning, changes or [], numbers)
         )
         figure = curve_figure(tuning)
         contents = (text.encode(), curve_csv(tuning).encode(), png(figure), pdf(figure))

@@ -13,12 +13,14 @@ from relnav_sim.filters.channel_residuals import ChannelResiduals
 from relnav_sim.filters.failed_runs import FailedRun
 from relnav_sim.filters.readings import Readings, SensorReadings
 from relnav_sim.filters.returned import check_name
+from relnav_sim.notebook import table_html
+from relnav_sim.wording import MISSING, counted
 
 _COUNTED = ("rejected",)
 """Extras of which an epoch with several sensors has the sum; of others it has that of the last sensor read."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FilterHistory:
     """What a filter said at every epoch.
 
@@ -67,6 +69,19 @@ class FilterHistory:
     residuals_by: Mapping[str, ChannelResiduals] = field(default_factory=dict)
     edits_by: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        B, T, n = self.mean.shape
+        sizes = f"{counted(B, 'run')}, {counted(T, 'epoch')}, {counted(n, 'state')}"
+        return f"<FilterHistory: {sizes}{f', {len(self.failures)} failed' if self.failures else ''}>"
+
+    def _repr_html_(self) -> str:
+        T = self.mean.shape[1]
+        rows = []
+        for k in sorted({0, T // 2, T - 1} if T else ()):
+            sigma = np.sqrt(np.diagonal(self.covariance[:, k], axis1=-2, axis2=-1))
+            rows.append([str(k), *(_cell(each[:, k]) for each in (self.nis, self.log_likelihood)), _cell(sigma[:, 0])])
+        return table_html(repr(self).strip("<>"), ["epoch", "mean NIS", "log-likelihood", "sigma of state 0"], rows)
+
     def after(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history with more epochs at its start, at which nothing was read.
 
@@ -106,6 +121,11 @@ class FilterHistory:
                 for sensor, edits in self.edits_by.items()
             },
         )
+
+
+def _cell(values: Array) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.mean():.4g}" if len(known) else MISSING
 
 
 class Innovations:

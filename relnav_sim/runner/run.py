@@ -34,6 +34,7 @@ def run_campaign(
     say: Say = lambda sentence: None,
     scheduler: str | None = None,
     log: str | os.PathLike[str] | None = None,
+    detail: Say | None = None,
 ) -> Path:
     """Simulate, filter and store a campaign; return the results file.
 
@@ -57,6 +58,7 @@ def run_campaign(
             this machine, for this campaign alone.
         log: A file to add a line of JSON to for everything that happens, see docs/overnight.md; the same is in the
             folder of shards in any case.
+        detail: Told of every block that is done, a sentence at a time.
 
     Raises:
         RefusedError: The results file belongs to another campaign, or to other settings of this one; with ``dask``: the
@@ -68,7 +70,7 @@ def run_campaign(
         ValueError: A time limit with ``sequential``: nothing could end what hangs.
     """
     out = Path(out) if out is not None else default_out(campaign, part)
-    watch = Watch(say)
+    watch = Watch(say, detail)
     # What it refuses is refused before anything is moved or written.
     pool = Pool(workers, backend, timeout_s, scheduler, _told_twice(say, watch.message), watch)
     if fresh:

@@ -121,11 +121,13 @@ class Watch:
 
     Args:
         say: Told what a user should know, a sentence at a time.
+        detail: Told of every task that is done, a sentence at a time.
     """
 
-    def __init__(self, say: Say = lambda sentence: None) -> None:
+    def __init__(self, say: Say = lambda sentence: None, detail: Say | None = None) -> None:
         self._logs: dict[Path, Sequence[EventLog]] = {}
         self._say = say
+        self._detail = detail
         self._time_left = TimeLeft()
         self._running: dict[Path, _Running] = {}
         self._counts: dict[Path, Counts] = {}
@@ -203,6 +205,9 @@ class Watch:
         counts.missing += _pairs(task) if outcome is None and not failures else 0
         for kind in new:
             self._say(f"failed: {kinds[kind]} of {_in_words(task)}: {kind}; more of this kind are only counted")
+        if self._detail is not None:
+            at = f", {failures} failed" if failures else ""
+            self._detail(f"done in {outcome.seconds if outcome else seconds:.1f} s: {_in_words(task)}{at}")
         self._write(
             task.folder,
             "done",

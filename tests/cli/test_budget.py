@@ -62,7 +62,7 @@ def test_the_series_as_csv(demo):
     [
         (["--filter", "imm"], "relnav: filter 'imm' has no error budget: its gain depends on the readings"),
         (["--filter", "ekg"], "relnav: there is no filter 'ekg'; there are kf, ekf, ukf, imm"),
-        (["--case", "2"], "relnav: --case 2: there is no such case; the campaign has 2, counted from 0"),
+        (["--case", "2"], "relnav: the campaign has no case '2'; its cases are 0 to 1"),
         (["--figure", "budget.svg"], "relnav: --figure takes a name that ends with .png or .pdf, not budget.svg"),
         (["--result", "results/none.h5"], "relnav: results/none.h5: No such file"),
     ],

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -14,6 +15,7 @@ from relnav_sim.campaign.schema import schema_text
 from relnav_sim.cli.app import COMMANDS, app
 from relnav_sim.dynamics.registry import dynamics_kinds
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.results import open_results
 from relnav_sim.sensors import sensor_kinds
 from relnav_sim.sensors.noise import noise_kinds
 
@@ -61,6 +63,17 @@ def test_help_names_every_command():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help(name):
     assert "Usage" in succeeds(name, "--help")
+
+
+def test_flags_have_no_type_in_help():
+    assert "<bool>" not in succeeds("--help") + succeeds("run", "-h")
+    assert "PATH=VALUE" in succeeds("run", "-h")
+
+
+def test_a_shell_completes_commands():
+    words = {"_RELNAV_COMPLETE": "complete_bash", "COMP_WORDS": "relnav re", "COMP_CWORD": "1"}
+    found = CliRunner().invoke(app, [], prog_name="relnav", env=words).stdout.split()
+    assert found == ["report", "replay"]
 
 
 def test_help_imports_nothing_heavy():
@@ -217,6 +230,42 @@ class TestResults:
         before = result.read_bytes()
         fails(2, "export", result, "--out", result)
         assert result.read_bytes() == before
+
+    def test_some_filters_first_and_the_others_later(self, demo, computed):
+        few = succeeds("run", demo, *TINY, "--filter", "ekf", "--filter", "imm", "--out", "few.h5")
+        assert few.startswith("wrote few.h5")
+        assert "filters   ekf, imm\n" in succeeds("inspect", "few.h5")
+        succeeds("run", demo, *TINY, "--out", "few.h5")
+        for case in range(2):
+            with open_results("few.h5") as later, open_results(computed / "demo.h5") as at_once:
+                for name in ("kf", "ekf", "ukf", "imm"):
+                    pair = [each.error(case, name) for each in (later, at_once)]
+                    np.testing.assert_array_equal(*pair)
+
+    def test_filters_that_are_not_there(self, demo):
+        assert "--filter: no filter is named 'efk'; did you mean 'ekf'?" in fails(2, "run", demo, "--filter", "efk")
+        stop = ["--set", "stop={metric: r_rms_m, filter: ukf, half_width: 1, at: [2]}"]
+        words = fails(2, "run", demo, *stop, "--filter", "ekf")
+        assert "the rule to stop watches 'ukf', which must be among the filters" in words
+
+    def test_quiet_says_nothing_of_what_goes_well(self, demo):
+        short = ["--set", "statistics.convergence_hold_s=5"]
+        for more in ([], [], ["--runs", "6"], ["--fresh"]):
+            result = invoke("run", demo, *TINY, *short, "--filter", "ekf", *more, "--quiet")
+            assert (result.exit_code, result.output) == (0, "")
+        assert "opposites" in fails(2, "run", demo, "-q", "-v")
+
+    def test_quiet_still_says_what_goes_wrong(self, demo):
+        wrong = ["--set", "filters.ekf.process_noise.acceleration_psd_m2_s3=1e300"]
+        result = invoke("run", demo, *TINY, "--filter", "ekf", *wrong, "--quiet")
+        assert result.exit_code == 1
+        assert "failed" in result.stderr
+
+    def test_verbose_tells_of_every_block(self, demo):
+        result = invoke("run", demo, *TINY, "--filter", "ekf", "--verbose")
+        lines = [line for line in result.stderr.splitlines() if line.startswith("done in")]
+        assert sum("sensors.radar.noise.kind=mixture, runs 0 to 3, ekf" in line for line in lines) == 1
+        assert sum("bound" in line for line in lines) == 2
 
     def test_a_chosen_place(self, demo):
         succeeds("run", demo, *TINY, "--out", "elsewhere/mine.h5", "--set", "grid={}")

@@ -93,7 +93,7 @@ def test_the_section_names_the_filters_and_the_command_line_wins(demo):
         (["--filter", "ekf", "--free", "filters.kf.r_scale=1:2"], "is no number of the filters to tune: ekf"),
         (["--free", "filters.kf.r_scale=a:b"], "--free takes PATH=LOW:HIGH"),
         (["--free", "filters.kf.r_scale=0:1"], "does not take 0: input should be greater than 0"),
-        (["--case", "7"], "there is no case 7; the campaign has 2, counted from 0"),
+        (["--case", "7"], "the campaign has no case '7'; its cases are 0 to 1"),
         (["--set", "filters.ekf.kind=ukf"], "change the filters in the file"),
         (["--out", "demo.yaml"], "is the campaign itself"),
         (["--out", "nowhere/x.yaml"], "nowhere is no directory"),
