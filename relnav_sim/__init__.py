@@ -8,7 +8,7 @@ TYPE_CHECKING = False  # `typing` would bring modules along before `python -m re
 if TYPE_CHECKING:
     from typing import Any
 
-__version__ = "0.1.1"
+__version__ = "0.2.0"
 
 _HOME = {
     "load_campaign": "campaign",

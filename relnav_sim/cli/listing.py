@@ -48,7 +48,8 @@ def list_names(
 
 def campaign_files(folder: Path) -> list[Path]:
     """Return the YAML files in a folder and in its `campaigns/`."""
-    return sorted(path for pattern in ("*.yaml", "campaigns/*.yaml") for path in folder.glob(pattern))
+    found = (path for pattern in ("*.yaml", "campaigns/*.yaml") for path in folder.glob(pattern))
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 def _first_words(path: Path) -> str:
