@@ -117,7 +117,8 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
         "Share: of the position's variance. Halved: by how much the position sigma falls when the source is half as "
-        "large. Per unit: by how much it grows for each unit of the source's sigma. Formal: what the filter states.",
+        "large. Per unit: by how much it grows for each unit of the source's sigma. Formal: the sigma that the "
+        "filter itself predicts.",
         corner="source",
         columns=(
             Column("sigma", "position [m]", numeric=False),

@@ -48,7 +48,7 @@ def test_the_best_filter_that_has_one_gets_its_budget_beside_its_runs(result):
     assert found.note.startswith("Error budget of ekf: position error of 12 runs") and "linear here" in found.note
     by_source, by_phase = found.tables
     assert [column.label for column in by_phase.columns] == ["steady state, 20 s", "end, 60 s"]
-    assert {row.label for row in by_source.rows} >= {"radar range noise", "dynamics left out", "total", "formal"}
+    assert {row.label for row in by_source.rows} >= {"radar range noise", "unmodelled acceleration", "total", "formal"}
     assert len(found.curves.actual[0]) == 13 and (found.curves.total > 0).all()
     assert sum(found.curves.shares.values()) == pytest.approx(1, rel=1e-10)
 
