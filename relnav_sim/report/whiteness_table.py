@@ -49,8 +49,8 @@ def whiteness_table(case: CaseFacts) -> Table | None:
         f"reading of all completed runs.{_rejected(case)} When consistent: mean 0, RMS 1, and white. Autocorrelation "
         "between readings so many apart; in brackets the band of white noise at one lag, 95 %. Correlated: more than "
         "chance allows (Ljung and Box 1978, all channels of a filter together at 5 %) and above 0.05 at some lag; "
-        "white within 0.05: not above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is correlated, whose model "
-        "leaves something out or whose gain is wrong has correlated residuals."
+        "white within 0.05: not above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is "
+        "correlated, whose model leaves something out or whose gain is wrong has correlated residuals."
         + (f" {untested}" if (untested := untested_residuals(case)) else ""),
         corner="figure",
         columns=tuple(Column(item.name) for item in case.filters),
