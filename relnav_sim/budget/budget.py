@@ -36,7 +36,7 @@ class Budget:
         variance: Of position and velocity, RTN, (S, T, 6), m^2 and m^2/s^2; of a fixed source its square.
         means: The errors themselves of fixed sources, (S, T, 6), m and m/s; zero for the others.
         total: Mean square of the error, the sum of the variances, (T, 6).
-        formal: The variance that the filter itself states, (T, 6).
+        formal: The variance that the filter itself predicts, (T, 6).
         times_s: Epochs (T,), s.
         not_covered: What of the campaign is not in it, in words.
         sizes: How large each source is, its standard deviation or its absolute value, (S,), in `units`.

@@ -19,6 +19,7 @@ from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.readings import Readings
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.measurements.interface import linearised
 from relnav_sim.measurements.partial import sensors_of
 from relnav_sim.simulation.augmented_states import extended_prior
 from relnav_sim.simulation.campaign_filter import CampaignFilter, create_campaign_filter, sensor_forms
@@ -26,7 +27,7 @@ from relnav_sim.simulation.chunks import Chunk, chunks, told
 from relnav_sim.simulation.dynamics_inputs import arrival, dynamics_context
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.start import starting_belief
-from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust
+from relnav_sim.simulation.thrust_inputs import ThrustInputs, known_thrust, measured_forces, planned_forces
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_truth
 
@@ -100,6 +101,44 @@ def _nominal_chunks(config: CaseConfig, injections: Sequence[Injection], asked: 
     return chunks(nominal, RandomSource(0, tuple(range(1 + len(injections)))), injecting(injections, asked))
 
 
+@dataclass(frozen=True)
+class _Steps:
+    """Steps and updates of K epochs, as they are noted one by one; zeros where nothing acts or nothing is read.
+
+    Attributes:
+        F: Transitions, (K, n, n).
+        B: What the error of the chief's orbit does to the predictions, (K, n, 6).
+        told: What the injections do to the predictions, (K, n, J).
+        K: Gains of the S sensors, (S, K, n, m).
+        H: (S, K, m, n).
+        C: What the injections do to the residuals, (S, K, m, J).
+    """
+
+    F: Array
+    B: Array
+    told: Array
+    K: Array
+    H: Array
+    C: Array
+
+    @classmethod
+    def of_nothing(cls, epochs: int, sensors: int, n: int, m: int, injections: int) -> _Steps:
+        """Return steps that are still to be noted."""
+        shapes = (n, n), (n, len(CHIEF)), (n, injections)
+        by_sensor = (n, m), (m, n), (m, injections)
+        steps = [np.zeros((epochs, *shape)) for shape in shapes]
+        return cls(*steps, *(np.zeros((sensors, epochs, *shape)) for shape in by_sensor))
+
+    def updated(self) -> tuple[Array, Array]:
+        """Return A (K, n, n) and G (K, n, J) of `LinearFilter`: the sensors' updates one after the other."""
+        A: Array = np.broadcast_to(np.eye(self.F.shape[1]), self.F.shape)
+        G = self.told
+        for gain, H, C in zip(self.K, self.H, self.C, strict=True):
+            kept = np.eye(self.F.shape[1]) - gain @ H
+            A, G = kept @ A, kept @ G + gain @ C
+        return A, G
+
+
 class _Along:
     """A filter on its way along the nominal truth."""
 
@@ -114,14 +153,14 @@ class _Along:
         # The gain is read off small differences of readings, which float32 would round away.
         self._filter = _in_double(self._own, entry)
         self._measurement = self._filter.measurement
+        self._channels = np.eye(self._measurement.dimension)
         self._thrust_inputs = ThrustInputs(config)
         self._carries_bias = any(extra.kind == "accelerometer_bias" for extra in entry.augment)
         self._chief_along = ChiefAlong(self._made.dynamics)
         self._chief: ChiefErrors | None = None
         self._thrust_along: ThrustAlong | None = None
         if known_thrust(entry, config) == "measured":
-            self._thrust_along = ThrustAlong(self._made.dynamics, self._context.orbit, self._step_s)
-            self._thrust_errors = ThrustInputs(config)
+            self._thrust_along = ThrustAlong(self._context.orbit, self._step_s)
         n, T = self._filter.dynamics.dimension, config.clock.epochs
         self._n, N = n, n + len(CHIEF)
         self._times, self._formal = np.empty(T), np.empty((T, n, n))
@@ -158,7 +197,8 @@ class _Along:
             forces, noise = self._thrust_inputs.of(alone, known, self._carries_bias)
             self._made.thrust.take(forces, chunk.first_epoch, noise)
         if self._thrust_along is not None:
-            every, _ = self._thrust_errors.of(chunk, "measured", self._carries_bias)
+            plan = planned_forces(self._config.truth, chunk.truth.times_s, self._step_s)
+            every, _ = measured_forces(self._config, chunk.z, plan)
             self._thrust_along.take(every, chunk.first_epoch)
         if (arrived := arrival(self._entry, self._context, alone, forces)) is not None:
             if arrived.chief_fixes is not None and self._context.chief_fixes is not None:
@@ -181,57 +221,61 @@ class _Along:
         rows = {name: np.concatenate([one, np.repeat(one[:1], m, axis=0)])[:, skipped:] for name, one in z.items()}
         first = chunk.first_epoch + skipped
         readings = Readings(self._measurement, self._as_given(rows), first)
+        steps = _Steps.of_nothing(len(truth) - skipped, len(readings.sensors), self._n, m, self._count)
         with np.errstate(all="ignore"), readings:
             for k, state in enumerate(truth[skipped:]):
-                self._step(readings, k, Step(first + k, self._step_s), state[None])
+                self._step(steps, readings, k, Step(first + k, self._step_s), state[None])
+            self._note(steps, slice(first, first + len(steps.F)))
 
     def _as_given(self, z: dict[str, Array]) -> dict[str, Array]:
         return {sensor.name: z[sensor.name] for sensor in sensors_of(self._measurement)}
 
-    def _step(self, readings: Readings, k: int, step: Step, state: Array) -> None:
+    def _step(self, steps: _Steps, readings: Readings, k: int, step: Step, state: Array) -> None:
         """Predict from the true state before and update at the true state now."""
-        n, epoch, dynamics = self._n, step.epoch, self._filter.dynamics
+        epoch, before, dynamics = step.epoch, self._before, self._filter.dynamics
         readings.begin(k)
-        F = np.reshape(dynamics.transition(self._before, step), (n, n))
-        left_out = state[0] - dynamics.propagate(self._before, step)[0]
-        left_out[6:] = 0.0  # augmented states have no truth here: they count from 0
-        prior = self._filter.start(Gaussian(self._before, self._P), self._source)
+        steps.F[k] = dynamics.transition(before, step)
+        # Augmented states have no truth here: they count from 0.
+        self._left_out[epoch, :6] = (state - dynamics.propagate(before, step))[0, :6]
+        prior = self._filter.start(Gaussian(before, self._P), self._source)
         P = self._filter.predict(prior, step).covariance
-        A, G = np.eye(n), np.zeros((n, self._count))
         if self._thrust_along is not None:
-            G[:6] = self._thrust_along.effect(self._before[0, :6], step)
-        for place, (name, one) in enumerate(zip(self._read, readings.sensors, strict=True)):
-            if one.read[0, k]:
-                gain, H, C, P = self._update(readings.attend(place, k), state, P, step)
-                kept = np.eye(n) - gain @ H
-                A, G = kept @ A, kept @ G + gain @ C
-                self._read[name][epoch] = True
-        own, chief = slice(0, n), slice(n, None)
-        self._transition[epoch, own, own], self._kept[epoch, own, own] = A @ F, A
-        self._left_out[epoch, own], self._response[epoch, own], self._formal[epoch] = left_out, G, P[0]
-        self._kept[epoch, chief, chief] = np.eye(len(CHIEF))
+            steps.told[k, :6] = self._thrust_along.effect(before[0, :6], steps.F[k, :6, :6], step)
         if self._chief is not None:
-            place = epoch - self._chief.first_epoch
-            B = self._chief.effect(self._before[0, :6], step)
-            self._transition[epoch, own, chief] = A[:, :6] @ B
-            self._transition[epoch, chief, chief] = self._chief.transition[place]
-            self._response[epoch, chief] = self._chief.response[place]
+            steps.B[k, :6] = self._chief.effect(before[0, :6], step)
+        for place, one in enumerate(readings.sensors):
+            if one.read[0, k]:
+                found = self._update(readings.attend(place, k), state, P, step)
+                steps.K[place, k], steps.H[place, k], steps.C[place, k], P = found
+                self._read[one.sensor.name][epoch] = True
+        self._formal[epoch] = P[0]
         self._before, self._P = state, P
+
+    def _note(self, steps: _Steps, epochs: slice) -> None:
+        """Put steps together to what `LinearFilter` has of their epochs."""
+        own, chief = slice(0, self._n), slice(self._n, None)
+        A, G = steps.updated()
+        self._transition[epochs, own, own], self._kept[epochs, own, own] = A @ steps.F, A
+        self._response[epochs, own] = G
+        self._kept[epochs, chief, chief] = np.eye(len(CHIEF))
+        if self._chief is not None:
+            places = slice(epochs.start - self._chief.first_epoch, None)
+            self._transition[epochs, own, chief] = A @ steps.B
+            self._transition[epochs, chief, chief] = self._chief.transition[places]
+            self._response[epochs, chief] = self._chief.response[places]
 
     def _update(self, z: Array, state: Array, P: Array, step: Step) -> tuple[Array, Array, Array, Array]:
         """Return K (n, m), H (m, n), what the injections do to the residual (m, J), and P after the update."""
-        filter, measurement, epoch, n = self._filter, self._measurement, step.epoch, self._n
-        m, errors = measurement.dimension, 1 + self._count
-        mean = np.repeat(state, len(z), axis=0)
-        residual = measurement.residual(z, measurement.predict(mean, epoch))
+        filter, measurement, epoch = self._filter, self._measurement, step.epoch
+        errors = 1 + self._count
+        mean = state.repeat(len(z), axis=0)
+        residual, H, R = linearised(measurement, z, mean, epoch)
         C = (residual[1:errors] - residual[0]).T / SIZE
-        H = np.broadcast_to(measurement.jacobian(mean, epoch), (len(z), m, n))[0]
-        R = measurement.noise(mean, epoch)
         # The mean is linear in the reading, so any size will do; that of the noise keeps the digits.
-        probe = np.sqrt(np.diagonal(R if R.ndim == 2 else R[0]))
+        probe = np.sqrt((R if R.ndim == 2 else R[0]).diagonal())
         probed = z.copy()
-        probed[errors:] += np.diag(probe)
-        gaussian = Gaussian(mean, np.repeat(P, len(z), axis=0))
+        probed[errors:] += self._channels * probe
+        gaussian = Gaussian(mean, P.repeat(len(z), axis=0))
         prior = filter.start(gaussian, self._source)
         posterior, innovation = filter.correct(prior, probed, step)
         if self._own is not filter:
@@ -241,7 +285,7 @@ class _Along:
             raise ValueError(f"it fails on the nominal truth at {self._times[epoch]:g} s: {reason}")
         posterior = filter.keep_considered(prior, posterior)
         gain = (posterior.mean[errors:] - posterior.mean[0]).T / probe
-        return gain, H, C, posterior.covariance[:1]
+        return gain, H if H.ndim == 2 else H[0], C, posterior.covariance[:1]
 
     def result(self) -> LinearFilter:
         """Return what was found.
@@ -252,7 +296,7 @@ class _Along:
         states = slice(0, self._n + len(CHIEF) * (self._chief is not None))
         found = LinearFilter(
             self._times,
-            self._transition[:, states, states],
+            np.ascontiguousarray(self._transition[:, states, states]),
             self._kept[:, states, states],
             self._left_out[:, states],
             self._response[:, states],

@@ -78,13 +78,11 @@ class ThrustAlong:
     """What errors of measured thrust do to a prediction, on the way along the nominal truth.
 
     Args:
-        coasting: How the state moves without thrust.
         orbit: The chief's nominal orbit.
         step_s: Time between epochs, s.
     """
 
-    def __init__(self, coasting: Dynamics, orbit: ChiefOrbit, step_s: float) -> None:
-        self._coasting = coasting
+    def __init__(self, orbit: ChiefOrbit, step_s: float) -> None:
         self._linear = _Linear()
         self._told = KnownThrust(self._linear, orbit, step_s)
 
@@ -92,11 +90,13 @@ class ThrustAlong:
         """Take the forces of the next steps, without error and with one each, (1 + J, K, 2, 2, 3)."""
         self._told.take(forces, first_epoch)
 
-    def effect(self, before: Array, step: Step) -> Array:
-        """Return what the errors do to the prediction of a state before, (6,), over a step, (6, J)."""
-        self._linear.matrix = np.reshape(self._coasting.transition(before[None], step), (6, 6))
-        place = len(self._told.pushed(step))
-        after = self._told.propagate(np.repeat(before[None], place, axis=0), step)
+    def effect(self, before: Array, F: Array, step: Step) -> Array:
+        """Return what the errors do to the prediction of a state before, (6,), by F (6, 6) over a step, (6, J)."""
+        pushed = self._told.pushed(step)
+        if not pushed.any():
+            return np.zeros((6, len(pushed) - 1))
+        self._linear.matrix = F
+        after = self._told.propagate(np.repeat(before[None], len(pushed), axis=0), step)
         found: Array = (after[1:] - after[:1]).T / SIZE
         return found
 

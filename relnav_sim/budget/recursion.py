@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.budget.linearised import LinearFilter
 
@@ -60,56 +61,40 @@ class FixedSourceOfError:
 def variances(filter: LinearFilter, sources: Sequence[RandomSourceOfError], states: int = 6) -> Array:
     """Return the variances of the leading states that each source leaves, (S, T, states).
 
-    The covariance of [e; s] in its blocks P = E[e e^T], c = E[e s] and v = E[s^2]: with M = A F and the column g of G,
-    P <- M P M^T + M c phi g^T + g (M c phi)^T + v g g^T and c <- phi M c + v g (Maybeck, Stochastic Models, Estimation,
-    and Control 1, 1979, section 6.8).
+    By the covariance of [e; s] in its blocks (Maybeck, Stochastic Models, Estimation, and Control 1, 1979, section
+    6.8).
     """
-    S, (T, n) = len(sources), filter.left_out.shape
     g = _columns(filter, [one.column for one in sources])
-    phi = np.array([one.phi for one in sources])[:, None]
-    v = np.square([one.sigma for one in sources])[:, None]
-    P = v[:, :, None] * g[0][:, :, None] * g[0][:, None]
-    P += np.stack([np.zeros((n, n)) if one.start is None else one.start for one in sources]) if S else 0.0
-    c = v * g[0]
-    found = np.empty((T, S, states))
-    found[0] = _leading(P, states)
-    for k in range(1, T):
-        M = filter.transition[k]
-        c = phi * (c @ M.T)
-        # P + h g^T + g h^T with h = M c + v g / 2 holds both cross terms and v g g^T.
-        cross = (c + 0.5 * v * g[k])[:, :, None] * g[k][:, None]
-        P = M @ P @ M.T + cross + cross.swapaxes(1, 2)
-        c = c + v * g[k]
-        found[k] = _leading(P, states)
-    return np.ascontiguousarray(found.swapaxes(0, 1))
+    v = np.square([one.sigma for one in sources])
+    P0 = v[:, None, None] * g[:, 0, :, None] * g[:, 0, None]
+    for P, one in zip(P0, sources, strict=True):
+        P += 0.0 if one.start is None else one.start
+    phi = np.array([one.phi for one in sources], dtype=float)
+    return _leading(kernels.budget.variances(filter.transition, g, phi, v, P0), states)
 
 
 def means(filter: LinearFilter, sources: Sequence[FixedSourceOfError], states: int = 6) -> Array:
     """Return the errors of the leading states that each source is, (S, T, states)."""
-    S, (T, n) = len(sources), filter.left_out.shape
-    value = np.array([one.value for one in sources])[:, None]
-    b = _columns(filter, [one.column for one in sources]) * value
+    value = np.array([one.value for one in sources])
+    b = _columns(filter, [one.column for one in sources]) * value[:, None, None]
+    m0 = b[:, 0].copy()
     pushed = -np.einsum("kij,kj->ki", filter.kept, filter.left_out)
     for s, one in enumerate(sources):
+        m0[s] += 0.0 if one.start is None else one.start
         if one.left_out:
-            b[1:, s] += pushed[1:]
-    m = b[0] + (np.stack([np.zeros(n) if one.start is None else one.start for one in sources]) if S else 0.0)
-    found = np.empty((T, S, states))
-    found[0] = m[:, :states]
-    for k in range(1, T):
-        m = m @ filter.transition[k].T + b[k]
-        found[k] = m[:, :states]
-    return np.ascontiguousarray(found.swapaxes(0, 1))
+            b[s] += pushed
+    return _leading(kernels.budget.means(filter.transition, b, m0), states)
 
 
 def _columns(filter: LinearFilter, columns: Sequence[int | None]) -> Array:
-    """Return the columns of G, (T, S, n); zeros for None."""
-    found = np.zeros((len(filter.response), len(columns), filter.response.shape[1]))
+    """Return the columns of G, (S, T, N); zeros for None."""
+    T, N, _ = filter.response.shape
+    found = np.zeros((len(columns), T, N))
     for s, column in enumerate(columns):
         if column is not None:
-            found[:, s] = filter.response[:, :, column]
+            found[s] = filter.response[:, :, column]
     return found
 
 
-def _leading(P: Array, states: int) -> Array:
-    return np.einsum("sii->si", P)[:, :states]
+def _leading(found: Array, states: int) -> Array:
+    return np.ascontiguousarray(found[:, :, :states])

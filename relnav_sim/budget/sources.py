@@ -29,7 +29,7 @@ from relnav_sim.sensors.noise import (
 )
 from relnav_sim.simulation.thrust_inputs import known_thrust
 
-DYNAMICS = "dynamics left out"
+DYNAMICS = "unmodelled acceleration"
 INTERACTION = "interaction of fixed sources"
 
 

@@ -116,7 +116,7 @@ class NeesRequirement(Requirement):
         default=0.1,
         gt=0,
         lt=1,
-        description="How far the ratio of true to claimed sigma, sqrt(ANEES), may be from 1; default 0.1, which a "
+        description="How far the ratio of actual to formal sigma, sqrt(ANEES), may be from 1; default 0.1, which a "
         "review would not argue about. Without a margin no number of runs could ever show consistency",
     )
     span: Span = Field(default="settled", description=_SPAN)
@@ -166,16 +166,16 @@ class DivergedRequirement(Requirement):
 
 
 class RecoveryRequirement(Requirement):
-    """Filters that reject readings recover in time: a share of the runs that were locked out, or lost, is back.
+    """Filters that reject readings recover in time: a share of the runs that were locked out, or diverged, is back.
 
-    A run that fails, or is lost without a lock-out, is not; nor is one that follows a sensor's fault.
+    A run that fails, or diverges without a lock-out, is not; nor is one that follows a sensor's fault.
     """
 
     kind: Literal["recovery"] = Field(description="recovery: recovery from lock-outs in time")
     within_s: float = Field(
         gt=0, description="Longest time from the first of a lock-out's rejections to the recovery, s; docs/editing.md"
     )
-    share: float = Field(gt=0, lt=1, description="Share of the runs that were locked out or lost, as 0.99")
+    share: float = Field(gt=0, lt=1, description="Share of the runs that were locked out or diverged, as 0.99")
 
 
 AnyRequirement = Annotated[

@@ -118,7 +118,7 @@ def _show(budget: Budget, campaign: Campaign, case: int) -> None:
     print_table(budget_rows(budget, settle_s), headings)
     say(
         "\nshare, halved and per unit: of the position from then on; halved: what that gains; per unit: what a unit "
-        "more adds; formal: what the filter itself states"
+        "more adds; formal: the sigma that the filter itself predicts"
     )
     if len(budget.phases) > 1:
         ends = [f"{budget.times_s[phase.epoch]:g} s" for phase in budget.phases]

@@ -33,6 +33,7 @@ class Innovation:
         failed: Why a run can't go on, in words, by its place in the block; without the epoch, which is added. What the
             belief holds of such a run is not used any more.
         edits: Where readings are edited, what happened to this one, each (runs,): see `filters.editing.EDITS`.
+        refused: Channels of the reading that were not taken, (runs, m); None: it was taken whole in every run.
     """
 
     nis: Array
@@ -40,6 +41,7 @@ class Innovation:
     extras: Mapping[str, Array] = field(default_factory=dict)
     failed: Mapping[int, str] = field(default_factory=dict)
     edits: Mapping[str, Array] = field(default_factory=dict)
+    refused: Mask | None = None
 
 
 class Belief(Protocol):

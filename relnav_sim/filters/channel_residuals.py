@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,15 +22,25 @@ class ChannelResiduals:
     Attributes:
         residual: z - h(mean), (runs, T, m), SI units and rad.
         sigma: Square root of the diagonal of H P H^T + R, (runs, T, m): what the filter expects of them.
+        rejected: Channels that were read and that the filter did not take, (runs, T, m).
     """
 
     residual: Array
     sigma: Array
+    rejected: Mask
+
+    @property
+    def accepted(self) -> Array:
+        """The residuals of what the filter took, (runs, T, m); NaN elsewhere.
+
+        Those of rejected readings tell of faults and outliers, and the counts of editing do so.
+        """
+        return np.where(self.rejected, np.nan, self.residual)
 
     @property
     def normalised(self) -> Array:
-        """Residuals in sigmas, (runs, T, m): white with variance 1 where filter and models are right."""
-        return self.residual / self.sigma
+        """The accepted residuals in sigmas, (runs, T, m): white with variance 1 where filter and models are right."""
+        return self.accepted / self.sigma
 
     def after(self, epochs: int) -> ChannelResiduals:
         """Return the residuals with so many more epochs at the start, at which nothing was read."""
@@ -37,7 +48,9 @@ class ChannelResiduals:
         def preceded(series: Array) -> Array:
             return np.concatenate([np.full((len(series), epochs, series.shape[2]), np.nan), series], axis=1)
 
-        return ChannelResiduals(preceded(self.residual), preceded(self.sigma))
+        unread = np.zeros((len(self.rejected), epochs, self.rejected.shape[2]), dtype=bool)
+        rejected = np.concatenate([unread, self.rejected], axis=1)
+        return ChannelResiduals(preceded(self.residual), preceded(self.sigma), rejected)
 
 
 class ResidualRecorder:
@@ -47,12 +60,19 @@ class ResidualRecorder:
         readings: What arrives in the chunk.
         runs: Number of runs.
         epochs: Number K of epochs.
+
+    Attributes:
+        cpu_s: CPU time spent on it so far, s.
     """
 
     def __init__(self, readings: Readings, runs: int, epochs: int) -> None:
+        self.cpu_s = 0.0
         self._readings = readings
         shapes = [(runs, epochs, one.z.shape[-1]) for one in readings.sensors]
-        self._series = [ChannelResiduals(np.full(shape, np.nan), np.full(shape, np.nan)) for shape in shapes]
+        self._series = [
+            ChannelResiduals(np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape, dtype=bool))
+            for shape in shapes
+        ]
 
     def add(
         self, place: int, k: int, measurement: Measurement, belief: Belief, z: Array, read: Mask, epoch: int
@@ -68,6 +88,7 @@ class ResidualRecorder:
             read: Runs that have one, (runs,).
             epoch: Number of the epoch.
         """
+        begin = time.process_time()
         mean = np.ascontiguousarray(belief.mean)
         expected = np.where(read[:, None], z, measurement.predict(mean, epoch))
         residual, H, R = linearised(measurement, expected, mean, epoch)
@@ -79,6 +100,19 @@ class ResidualRecorder:
         channels = one.sensor.channels
         own.residual[:, k] = np.where(there, residual[:, channels], np.nan)
         own.sigma[:, k] = np.where(there, np.sqrt(variance[:, channels]), np.nan)
+        self.cpu_s += time.process_time() - begin
+
+    def reject(self, place: int, k: int, refused: Mask) -> None:
+        """Take down what the filter has not taken of the reading of the sensor in that place at column k.
+
+        Args:
+            place: The sensor's place.
+            k: The column.
+            refused: Channels of the filter's measurement, (runs, m).
+        """
+        own = self._series[place]
+        there = ~np.isnan(own.residual[:, k])
+        own.rejected[:, k] = refused[:, self._readings.sensors[place].sensor.channels] & there
 
     def by_sensor(self, failed: Mapping[int, int], first: Step) -> Mapping[str, ChannelResiduals]:
         """Return what was taken down, by the sensor's name.

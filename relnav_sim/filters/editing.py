@@ -133,6 +133,7 @@ class MeasurementEditing:
         since = np.where(fails & (before == 0), step.epoch, np.where(rejects > 0, belief.since[:, units], -1))
         refused = fails & ~was_locked if options.action == "accept" else fails
         acted = _any(fails & ~refused)
+        left_out = self._left_out(refused, place, len(z))
         inner = self._without(belief.inner, taken, z, step, refused, place, present)
         if options.action == "inflate":
             acted = _any(refused & (rejects >= options.max_rejects))
@@ -163,6 +164,7 @@ class MeasurementEditing:
         lost = np.asarray(refused.all(axis=1)) | (acted & (options.action != "accept"))
         return EditedBelief(inner, all_rejects, all_since), replace(
             innovation,
+            refused=left_out,
             extras={**innovation.extras, "rejected": share},
             # What a reading would have done to a run does not count where it is not taken.
             failed={run: why for run, why in innovation.failed.items() if not lost[run]},
@@ -196,6 +198,14 @@ class MeasurementEditing:
             squares[:, place_in] = np.where(has, self._filter.update(inner, z, step)[1].nis, 0.0)
         self.measurement.attend(present)  # type: ignore[attr-defined]
         return _Test(own, every[:, own], (squares > self._channel_limit) & every[:, own])
+
+    def _left_out(self, refused: Mask, place: int, runs: int) -> Mask | None:
+        """Return the channels (runs, m) of a reading that no update takes; None: there are none."""
+        if not refused.any():
+            return None
+        channels = np.zeros((runs, self.measurement.dimension), dtype=bool)
+        channels[:, self._sensors[place].channels] = refused
+        return channels
 
     def _without(
         self, inner: Any, taken: Any, z: Array, step: Step, refused: Mask, place: int, present: Mask | None

@@ -43,6 +43,7 @@ class FilterHistory:
         dof_by: The channels read by sensor, each (runs, T).
         extras_by: The further numbers by sensor, then by name.
         residuals_by: The residuals by sensor and channel, where they were asked for.
+        residuals_cpu_s: CPU time that it took to work them out, which is none of the filter's, s.
         edits_by: Where readings are edited, what happened to them by sensor (under "" where it has no name), each
             (runs, T): the counts of `filters.editing.EDITS`, 0 where nothing was read.
 
@@ -68,6 +69,7 @@ class FilterHistory:
     extras_by: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     residuals_by: Mapping[str, ChannelResiduals] = field(default_factory=dict)
     edits_by: Mapping[str, Mapping[str, Integers]] = field(default_factory=dict)
+    residuals_cpu_s: float = 0.0
 
     def __repr__(self) -> str:
         B, T, n = self.mean.shape
@@ -120,6 +122,7 @@ class FilterHistory:
                 sensor: {name: uncounted(count) for name, count in edits.items()}
                 for sensor, edits in self.edits_by.items()
             },
+            self.residuals_cpu_s,
         )
 
 

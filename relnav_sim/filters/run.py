@@ -150,6 +150,8 @@ def advance(
                     else:
                         belief, innovation = update_read(filter, belief, z_k, read, step, returned)
                     innovations.add(place, k, innovation)
+                    if residuals is not None and innovation.refused is not None:
+                        residuals.reject(place, k, innovation.refused)
                     if innovation.failed:
                         stated.add(k, innovation.failed, read)
             means[k] = returned.moment(belief, "mean")
@@ -160,7 +162,7 @@ def advance(
     if residuals is None:
         return belief, history
     failed = {each.run: each.epoch for each in history.failures}
-    return belief, replace(history, residuals_by=residuals.by_sensor(failed, first))
+    return belief, replace(history, residuals_by=residuals.by_sensor(failed, first), residuals_cpu_s=residuals.cpu_s)
 
 
 def with_failures(
@@ -198,6 +200,7 @@ def update_read(
         {name: np.where(read, value, np.nan) for name, value in innovation.extras.items()},
         innovation.failed,
         {name: np.where(read, count, 0) for name, count in innovation.edits.items()},
+        innovation.refused,
     )
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import angles as angles
     from relnav_sim.kernels import atmosphere as atmosphere
     from relnav_sim.kernels import bound as bound
+    from relnav_sim.kernels import budget as budget
     from relnav_sim.kernels import chief_orbit as chief_orbit
     from relnav_sim.kernels import components as components
     from relnav_sim.kernels import converted_radar as converted_radar

@@ -65,7 +65,7 @@ def residuals_words(name: str, channels: Sequence[ChannelCheck], run: int) -> Fi
     """Return the words of `residuals_over_time`."""
     parts = [f"{one.name} RMS {one.normalised_sigma:.2f} sigma" for one in channels]
     return FigureWords(
-        f"Residuals of {name} in run {run}, before each update. Grey: ± 3 sigma that the filter states for them.",
+        f"Residuals of {name} in run {run}, before each update. Grey: ± 3 formal sigma.",
         f"Residuals against time, a panel for each channel: {'; '.join(parts)}.",
     )
 

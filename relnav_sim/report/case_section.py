@@ -18,7 +18,7 @@ from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
 from relnav_sim.report.drawing import Drawing, Picture, draw
 from relnav_sim.report.editing_table import editing_notes
-from relnav_sim.report.error_budget import budget_section
+from relnav_sim.report.error_budget import MOST_BUDGETS, budget_section
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
@@ -35,7 +35,10 @@ _NOT_DRAWN = (
     "The figures of this case were left out to keep the report small; its time series are in the chart above. "
     "A figure: relnav figure {result} errors --case {case}"
 )
-_NO_BUDGET = "No error budget of this case, to be quick; it is: relnav budget CAMPAIGN --case {case} --result {result}"
+_NO_BUDGET = (
+    "No error budget of this case, because the report shows more than {most} of them closely; "
+    "it is: relnav budget CAMPAIGN --case {case} --result {result}"
+)
 _STRESSED = "Flown under the stress {stress}, of which no filter is told; the section on regret compares its cases."
 
 
@@ -76,7 +79,7 @@ def compose_case(
         missing = list(section.missing)
         curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
         section = replace(section, curves=curves, missing=tuple(missing))
-        section, budget_pictures = _with_budget(results, ranking, section, figure_folder, budgeted)
+        section, budget_pictures = _with_budget(results, ranking, section, figure_folder, drawn, budgeted)
         if not drawn:
             note = _NOT_DRAWN.format(result=shlex.quote(result_path.name), case=results.headers[index].id)
             return ranking, replace(section, notes=(*section.notes, note))
@@ -85,14 +88,14 @@ def compose_case(
 
 
 def _with_budget(
-    results: Results, ranking: Ranking, section: CaseSection, figure_folder: Path, budgeted: bool
+    results: Results, ranking: Ranking, section: CaseSection, figure_folder: Path, drawn: bool, budgeted: bool
 ) -> tuple[CaseSection, tuple[Picture, ...]]:
     """Return the section with the error budget of the best filter that has one, and its figure."""
     case = ranking.case
     if not ranking.standings or results.replay is not None:
         return section, ()
     if not budgeted:
-        note = _NO_BUDGET.format(case=case.index, result=shlex.quote(results.path.name))
+        note = _NO_BUDGET.format(most=MOST_BUDGETS, case=case.index, result=shlex.quote(results.path.name))
         return replace(section, notes=(*section.notes, note)), ()
     missing = list(section.missing)
     ranked = [standing.name for standing in ranking.standings]
@@ -100,6 +103,11 @@ def _with_budget(
     if found is None or isinstance(found, str):
         notes = section.notes if found is None else (*section.notes, found)
         return replace(section, notes=notes, missing=tuple(missing)), ()
+    tables = (*section.more_tables, *found.tables) if section.more_tables else ()
+    files = section.file_tables if tables else (*section.file_tables, *found.tables)
+    section = replace(section, notes=(*section.notes, found.note), more_tables=tables, file_tables=files)
+    if not drawn:
+        return section, ()
     words = error_budget_words(found.curves)
     picture = draw(
         figure_folder,
@@ -107,9 +115,6 @@ def _with_budget(
         lambda: Drawing(error_budget_over_time(found.curves), words.caption, words.alt),
         found.curves.filter,
     )
-    tables = (*section.more_tables, *found.tables) if section.more_tables else ()
-    files = section.file_tables if tables else (*section.file_tables, *found.tables)
-    section = replace(section, notes=(*section.notes, found.note), more_tables=tables, file_tables=files)
     return section, () if picture is None else (picture,)
 
 

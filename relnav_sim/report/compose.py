@@ -18,7 +18,7 @@ from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_section import compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.drawing import within
-from relnav_sim.report.error_budget import budgeted_cases
+from relnav_sim.report.error_budget import MOST_BUDGETS
 from relnav_sim.report.overview import overview_table
 from relnav_sim.report.page import CaseSection, Page
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
@@ -127,10 +127,10 @@ def _cases(
         figures_left -= FIGURES_OF_A_CASE + len(results.headers[index].filters)
         drawn.append(not drawn or (not results.headers[index].stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(closely), len(results.filters))
-    budgeted = budgeted_cases(results, closely)
+    budgeted = len(closely) <= MOST_BUDGETS
     todo = [
-        (results.path, index, axes, figure_folder, draw_it, *chart, draw_it and budget_it)
-        for index, draw_it, budget_it in zip(closely, drawn, budgeted, strict=True)
+        (results.path, index, axes, figure_folder, draw_it, *chart, budgeted)
+        for index, draw_it in zip(closely, drawn, strict=True)
     ]
     if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
         return [compose_case(*arguments) for arguments in todo]

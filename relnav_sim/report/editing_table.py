@@ -50,7 +50,7 @@ def editing_table(case: CaseFacts) -> Table | None:
     add("lock-outs a run", lambda item, held: mean_interval(held.lock_outs.sum(axis=1)), opens=True)
     add("actions a run", lambda item, held: mean_interval(held.actions.sum(axis=1)))
     add("runs locked out", lambda item, held: _share(held.lock_outs.sum(axis=1) > 0), "%", opens=True)
-    add("runs lost", lambda item, held: _share(held.lost > 0), "%")
+    add("runs diverged for 10 N epochs", lambda item, held: _share(held.lost > 0), "%")
     add("runs recovered", lambda item, held: _share(held.recoveries > 0), "%")
     for end, words in (
         ("rejecting", "ends with readings rejected"),
@@ -65,10 +65,10 @@ def editing_table(case: CaseFacts) -> Table | None:
         name=f"case_{case.number:03d}_editing",
         title="Measurement editing",
         caption=f"{INTERVALS} Rejected: share of the tests, {case.when}. A lock-out: as many rejections in a row as "
-        "the filter's max_rejects N. Lost: NEES above its 99.9 % quantile for 10 N epochs in a row. Recovered: after a "
-        "lock-out, NEES inside and no sensor locked out for 10 N epochs in a row; the time is from the first of the "
-        "rejections to the first of those epochs. A filter that takes readings again and is off the truth has adopted "
-        "a fault, and is not recovered. Shares of runs have exact intervals.",
+        "the filter's max_rejects N. Diverged for 10 N epochs: NEES above its 99.9 % quantile so long without a break. "
+        "Recovered: after a lock-out, NEES inside and no sensor locked out for 10 N epochs in a row; the time is from "
+        "the first of the rejections to the first of those epochs. A filter that takes readings again and is off "
+        "the truth has adopted a fault, and is not recovered. Shares of runs have exact intervals.",
         corner="figure",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),

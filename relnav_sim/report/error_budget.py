@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from relnav_sim.budget import Budget
     from relnav_sim.results.read import Results
 
-MOST_EPOCHS = 10_000
-"""Of all budgets of a report together: some 5 s of computation."""
+MOST_BUDGETS = 20
+"""Of so many cases that are shown closely, each gets its budget; of more, none does."""
 
 
 @dataclass(frozen=True)
@@ -37,20 +37,6 @@ class BudgetSection:
     tables: tuple[Table, ...]
     curves: BudgetCurves
     note: str
-
-
-def budgeted_cases(results: Results, closely: Sequence[int]) -> list[bool]:
-    """Return which of the cases that a report shows closely get their error budgets: the first, while time allows."""
-    if results.replay is not None:
-        return [False] * len(closely)
-    left, found = MOST_EPOCHS, []
-    clock = results.campaign_content.get("clock", {})
-    for header in (results.headers[index] for index in closely):
-        own = {name: header.variables.get(f"clock.{name}", clock.get(name)) for name in ("duration_s", "step_s")}
-        epochs = own["duration_s"] / own["step_s"] if all(isinstance(v, int | float) for v in own.values()) else left
-        found.append(epochs <= left)
-        left -= epochs if found[-1] else 0
-    return found
 
 
 def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> BudgetSection | str:
@@ -131,7 +117,8 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
         "Share: of the position's variance. Halved: by how much the position sigma falls when the source is half as "
-        "large. Per unit: by how much it grows for each unit of the source's sigma. Formal: what the filter states.",
+        "large. Per unit: by how much it grows for each unit of the source's sigma. Formal: the sigma that the "
+        "filter itself predicts.",
         corner="source",
         columns=(
             Column("sigma", "position [m]", numeric=False),

@@ -131,7 +131,7 @@ def _reservations(found: Regret) -> Iterator[str]:
                 yield (
                     f"Under {case} the best filter, {found.filters[best]}, counts as diverged in "
                     f"{found.diverged[best, place]} of {counted(runs, 'run')} by its own covariance: regret there "
-                    "compares filters that have lost the state, or whose covariance does not cover the stress."
+                    "compares filters that have diverged, or whose covariance does not cover the stress."
                 )
     if np.isinf(found.high[np.isfinite(found.regret)]).any():
         yield f"{counted(runs, 'run')} are too few for intervals of the regret."

@@ -78,7 +78,7 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
         case RecoveryRequirement():
             share = _percent(requirement.share)
-            return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or lost"
+            return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or diverged"
         case FailedRequirement() | DivergedRequirement():
             return f"at most {_percent(requirement.at_most)} of the runs {requirement.kind}"
 

@@ -46,16 +46,22 @@ def whiteness_table(case: CaseFacts) -> Table | None:
         name=f"case_{case.number:03d}_whiteness",
         title=f"Residuals by channel ({case.when})",
         caption="Residuals before the update, z - h(prediction), over the root of their formal variance, at every "
-        "reading of all completed runs. When consistent: mean 0, RMS 1, and white. Autocorrelation between readings so "
-        "many apart; in brackets the band of white noise at one lag, 95 %. Correlated: more than chance allows (Ljung "
-        "and Box 1978, all channels of a filter together at 5 %) and above 0.05 at some lag; white within 0.05: not "
-        "above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is correlated, whose model "
-        "leaves something out or whose gain is wrong has correlated residuals."
+        f"reading of all completed runs.{_rejected(case)} When consistent: mean 0, RMS 1, and white. Autocorrelation "
+        "between readings so many apart; in brackets the band of white noise at one lag, 95 %. Correlated: more than "
+        "chance allows (Ljung and Box 1978, all channels of a filter together at 5 %) and above 0.05 at some lag; "
+        "white within 0.05: not above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is "
+        "correlated, whose model leaves something out or whose gain is wrong has correlated residuals."
         + (f" {untested}" if (untested := untested_residuals(case)) else ""),
         corner="figure",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
+
+
+def _rejected(case: CaseFacts) -> str:
+    """Return a sentence on what is left out where filters edit their readings; empty elsewhere."""
+    edits = any(item.editing is not None for item in case.filters)
+    return " Readings that a filter rejected are not among them; Measurement editing counts those." if edits else ""
 
 
 def untested_residuals(case: CaseFacts) -> str:

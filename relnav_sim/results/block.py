@@ -138,7 +138,7 @@ class Editing:
         actions: Readings at which the filter acted, (runs, s).
         recoveries: Recoveries, (runs,).
         recovery: Longest time to recover, (runs,), s; NaN: none.
-        lost: Times that it was lost, (runs,).
+        lost: Times that it diverged for 10 N epochs, (runs,).
         open: How long the run ends unrecovered, (runs,), s; NaN: it does not.
         earliest: Shortest time to recover that such a run leaves possible, (runs,), s; NaN likewise.
         end: How the run ends, (runs,): place in `EDIT_ENDS`.

@@ -35,7 +35,7 @@ EDITING = (
     ),
     Dataset(
         "edit_lost", ("run",), "<i8", "1",
-        "times that the filter was lost: NEES above its 99.9 % quantile for 10 max_rejects epochs in a row",
+        "times that the filter diverged: NEES above its 99.9 % quantile for 10 max_rejects epochs in a row",
         "edit_lost",
     ),
     Dataset(

@@ -242,7 +242,7 @@ class FilterTrack:
             self._belief, history = self._fed.advance(
                 self._belief, chunk, self._prior, self._reached, self._watch is not None or self._whiteness is not None
             )
-            self._cpu_s += time.process_time() - self._fed.shared_cpu_s - begin
+            self._cpu_s += time.process_time() - self._fed.shared_cpu_s - begin - history.residuals_cpu_s
             self._steps += history.nis.size
             if self._afterwards is not None:
                 self._afterwards.add(chunk, history)

@@ -154,10 +154,10 @@ def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[st
     return given
 
 
-def in_time(z: Mapping[str, Array], delays: Mapping[str, Integers]) -> dict[str, Array]:
-    """Return readings by sensor (runs, K, m) without those that arrive after their own epoch."""
+def in_time(z: Mapping[str, Array], delays: Mapping[str, Integers], latest: int = 0) -> dict[str, Array]:
+    """Return readings by sensor (runs, K, m) without those that arrive more than `latest` epochs after their own."""
     return {
-        name: np.where((delays[name] > 0)[..., None], np.nan, readings) if name in delays else readings
+        name: np.where((delays[name] > latest)[..., None], np.nan, readings) if name in delays else readings
         for name, readings in z.items()
     }
 

@@ -19,6 +19,7 @@ from relnav_sim.filters.rewinding import RewindableSource
 from relnav_sim.filters.run import FilterHistory, advance
 from relnav_sim.sensors import relative_sensors
 from relnav_sim.sensors.arrivals import most_epochs_late
+from relnav_sim.simulation.afterwards import lag_epochs
 from relnav_sim.simulation.augmented_states import extension_of
 from relnav_sim.simulation.campaign_filter import create_campaign_filter, sensor_forms
 from relnav_sim.simulation.chunks import Chunk, in_time, told
@@ -88,8 +89,7 @@ class FedFilter:
         if depth:
             self._source = again = RewindableSource(source.seed, source.runs)
             self._buffer = OutOfSequence(self.filter, again, depth, config.clock.step_s)
-        # Afterwards all readings have arrived.
-        self._gets_late = entry.smoother is not None or filter_kinds()[entry.kind].repeats
+        self._latest = latest_epochs(entry, config)
 
     def start(self, prior: Gaussian) -> Any:
         """Return the filter's belief before its first reading."""
@@ -120,8 +120,8 @@ class FedFilter:
         """
         self._feed(chunk)
         z, first, step_s = told(chunk, self._forms, self._config), chunk.first_epoch, self._config.clock.step_s
-        if not (self._buffer is not None or self._gets_late):
-            z = in_time(z, chunk.delays)
+        if self._buffer is None and self._latest is not None:
+            z = in_time(z, chunk.delays, self._latest)
         if first > 0:
             if self._buffer is not None:
                 return self._buffer.advance(belief, z, chunk.delays, first, reached)
@@ -163,6 +163,17 @@ def buffered_epochs(entry: FilterEntry, config: CaseConfig) -> int:
     if entry.out_of_sequence != "buffer" or not drawn:
         return 0
     return max(most_epochs_late(limits, config.clock.step_s) for limits in drawn)
+
+
+def latest_epochs(entry: FilterEntry, config: CaseConfig) -> int | None:
+    """Return the most epochs after its own at which a reading arrives and a filter still takes it in order.
+
+    None: afterwards all have arrived. With a fixed lag an epoch's estimate is made when the lag is over: what arrives
+    later than that, as under a stress of which the filter is not told, is not in it.
+    """
+    if filter_kinds()[entry.kind].repeats:
+        return None
+    return 0 if entry.smoother is None else lag_epochs(entry.smoother, config.clock.step_s)
 
 
 def _epochs(series: Mapping[str, T], epochs: slice) -> dict[str, T]:

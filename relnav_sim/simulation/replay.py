@@ -186,6 +186,7 @@ class _Collector:
                 sensor: ChannelResiduals(
                     joined([part.residuals_by[sensor].residual for part in parts]),
                     joined([part.residuals_by[sensor].sigma for part in parts]),
+                    np.concatenate([part.residuals_by[sensor].rejected for part in parts], axis=1),
                 )
                 for sensor in sensors
             },

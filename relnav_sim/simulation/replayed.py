@@ -143,6 +143,7 @@ def _joined_filter(parts: Sequence[ReplayedFilter]) -> ReplayedFilter:
             sensor: ChannelResiduals(
                 stacked(part.residuals[sensor].residual for part in parts),
                 stacked(part.residuals[sensor].sigma for part in parts),
+                np.concatenate([part.residuals[sensor].rejected for part in parts]),
             )
             for sensor in sensors
         },

@@ -13,6 +13,7 @@ from relnav_sim.campaign.manoeuvres import default_thrust
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.known_thrust import kicks_of
 from relnav_sim.sensors import hosts_of, own_sensor
+from relnav_sim.sensors.interface import Craft
 from relnav_sim.sensors.noise import noise_parts, white_variance
 from relnav_sim.truth import AnyTruth
 from relnav_sim.truth.manoeuvres import ExecutionErrors
@@ -80,29 +81,26 @@ class ThrustInputs:
 
         Two covariances go with it: with the share of the constant bias, and without.
         """
-        runs = len(next(iter(z.values())))
-        forces = np.repeat(plan, runs, axis=0)
         assert self._force is not None  # or this is not called
-        name, options = self._force
+        _, options = self._force
+        forces, missing = measured_forces(self._config, z, plan)
+        runs = len(forces)
         noise = np.zeros((2, runs, plan.shape[1], 6, 6))
         random = options.velocity_random_walk_m_s_sqrt_s**2 * self._step_s * white_variance(noise_parts(options.noise))
         doubt = CERTAIN_THRUST * (np.sqrt(random) + options.bias_sigma_m_s2 * self._step_s)
         scale, bias = np.square([options.scale_factor_sigma_percent / 100, options.bias_sigma_m_s2])
-        for craft in hosts_of(self._config.sensors, options):
-            reading = z[f"{craft}_{name}"].reshape(runs, -1, 2, 3)
-            missing: Mask = np.asarray(np.isnan(reading).any(axis=(2, 3)))
+        for craft, lost in missing.items():
             own = forces[:, :, CRAFT.index(craft)]
-            own[...] = np.where(missing[..., None, None], own, reading)
             before, after = kicks_of(own, self._step_s)
-            taken = (own != 0).any(axis=(2, 3)) if options.deadband_m_s2 else np.ones(missing.shape, dtype=bool)
-            variances = np.where((taken & ~missing)[..., None], random, 0.0)
+            taken = (own != 0).any(axis=(2, 3)) if options.deadband_m_s2 else np.ones(lost.shape, dtype=bool)
+            variances = np.where((taken & ~lost)[..., None], random, 0.0)
             both = np.stack([variances, variances])
             if scale or bias:
                 gains = before + after
                 burning = taken if options.deadband_m_s2 else np.sqrt(np.square(gains).sum(axis=2)) > doubt
-                gained = self._squares_gained(craft, gains, burning & ~missing)
+                gained = self._squares_gained(craft, gains, burning & ~lost)
                 both = both + np.stack([gained @ [scale, bias], gained @ [scale, 0.0]])
-            noise += _spread(both[..., None] * np.eye(3), np.full(missing.shape, self._step_s / 2))
+            noise += _spread(both[..., None] * np.eye(3), np.full(lost.shape, self._step_s / 2))
         return forces, noise[0], noise[1]
 
     def _squares_gained(self, craft: str, gains: Array, burning: Mask) -> Array:
@@ -129,6 +127,30 @@ class ThrustInputs:
             growth[:, k] = total * total - before * before
         self._gained[craft] = total
         return growth
+
+
+def measured_forces(config: CaseConfig, z: Mapping[str, Array], plan: Array) -> tuple[Array, dict[Craft, Mask]]:
+    """Return the specific force that is measured, (runs, K, 2, 2, 3), and by craft where nothing was, (runs, K).
+
+    The plan stands in for a craft without accelerometer and for missing readings.
+
+    Args:
+        config: The case, with an accelerometer.
+        z: Readings by sensor, that of each craft by its own name.
+        plan: `planned_forces` of the same epochs.
+    """
+    runs = len(next(iter(z.values())))
+    forces = np.repeat(plan, runs, axis=0)
+    carried = own_sensor(config.sensors, "force")
+    assert carried is not None  # as the caller has made sure
+    name, options = carried
+    missing = {}
+    for craft in hosts_of(config.sensors, options):
+        reading = z[f"{craft}_{name}"].reshape(runs, -1, 2, 3)
+        missing[craft] = np.asarray(np.isnan(reading).any(axis=(2, 3)))
+        own = forces[:, :, CRAFT.index(craft)]
+        own[...] = np.where(missing[craft][..., None, None], own, reading)
+    return forces, missing
 
 
 def planned_forces(truth: AnyTruth, times_s: Array, step_s: float) -> Array:

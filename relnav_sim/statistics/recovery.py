@@ -1,4 +1,4 @@
-"""Did the runs that were locked out or lost recover in time?"""
+"""Did the runs that were locked out or diverged recover in time?"""
 
 from __future__ import annotations
 

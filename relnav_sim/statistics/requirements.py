@@ -161,9 +161,9 @@ def _recovered(results: Results, rule: RecoveryRequirement, case: int, filter: s
         return None, "the filter edits no reading"
     found = recovered_in_time(editing, results.statistic(case, filter, "failed") == 1, rule.within_s)
     runs, met, possible = (int(part.sum()) for part in (found.concerned, found.met, found.possible))
-    basis = f"the {counted(runs, 'run')} locked out or lost"
+    basis = f"the {counted(runs, 'run')} locked out or diverged"
     if not runs:
-        return None, "no run was locked out or lost"
+        return None, "no run was locked out or diverged"
     finding, best = (on_a_share(share_of_runs(part, runs), rule.share, rule.confidence) for part in (met, possible))
     if met == possible or finding.verdict == "pass":
         return finding, basis

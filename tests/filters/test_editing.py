@@ -11,9 +11,12 @@ from every_filter import KINDS, small_options
 from scipy.stats import binom, chi2
 
 from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.filters.run import advance
 from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.spherical_radar import SightNoise
+from relnav_sim.streams import RandomSource
 
 DT = 1.0
 F = np.array([[1, DT, 0, 0], [0, 1, 0, 0], [0, 0, 1, DT], [0, 0, 0, 1]])
@@ -239,3 +242,28 @@ def test_the_example_of_the_page_says_what_it_prints(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     exec(code, {})
     assert capsys.readouterr().out.strip() == code.rstrip().rpartition("# ")[2]
+
+
+@pytest.mark.parametrize("scope", ["sensor", "channel"])
+@pytest.mark.parametrize("action", [None, "restart"])
+def test_residuals_by_channel_are_those_of_what_was_taken(scope, action):
+    """Each rejected channel of the counts, and no other, is left out; those of a fix that restarts a run too."""
+    options = {"probability": 0.9, "max_rejects": 3, "scope": scope} | ({"action": action} if action else {})
+    _, z, mean0 = problem(step_at=20, size=15.0)
+    z[:, ::7, 1] = np.nan
+    z[2, 30:33] = np.nan
+    filter = made("ekf", editing=options)
+    belief = filter.start(Gaussian(mean0, np.repeat(P0[None], len(z), axis=0)), RandomSource(0, tuple(range(len(z)))))
+    _, history = advance(filter, belief, z, 0, DT, with_residuals=True)
+    (residuals,) = history.residuals_by.values()
+    (edits,) = history.edits_by.values()
+    read = ~np.isnan(z)
+    np.testing.assert_array_equal(~np.isnan(residuals.residual), read)
+    np.testing.assert_array_equal(np.isnan(residuals.accepted), residuals.rejected | ~read)
+    judged = 1 if scope == "channel" else np.maximum(read.sum(axis=2), 1)
+    counted = edits["rejected"] * judged
+    restarted = edits["actions"] > 0
+    np.testing.assert_array_equal(residuals.rejected.sum(axis=2)[~restarted], counted[~restarted])
+    assert counted.any() and (residuals.rejected.any(axis=2)[restarted]).all()
+    assert restarted.any() == (action == "restart")
+    assert history.residuals_cpu_s > 0

@@ -6,7 +6,8 @@ from typer.testing import CliRunner
 
 from relnav_sim.cli.app import app
 from relnav_sim.plots.facts import case_facts
-from relnav_sim.report.error_budget import budget_section, budgeted_cases
+from relnav_sim.report.case_section import compose_case
+from relnav_sim.report.error_budget import budget_section
 from relnav_sim.results import open_results
 
 TEXT = """
@@ -40,7 +41,6 @@ def result(tmp_path_factory):
 
 def test_the_best_filter_that_has_one_gets_its_budget_beside_its_runs(result):
     with open_results(result) as results:
-        assert budgeted_cases(results, [0]) == [True]
         found = budget_section(results, case_facts(results, 0, "rtn"), ["huber", "ekf"])
         assert budget_section(results, case_facts(results, 0, "rtn"), ["huber"]) == (
             "No error budget: the gain of every filter depends on the readings."
@@ -48,7 +48,7 @@ def test_the_best_filter_that_has_one_gets_its_budget_beside_its_runs(result):
     assert found.note.startswith("Error budget of ekf: position error of 12 runs") and "linear here" in found.note
     by_source, by_phase = found.tables
     assert [column.label for column in by_phase.columns] == ["steady state, 20 s", "end, 60 s"]
-    assert {row.label for row in by_source.rows} >= {"radar range noise", "dynamics left out", "total", "formal"}
+    assert {row.label for row in by_source.rows} >= {"radar range noise", "unmodelled acceleration", "total", "formal"}
     assert len(found.curves.actual[0]) == 13 and (found.curves.total > 0).all()
     assert sum(found.curves.shares.values()) == pytest.approx(1, rel=1e-10)
 
@@ -58,3 +58,17 @@ def test_a_campaign_that_cannot_be_run_again_has_none_and_says_why(tmp_path):
     with open_results(path) as results:
         said = budget_section(results, case_facts(results, 0, "rtn"), results.filters)
     assert said.startswith("No error budget: its campaign can't be run again: ") and str(tmp_path) not in said
+
+
+def test_a_case_has_its_tables_without_figures_too_and_names_the_command_where_there_are_too_many_cases(
+    result, tmp_path
+):
+    def section(budgeted):
+        return compose_case(result, 0, "rtn", tmp_path, False, 50, False, budgeted)[1]
+
+    with_budget, without = section(True), section(False)
+    titles = [table.title for table in with_budget.more_tables]
+    assert titles[-2:] == ["Error budget of ekf", "Error budget of ekf by phase"] and with_budget.pictures == ()
+    assert any(note.startswith("Error budget of ekf: ") for note in with_budget.notes)
+    assert without.more_tables == with_budget.more_tables[:-2]
+    assert any("relnav budget CAMPAIGN --case 0 --result budgeted.h5" in note for note in without.notes)

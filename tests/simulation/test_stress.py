@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from relnav_sim.campaign.load import parse_campaign
-from relnav_sim.simulation.block import simulate_block
-from relnav_sim.simulation.chunks import simulate
+from relnav_sim.simulation.block import filter_block, simulate_block
+from relnav_sim.simulation.chunks import chunks, simulate
 from relnav_sim.simulation.learned import Learned
 from relnav_sim.simulation.recording import record
 from relnav_sim.simulation.replay import replay_block
@@ -148,3 +148,38 @@ def test_nothing_is_learned_from_a_stress():
         cases = cases[::-1]
     assert len(tracks) == 2  # a stressed case and its nominal case learn the same, so that it is learned once
     np.testing.assert_array_equal(tracks[0].states, tracks[1].states)
+
+
+LATE = """
+stress:
+  late:
+    sensors.radar.drawn_latency_s: [0, 20]
+"""
+
+
+def test_a_fixed_lag_leaves_out_what_arrives_after_its_estimate():
+    """Latencies that no filter is told of: a lag of 10 s has readings up to 10 s late, after the run there are all."""
+    smoothers = "".join(
+        f"  {name}: {{kind: kf, dynamics: {{kind: cw}}, process_noise: {{acceleration_psd_m2_s3: 1.0e-8}}, "
+        f"smoother: {smoother}}}\n"
+        for name, smoother in (("lag", "{fixed_lag: {lag_s: 10}}"), ("rts", "rts"))
+    )
+    made = parse_campaign(TEXT + smoothers + LATE)
+    (case,) = made.stressed
+    source = RandomSource(made.seed, RUNS)
+    (chunk,) = chunks(case.config, source)
+    late = chunk.delays["radar"][:, 1:]
+    assert (late > 5).any() and ((late > 0) & (late <= 5)).any()
+    counts = {}
+
+    class Watch:
+        def __call__(self, name, filter, chunk, before, history):
+            counts[name] = history.dof[:, 1:]
+
+        def afterwards(self, name, chunk, history):
+            pass
+
+    outcome = filter_block(case, source, chunks(case.config, source), watch=Watch())
+    assert not outcome.broken
+    for name, most in (("kf", 0), ("lag", 5), ("rts", 10)):
+        np.testing.assert_array_equal(counts[name] > 0, late <= most, err_msg=name)

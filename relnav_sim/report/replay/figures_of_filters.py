@@ -32,7 +32,7 @@ def figures_of(replay: Replay) -> list[FilterFigures]:
 
 
 def _figures(replay: Replay, name: str, one: ReplayedFilter) -> FilterFigures:
-    residuals = {sensor: (each.residual, each.sigma) for sensor, each in one.residuals.items()}
+    residuals = {sensor: (each.accepted, each.sigma) for sensor, each in one.residuals.items()}
     nis = {sensor: (one.nis[sensor], one.dof[sensor]) for sensor in one.nis}
     checks = filter_checks(one.channels, residuals, nis, one.smoothed_change, one.names)
     results = [result.filters[name] for result in replay.block.results if name in result.filters]
