@@ -146,6 +146,16 @@ def where_runs(condition: Mask, chosen: B, other: B) -> B:
     return replace(chosen, **mixed)  # type: ignore[type-var]  # as above
 
 
+def in_kind(belief: B, kind: np.dtype[Any]) -> B:
+    """Return a belief whose numbers are of a type of floating-point numbers; counts and truth values stay."""
+    made: dict[str, Any] = {}
+    for item in fields(belief):  # type: ignore[arg-type]  # as in `where_runs`
+        value = getattr(belief, item.name)
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            made[item.name] = np.ascontiguousarray(value, dtype=kind)
+    return replace(belief, **made)  # type: ignore[type-var]  # as in `where_runs`
+
+
 def in_c_order(belief: B) -> B:
     """Return a belief whose arrays lie in memory in C order.
 

@@ -29,7 +29,7 @@ from relnav_sim.filters.operations import (
 from relnav_sim.filters.single_precision import SinglePrecision
 from relnav_sim.filters.single_reweighting import reweighted_in_single
 from relnav_sim.filters.square_root import NoiseRoot
-from relnav_sim.linalg import by_run, symmetric
+from relnav_sim.linalg import DOUBLE, by_run, kernel_for, symmetric
 from relnav_sim.measurements.interface import Measurement, linearised
 
 Weigh = Callable[[Array, Array], Array]
@@ -113,20 +113,21 @@ def reweighted(
             equally bad and the weights cannot tell which is wrong.
     """
     mean, P = belief.mean, belief.covariance
-    nu, H, R = np.ascontiguousarray(nu), by_run(H), by_run(R)
+    kind = mean.dtype
+    nu, H, R = np.ascontiguousarray(nu), by_run(H, kind), by_run(R, kind)
     root, white, rows = _whitened(nu, H, R)
     spread_of_prior = NoiseRoot(P) if weigh_prior else None
     posterior, unweighted = joseph_update(belief, nu, H, R)
     prior = belief
     shift = np.zeros_like(mean) if weigh_prior else posterior.mean - mean
+    residuals, scaled = (kernel_for(nu, kernels.reweighting, name) for name in ("residuals", "scaled"))
     for _ in range(iterations):
-        e, spread = kernels.reweighting.residuals(white, rows, shift, np.ascontiguousarray(posterior.covariance))
-        weights = weigh(e, spread)
+        e, spread = residuals(white, rows, shift, np.ascontiguousarray(posterior.covariance))
+        weights: Array = np.ascontiguousarray(weigh(e, spread), dtype=kind)
         if spread_of_prior is not None:
             weights_of_prior = weigh(spread_of_prior.whiten(shift), np.zeros_like(shift))
             prior = Gaussian(mean, symmetric(spread_of_prior.scaled(weights_of_prior)))
-        noise = kernels.reweighting.scaled(root, np.ascontiguousarray(weights))
-        posterior, weighted = joseph_update(prior, nu, H, noise)
+        posterior, weighted = joseph_update(prior, nu, H, scaled(root, weights))
         shift = posterior.mean - mean
     return Reweighted(posterior, unweighted, weighted, weights)
 
@@ -143,8 +144,8 @@ def reweighted_operations(size: Size, options: Any) -> Operations:
 
 def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array]:
     """Return a root L of R, (runs, m, m), and L^-1 nu and L^-1 H; directions without noise whiten to zero."""
-    root, white, rows, singular = kernels.reweighting.whitened(nu, H, R)
-    if singular.any():
+    root, white, rows, singular = kernel_for(nu, kernels.reweighting, "whitened")(nu, H, R)
+    if nu.dtype == DOUBLE and singular.any():
         places = np.flatnonzero(singular)
         noise = NoiseRoot(of_runs(R, places))
         root[places], white[places] = noise.root, noise.whiten(nu[places])
