@@ -15,8 +15,10 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 
 LOG_TWO_PI = float(np.log(2 * np.pi))
-SINGLE = np.dtype(np.float32)
-DOUBLE = np.dtype(np.float64)
+Kind = np.dtype[np.float64]
+"""The type of an array's numbers; as arrays are annotated, of whichever precision they are."""
+SINGLE: Kind = np.dtype(np.float32)  # type: ignore[assignment]
+DOUBLE: Kind = np.dtype(np.float64)
 
 
 def kernel_for(A: Array, theme: Any, name: str) -> Any:
@@ -24,7 +26,7 @@ def kernel_for(A: Array, theme: Any, name: str) -> Any:
     return getattr(theme, f"{name}_single" if A.dtype == SINGLE else name)
 
 
-def by_run(A: Array, kind: np.dtype[Any] = DOUBLE) -> Array:
+def by_run(A: Array, kind: Kind = DOUBLE) -> Array:
     """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
     return np.ascontiguousarray(A if A.ndim == 3 else A[None], dtype=kind)
 

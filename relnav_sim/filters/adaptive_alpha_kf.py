@@ -171,7 +171,9 @@ class AdaptiveAlphaFilter(EitherArithmetic):
 
         update = reweighted(belief, nu, H, R, weigh, options.iterations)
         extras = {"alpha": update.weights.min(axis=-1), "nis_after": update.weighted.nis}
-        return update.posterior, replace(update.unweighted, extras=extras, failed=update.weighted.failed)
+        return update.posterior, replace(
+            update.unweighted, extras=extras, failed={**update.failed, **update.weighted.failed}
+        )
 
     def _mixture_noise(self, nu: Array, M: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return the covariance of the expected precision (runs, m, m), alpha (runs,), and the log evidence (runs,).

@@ -21,7 +21,14 @@ from relnav_sim.filters.gaussian_sampling import (
     whitened_prior,
 )
 from relnav_sim.filters.iekf import search_operations
-from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    definite_in_single,
+    gaussian_numbers,
+    unscented_prediction,
+)
 from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import DOUBLE, CholeskyFactor, by_run, cholesky, kernel_for, symmetric, transpose
@@ -94,10 +101,11 @@ def sampled_operations(size: Size, options: Any) -> Operations:
 
     What is done once, whatever the number of samples, counts as one search of `iekf` with two iterations.
     """
-    n, m = size.n, size.m
+    n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + m * m + 2 * m + 4 + n * (n + 1) + 2 * n
-    count = unscented_prediction(n) + search_operations(size, 2) + options.samples * each
-    return Operations(count, gaussian_numbers(n, m) + options.samples * (2 * n + m + 1))
+    once = search_operations(size, 2, width) + definite_in_single(n, width)
+    count = unscented_prediction(n) + once + options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.samples * (2 * n + m + 1), width)
 
 
 @register_filter(

@@ -10,6 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.linalg import Kind
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
@@ -146,7 +147,7 @@ def where_runs(condition: Mask, chosen: B, other: B) -> B:
     return replace(chosen, **mixed)  # type: ignore[type-var]  # as above
 
 
-def in_kind(belief: B, kind: np.dtype[Any]) -> B:
+def in_kind(belief: B, kind: Kind) -> B:
     """Return a belief whose numbers are of a type of floating-point numbers; counts and truth values stay."""
     made: dict[str, Any] = {}
     for item in fields(belief):  # type: ignore[arg-type]  # as in `where_runs`

@@ -37,8 +37,8 @@ class IterationOptions(GaussianFilterOptions, ArithmeticOptions):
         default=1e-8,
         gt=0,
         description="A run stops when its next step is, or will be at the rate of the last two, shorter than this, in "
-        "standard deviations of the posterior; in float32 not below 3.5e-4, the root of its unit of rounding, nor below "
-        "what the rounding of readings is worth",
+        "standard deviations of the posterior; in float32 3.5e-4, the root of its unit of rounding, or what the "
+        "rounding of readings is worth, where that is more",
     )
 
 

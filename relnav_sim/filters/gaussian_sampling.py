@@ -81,7 +81,8 @@ class WhitenedPrior:
 def whitened_prior(belief: Gaussian, observed: Indices) -> WhitenedPrior:
     """Return the prediction in the coordinates of its observed components."""
     m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
-    return WhitenedPrior(m, P, *kernel_for(P, kernels.sampling, "whitened")(P, observed), observed)
+    roots, remainder = kernel_for(P, kernels.sampling, "whitened")(P, observed)
+    return WhitenedPrior(m, P, roots, remainder, observed)
 
 
 @cache

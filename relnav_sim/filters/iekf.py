@@ -23,11 +23,15 @@ from relnav_sim.filters.kalman import joseph_update, reading_size
 from relnav_sim.filters.operations import (
     Operations,
     Size,
+    bytes_of,
     cholesky,
     covariance_prediction,
+    definite_in_single,
+    digits_of_search,
     gaussian_numbers,
     innovation_covariance,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
     whitening,
 )
 from relnav_sim.filters.registry import register_filter
@@ -37,18 +41,22 @@ from relnav_sim.linalg import by_run, kernel_for, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
-def search_operations(size: Size, iterations: int, options: Any = None) -> int:
+def search_operations(size: Size, iterations: int, number_bytes: int) -> int:
     """Return the operations of a Gauss-Newton search without halved steps, and of the updates before and after it."""
     n, m = size.n, size.m
     solved = innovation_covariance(n, m) + 2 * m * n + cholesky(m) + 2 * m + 2 * m * m
     costs = 2 * (2 * n * (n + 1) + 2 * m * (m + 1) + 1)
-    return whitening(n, n) + whitening(m, m) + 2 * kalman_update(n, m) + iterations * (solved + costs)
+    updates = 2 * linearised_update(n, m, number_bytes)
+    return whitening(n, n) + whitening(m, m) + updates + iterations * (solved + costs)
 
 
 def _operations(size: Size, options: Any) -> Operations:
     """Return what it costs with all the iterations that it may take."""
-    count = covariance_prediction(size.n) + search_operations(size, options.max_iterations)
-    return Operations(count, gaussian_numbers(size.n, size.m))
+    width = bytes_of(options)
+    prediction = covariance_prediction(size.n) + mean_in_single(size.n, width)
+    tests = digits_of_search(size.n, size.m, width) + definite_in_single(size.n, width)
+    count = prediction + search_operations(size, options.max_iterations, width) + tests
+    return Operations(count, gaussian_numbers(size.n, size.m), width)
 
 
 @register_filter("iekf", IterationOptions, cost_us=4.0, overhead_us=260.0, operations=_operations)

@@ -19,8 +19,8 @@ from relnav_sim.filters.operations import (
     bytes_of,
     covariance_prediction,
     gaussian_numbers,
-    joseph_form,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.single_precision import SinglePrecision, joseph_in_single
@@ -203,12 +203,9 @@ class KalmanOptions(LinearisedFilterOptions):
 
 def linearised_operations(size: Size, options: Any) -> Operations:
     """Return what a linear or extended Kalman filter costs; in float32 its update is Joseph's, and F m is its own."""
-    n, m = size.n, size.m
-    if bytes_of(options) == 8:
-        count = covariance_prediction(n) + kalman_update(n, m)
-    else:
-        count = covariance_prediction(n) + 2 * n * n + joseph_form(n, m)
-    return Operations(count, gaussian_numbers(n, m), bytes_of(options))
+    n, m, width = size.n, size.m, bytes_of(options)
+    count = covariance_prediction(n) + mean_in_single(n, width) + linearised_update(n, m, width)
+    return Operations(count, gaussian_numbers(n, m), width)
 
 
 @register_filter(

@@ -32,8 +32,10 @@ def joseph_in_single(x: Array, P: Array, residual: Array, H: Array, R: Array) ->
         H: (runs or 1, m, n), or (m, n).
         R: (runs or 1, m, m), or (m, m).
     """
-    own = (np.ascontiguousarray(A, dtype=SINGLE) for A in (x, P, residual))
-    x, P, nis, log_likelihood, lost = kernels.joseph.update_single(*own, by_run(H, SINGLE), by_run(R, SINGLE), _EPS)
+    x, P, residual = (np.ascontiguousarray(A, dtype=SINGLE) for A in (x, P, residual))
+    x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
+        x, P, residual, by_run(H, SINGLE), by_run(R, SINGLE), _EPS
+    )
     return x, P, Innovation(nis, log_likelihood, failed=dict.fromkeys(lost.tolist(), INDEFINITE))
 
 

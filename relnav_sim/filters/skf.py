@@ -19,7 +19,14 @@ from relnav_sim.filters.gaussian_sampling import (
     whitened_prior,
 )
 from relnav_sim.filters.iekf import search_operations
-from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    definite_in_single,
+    gaussian_numbers,
+    unscented_prediction,
+)
 from relnav_sim.filters.particle_set import standard_normals
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import DOUBLE, SINGLE, CholeskyFactor, cholesky, symmetric, transpose
@@ -62,10 +69,11 @@ def _operations(size: Size, options: Any) -> Operations:
 
     Each sample is drawn, its whitened misfits to reading and prior are squared, and it is added to the gradients.
     """
-    n, m = size.n, size.m
+    n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + (m * m + 2 * m) + (n * n + 2 * n) + (n * n + n) + 4
-    count = unscented_prediction(n) + search_operations(size, 2) + options.iterations * options.samples * each
-    return Operations(count, gaussian_numbers(n, m) + options.iterations * options.samples * (2 * n + m + 1))
+    once = search_operations(size, 2, width) + definite_in_single(n, width)
+    count = unscented_prediction(n) + once + options.iterations * options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.iterations * options.samples * (2 * n + m + 1), width)
 
 
 @register_filter("skf", StochasticSearchOptions, cost_us=600.0, overhead_us=4000.0, operations=_operations)

@@ -26,10 +26,14 @@ from relnav_sim.filters.kalman import joseph_update, reading_size
 from relnav_sim.filters.operations import (
     Operations,
     Size,
+    bytes_of,
     cholesky,
     covariance_prediction,
+    definite_in_single,
+    digits_of_search,
     gaussian_numbers,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
     whitening,
 )
 from relnav_sim.filters.registry import register_filter
@@ -97,14 +101,16 @@ class TwoStepBelief(Gaussian):
 
 def two_step_operations(size: Size, options: Any) -> Operations:
     """Return what it costs: the first step over y = [x; g(x)], and all the iterations that the second may take."""
-    n, m = size.n, size.m
-    first = covariance_prediction(n) + 2 * kalman_update(n, m) + kalman_update(m, m)
+    n, m, width = size.n, size.m, bytes_of(options)
+    first = covariance_prediction(n) + 2 * linearised_update(n, m, width) + linearised_update(m, m, width)
     roots = cholesky(n) + cholesky(m) + 2 * (n + m) + whitening(n, n) + whitening(m, m)
     turned = 2 * m * n * n + 12 * m * m * n + 6 * m**3
     misfit = 2 * n * n + 4 * n * m + 2 * m * m + 3 * n + 2 * m + 1
     step = 2 * n * n * (m + 1) + 6 * n * m * (m + 1) + m**3 + 4 * m * m + 2 * n + 3 * m + 1
-    count = 2 * covariance_prediction(n) + first + roots + turned + options.max_iterations * (misfit + step)
-    return Operations(count, gaussian_numbers(n, m) + gaussian_numbers(n + m, m))
+    tests = digits_of_search(n, m, width) + definite_in_single(n, width)
+    count = 2 * covariance_prediction(n) + mean_in_single(n, width) + first + roots + turned + tests
+    count += options.max_iterations * (misfit + step)
+    return Operations(count, gaussian_numbers(n, m) + gaussian_numbers(n + m, m), width)
 
 
 @register_filter("two_step", TwoStepOptions, cost_us=5.0, overhead_us=530.0, operations=two_step_operations)

@@ -32,7 +32,11 @@ def linearised_reading(H: Array, P: Array, R: Array, d: Array, residual: Array) 
         residual: z - h there, (runs, m).
     """
     runs, m, n = H.shape
-    all_HP, all_S, all_nu = np.empty((runs, m, n), d.dtype), np.empty((runs, m, m), d.dtype), np.empty((runs, m), d.dtype)
+    all_HP, all_S, all_nu = (
+        np.empty((runs, m, n), d.dtype),
+        np.empty((runs, m, m), d.dtype),
+        np.empty((runs, m), d.dtype),
+    )
     h, p, hp = np.empty((m, n, LANES), d.dtype), np.empty((n, n, LANES), d.dtype), np.empty((m, n, LANES), d.dtype)
     S, r = np.empty((m, m, LANES), d.dtype), np.empty((m, m, LANES), d.dtype)
     x, nu = np.empty((n, LANES), d.dtype), np.empty((m, LANES), d.dtype)

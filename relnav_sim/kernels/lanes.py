@@ -212,15 +212,15 @@ def solve(A: Array, used: int, X: Array) -> None:
             for i in range(k + 1, m):
                 if abs(A[i, k, b]) > abs(A[pivot, k, b]):
                     pivot = i
+            # Zero here, it makes all that follows NaN.
+            inverse = 1 / A[pivot, k, b] if A[pivot, k, b] != 0 else math.nan
             for j in range(m):
                 A[k, j, b], A[pivot, j, b] = A[pivot, j, b], A[k, j, b]
-            # In the place of the pivot its inverse, so that it is rounded as A is; of zero, what makes all NaN.
-            A[k, k, b] = 1 / A[k, k, b] if A[k, k, b] != 0 else math.nan
             for j in range(n):
                 X[k, j, b], X[pivot, j, b] = X[pivot, j, b], X[k, j, b]
-                X[k, j, b] *= A[k, k, b]
+                X[k, j, b] *= inverse
             for j in range(k + 1, m):
-                A[k, j, b] *= A[k, k, b]
+                A[k, j, b] *= inverse
             for i in range(k + 1, m):
                 for j in range(k + 1, m):
                     A[i, j, b] -= A[i, k, b] * A[k, j, b]

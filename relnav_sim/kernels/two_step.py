@@ -216,13 +216,31 @@ def _subtract_image(A: Array, x: Array, used: int, y: Array) -> None:
                 y[i, b] -= A[i, j, b] * x[j, b]
 
 
-@kernel_like(misfit, given(3, single), given(3, single), given(2, single), given(2, single), given(2, single), given(3, single), given(3, single))
+@kernel_like(
+    misfit,
+    given(3, single),
+    given(3, single),
+    given(2, single),
+    given(2, single),
+    given(2, single),
+    given(3, single),
+    given(3, single),
+)
 def misfit_single(G: Array, K: Array, x: Array, d: Array, beyond: Array, W: Array, U: Array) -> tuple[Array, Array]:
     """Return the same as `misfit`."""
     return x, d
 
 
-@kernel_like(step, given(3, single), given(3, single), given(3, single), given(3, single), given(2, single), given(3, single), given(3, single))
+@kernel_like(
+    step,
+    given(3, single),
+    given(3, single),
+    given(3, single),
+    given(3, single),
+    given(2, single),
+    given(3, single),
+    given(3, single),
+)
 def step_single(D: Array, K: Array, P: Array, V: Array, both: Array, W: Array, U: Array) -> tuple[Array, Array]:
     """Return the same as `step`."""
     return both, both
