@@ -152,8 +152,7 @@ class AdaptiveAlphaFilter(EitherArithmetic):
     def _gate_alpha(self, nu: Array, M: Array, R: Array) -> Array:
         """Return 1 where the NIS is within the threshold, else the alpha that brings it there, (runs,)."""
         s, d = modes(nu, M, R)
-        target = self._threshold.of_present()
-        return 1 / scale_for(s, d, np.asarray(target, dtype=self.kind), 1.0, self._limits[1])
+        return 1 / scale_for(s, d, self._threshold.of_present(), 1.0, self._limits[1])
 
     def _student_update(self, belief: Gaussian, nu: Array, H: Array, R: Array) -> tuple[Gaussian, Innovation]:
         """Return the variational update, with the smallest alpha (runs,)."""

@@ -181,9 +181,9 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
         residual: (runs, m).
         reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
     """
-    nis, log_likelihood, rows = kernels.kalman.innovation(
-        np.ascontiguousarray(S, dtype=DOUBLE), np.ascontiguousarray(residual, dtype=DOUBLE)
-    )
+    # Of whichever arithmetic: it is a figure of the statistics.
+    S, residual, reading = (np.ascontiguousarray(A, dtype=DOUBLE) for A in (S, residual, reading))
+    nis, log_likelihood, rows = kernels.kalman.innovation(S, residual)
     if len(rows):
         told = degenerate_innovation(S[rows], residual[rows], reading[rows])
         nis[rows], log_likelihood[rows] = told.nis, told.log_likelihood
