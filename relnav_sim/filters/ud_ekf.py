@@ -127,14 +127,13 @@ class FactoredKalmanFilter(GaussianFilter):
         update = kernels.ud.update_single if models.single else kernels.ud.update
         x, U, D = map(np.ascontiguousarray, (prior.x, prior.U, prior.D))
         model = models.linearised(z, x if prior.rest is None else prior.mean, step.epoch)
-        mean, U, D, nis, log_likelihood, contradicted = update(
+        moved, U, D, nis, log_likelihood, contradicted = update(
             x if prior.rest is None else np.zeros_like(x), U, D, *model, self._places, models.eps
         )
-        rest = prior.rest
-        if rest is not None:
-            mean, rest = _added(x, rest, mean)
+        mean, rest = (moved, None) if prior.rest is None else _added(x, prior.rest, moved)
         corrected = FactoredGaussian(mean, U, D, rest)
-        failed = models.coarse(mean, corrected.covariance) if models.single and rest is None else {}
+        # In two numbers a state is rounded no more, but readings of its size are.
+        failed = models.coarse(mean, corrected.covariance) if models.single else {}
         if contradicted:
             failed |= dict.fromkeys(np.flatnonzero(np.isposinf(nis)).tolist(), CONTRADICTION)
         return corrected, Innovation(nis, log_likelihood, failed=failed)

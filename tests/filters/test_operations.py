@@ -15,8 +15,10 @@ from relnav_sim.options import Options
 from relnav_sim.streams import RandomSource
 
 THEMES = {
-    "kalman": tuple(name + end for name in ("predict", "predict_linear") for end in ("", "_single"))
-    + ("update", "update_by_moments", "innovation"),
+    "kalman": (
+        *(name + end for name in ("predict", "predict_linear") for end in ("", "_single")),
+        *("update", "update_by_moments", "innovation"),
+    ),
     "joseph": ("update", "update_single", "update_by_points"),
     "ud": ("predict", "update", "predict_single", "update_single", "factor_single"),
     "srif": ("predict", "update"),
