@@ -198,9 +198,9 @@ def test_srif_says_what_it_needs(arithmetic, F, R, cov0, missing):
 
 def test_only_these_filters_have_float32():
     have = {name for name, kind in filter_kinds().items() if kind.in_single}
-    not_gaussian = {"particle", "unscented_particle", "mf_upf", "gaussian_sum", "imm", "batch_least_squares"}
+    particles = {"particle", "unscented_particle", "mf_upf", "gp_particle"}
     own = {name for name, kind in filter_kinds().items() if kind.factory.__module__.startswith("relnav_sim.")}
-    assert own - have == not_gaussian
+    assert own - have == {*particles, "gaussian_sum", "imm", "batch_least_squares"}
     with pytest.raises(ValueError, match="'float64' or 'float32'"):
         create_filter("ekf", LinearDynamics(I2, I2), LinearMeasurement(I2, I2), arithmetic="float16")
 
