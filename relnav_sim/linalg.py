@@ -7,17 +7,28 @@ one diverged filter must not end the others.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 
 LOG_TWO_PI = float(np.log(2 * np.pi))
+Kind = np.dtype[np.float64]
+"""The type of an array's numbers; as arrays are annotated, of whichever precision they are."""
+SINGLE: Kind = np.dtype(np.float32)  # type: ignore[assignment]
+DOUBLE: Kind = np.dtype(np.float64)
 
 
-def by_run(A: Array) -> Array:
+def kernel_for(A: Array, theme: Any, name: str) -> Any:
+    """Return the kernel of a theme that computes as A does: for float32 the one whose name ends in `_single`."""
+    return getattr(theme, f"{name}_single" if A.dtype == SINGLE else name)
+
+
+def by_run(A: Array, kind: Kind = DOUBLE) -> Array:
     """Return matrices (runs, p, q), or one (p, q) that all runs share as (1, p, q), in C order for a kernel."""
-    return np.ascontiguousarray(A if A.ndim == 3 else A[None], dtype=np.float64)
+    return np.ascontiguousarray(A if A.ndim == 3 else A[None], dtype=kind)
 
 
 def in_rows(x: Array) -> Array:
@@ -61,7 +72,9 @@ def factor(A: Array) -> Array:
 
 def cholesky(A: Array) -> Array:
     """Return lower-triangular L with L L^T = A, (..., n, n); NaN where A is not positive definite."""
-    return kernels.roots.cholesky(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
+    factor = kernel_for(A, kernels.roots, "cholesky")
+    root: Array = factor(np.ascontiguousarray(A).reshape(-1, *A.shape[-2:]))[0].reshape(A.shape)
+    return root
 
 
 class CholeskyFactor:
@@ -80,11 +93,13 @@ class CholeskyFactor:
 
     def whiten_rows(self, B: Array) -> Array:
         """Return L^-1 B for B (runs, m, n)."""
-        return kernels.roots.whiten(self._S, np.ascontiguousarray(B))[0]
+        white: Array = kernel_for(self._S, kernels.roots, "whiten")(self._S, np.ascontiguousarray(B))[0]
+        return white
 
     def solve(self, B: Array) -> Array:
         """Return S^-1 B for B (runs, m, n)."""
-        return kernels.roots.solve(self._S, np.ascontiguousarray(B))[0]
+        solution: Array = kernel_for(self._S, kernels.roots, "solve")(self._S, np.ascontiguousarray(B))[0]
+        return solution
 
     def log_determinant(self) -> Array:
         """Return log det S, (runs,)."""

@@ -11,11 +11,12 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.channel_quantile import ChannelQuantile
 from relnav_sim.filters.components import noise_components, normalised
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
 from relnav_sim.filters.kalman import (
-    GaussianFilter,
     GaussianFilterOptions,
     innovation_of,
     joseph_update,
@@ -24,14 +25,14 @@ from relnav_sim.filters.noise_scale import empty_window, modes, push, scale_for
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import reweighted, reweighted_operations
 from relnav_sim.filters.square_root import NEEDS_NOISE, not_definite
-from relnav_sim.linalg import CholeskyFactor, by_run
+from relnav_sim.linalg import CholeskyFactor, by_run, kernel_for
 from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource
 
 
-class AdaptiveAlphaOptions(GaussianFilterOptions):
+class AdaptiveAlphaOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the adaptive alpha filter."""
 
     scheme: Literal["gate", "student_t", "responsibilities", "windowed_nis"] = Field(
@@ -73,7 +74,7 @@ class AdaptiveAlphaOptions(GaussianFilterOptions):
 @register_filter(
     "adaptive_alpha_kf", AdaptiveAlphaOptions, cost_us=4.0, overhead_us=145.0, operations=reweighted_operations
 )
-class AdaptiveAlphaFilter(GaussianFilter):
+class AdaptiveAlphaFilter(EitherArithmetic):
     """Adaptive alpha Kalman filter: R / alpha_k with alpha_k from the residuals.
 
     What Shi et al. (J. Chinese Inertial Technology 33(10), 2025) leave to future work. With one fixed-point step a
@@ -95,8 +96,6 @@ class AdaptiveAlphaFilter(GaussianFilter):
     is one each), `nis_after` with R / alpha_k, and `white` for the window (1 where the innovations count as white).
     """
 
-    double_only = "the noise that it finds is float64"
-
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AdaptiveAlphaOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._options = options
@@ -116,13 +115,14 @@ class AdaptiveAlphaFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with R / alpha_k."""
-        nu, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
-        P, nu, R = np.ascontiguousarray(belief.covariance), np.ascontiguousarray(nu), by_run(R)
+        nu, H, R = linearised(self.seen, z, belief.mean, step.epoch)
+        P, nu, R = np.ascontiguousarray(belief.covariance), np.ascontiguousarray(nu), by_run(R, self.kind)
         singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(nu))).tolist(), NEEDS_NOISE)
         if self._options.scheme == "student_t":
             posterior, innovation = self._student_update(belief, nu, H, R)
         else:
-            M = kernels.kalman.predict(P, by_run(H), np.zeros((1, nu.shape[1], nu.shape[1])))
+            no_noise = np.zeros((1, nu.shape[1], nu.shape[1]), self.kind)
+            M = kernel_for(P, kernels.kalman, "predict")(P, by_run(H, self.kind), no_noise)
             posterior, innovation = self._scaled_update(belief, z, nu, H, M, np.broadcast_to(R, M.shape), step.epoch)
         return posterior, replace(innovation, failed={**innovation.failed, **singular})
 
@@ -170,14 +170,16 @@ class AdaptiveAlphaFilter(GaussianFilter):
 
         update = reweighted(belief, nu, H, R, weigh, options.iterations)
         extras = {"alpha": update.weights.min(axis=-1), "nis_after": update.weighted.nis}
-        return update.posterior, replace(update.unweighted, extras=extras, failed=update.weighted.failed)
+        return update.posterior, replace(
+            update.unweighted, extras=extras, failed={**update.failed, **update.weighted.failed}
+        )
 
     def _mixture_noise(self, nu: Array, M: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return the covariance of the expected precision (runs, m, m), alpha (runs,), and the log evidence (runs,).
 
         alpha is the m-th root of the determinants' ratio to the most precise component, m the channels present.
         """
-        weights, covariances = noise_components(self.measurement, mean, epoch)
+        weights, covariances = noise_components(self.seen, mean, epoch)
         covariances = np.broadcast_to(covariances, (len(nu), *covariances.shape[-3:]))
         components = [np.ascontiguousarray(covariances[:, j]) for j in range(len(weights))]
         log_terms = [
@@ -185,8 +187,9 @@ class AdaptiveAlphaFilter(GaussianFilter):
             for weight, covariance in zip(weights, components, strict=True)
         ]
         responsibilities, evidence = normalised(np.stack(log_terms, axis=-1))
-        identity = np.broadcast_to(np.eye(nu.shape[-1]), M.shape)
-        precision = np.zeros(M.shape)
+        responsibilities = responsibilities.astype(self.kind, copy=False)
+        identity = np.broadcast_to(np.eye(nu.shape[-1], dtype=self.kind), M.shape)
+        precision = np.zeros(M.shape, self.kind)
         least_volume = np.full(len(nu), np.inf)
         for j, covariance in enumerate(components):
             factor = CholeskyFactor(covariance)

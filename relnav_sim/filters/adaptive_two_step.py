@@ -92,16 +92,16 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[AdaptiveTwoStepBelief, Innovation]:
         """Return the belief after both steps under the present noise estimate, and the estimate renewed."""
         prior: AdaptiveTwoStepBelief = belief
-        nominal = all_channels(self.measurement).noise(prior.mean, step.epoch)
+        nominal = all_channels(self.seen).noise(prior.mean, step.epoch)
         nominal = np.broadcast_to(nominal, prior.noise_ratio.shape)
         root = cholesky(nominal)
         R = root @ prior.noise_ratio @ transpose(root)
         corrected, (residual, covariance), innovation = self.two_steps(prior, z, R, step)
         factor, memory = CholeskyFactor(nominal), self._adaptation.forgetting * prior.memory + 1
-        weight, present = 1 / memory, present_channels(self.measurement)
+        weight, present = 1 / memory, present_channels(self.seen)
         if present is not None:
             # An axis into which an absent channel enters has seen nothing.
-            enters = factor.whiten_rows(np.broadcast_to(np.eye(present.shape[1]), nominal.shape)) != 0
+            enters = factor.whiten_rows(np.broadcast_to(np.eye(present.shape[1], dtype=self.kind), nominal.shape)) != 0
             seen = ~(enters & ~present[:, None]).any(axis=2)
             memory, weight = np.where(seen, memory, prior.memory), np.where(seen, weight, 0.0)
         ratio = self._renewed(prior.noise_ratio, factor, residual, covariance, weight)
@@ -122,7 +122,7 @@ class AdaptiveTwoStepFilter(TwoStepFilter):
         half = factor.whiten_rows(covariance)
         seen = white[:, :, None] * white[:, None, :] + factor.whiten_rows(transpose(half))
         if options.channels == "independent":
-            seen = seen * np.eye(seen.shape[-1])
+            seen = seen * np.eye(seen.shape[-1], dtype=seen.dtype)
         estimate = _geometric_means(1 - weight) * ratio + _geometric_means(weight) * seen
         # The bounds rescale channels, so that the matrix stays positive definite.
         variances = np.einsum("bii->bi", estimate)

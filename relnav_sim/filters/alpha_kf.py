@@ -15,23 +15,30 @@ from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
 from relnav_sim.filters.gaussian_sampling import (
     Linearisation,
     SamplingFilter,
+    SamplingOptions,
     WhitenedPrior,
     fixed_normals,
     whitened_prior,
 )
 from relnav_sim.filters.iekf import search_operations
-from relnav_sim.filters.kalman import GaussianFilterOptions
-from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    definite_in_single,
+    gaussian_numbers,
+    unscented_prediction,
+)
 from relnav_sim.filters.particle_set import log_likelihood, standard_normals
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, symmetric, transpose
+from relnav_sim.linalg import DOUBLE, CholeskyFactor, by_run, cholesky, kernel_for, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, affine, squared_errors
 from relnav_sim.measurements.partial import all_channels, present_channels
 from relnav_sim.options import Tunable
 from relnav_sim.streams import RandomSource, Streams
 
 
-class ImportanceOptions(GaussianFilterOptions):
+class ImportanceOptions(SamplingOptions):
     """Options of a filter that takes its moments from weighted samples."""
 
     samples: int = Field(
@@ -94,10 +101,11 @@ def sampled_operations(size: Size, options: Any) -> Operations:
 
     What is done once, whatever the number of samples, counts as one search of `iekf` with two iterations.
     """
-    n, m = size.n, size.m
+    n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + m * m + 2 * m + 4 + n * (n + 1) + 2 * n
-    count = unscented_prediction(n) + search_operations(size, 2) + options.samples * each
-    return Operations(count, gaussian_numbers(n, m) + options.samples * (2 * n + m + 1))
+    once = search_operations(size, 2, width) + definite_in_single(n, width)
+    count = unscented_prediction(n) + once + options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.samples * (2 * n + m + 1), width)
 
 
 @register_filter(
@@ -135,7 +143,7 @@ class AlphaKalmanFilter(SamplingFilter):
         # For a Gaussian, t steps temper the likelihood by 1 - (1 - alpha)^t in all.
         self._total_alpha = 1 - (1 - options.alpha) ** options.fixed_point
         self._kind = ("random", "antithetic", "fixed").index(options.sampling)  # as `kernels.sampling.moments` has it
-        self._tempering = np.sqrt(options.alpha / 2) * np.eye(measurement.dimension)[None]
+        self._tempering = (np.sqrt(options.alpha / 2) * np.eye(measurement.dimension)[None]).astype(self.kind)
         self._streams = Streams([])
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
@@ -168,9 +176,9 @@ class AlphaKalmanFilter(SamplingFilter):
         """Return mean (runs, d), covariance (runs, d, d) of the whitened observed states, and ESS (runs,)."""
         options = self._options
         proposal = self._first_proposal(prior, belief, model, z, step)
-        R = by_run(self._independent_noise(belief, model, step.epoch))
+        R = by_run(self._independent_noise(belief, model, step.epoch), self.kind)
         # W with W^T W = (alpha / 2) R^-1
-        scale, *_ = kernels.roots.whiten(R, self._tempering)
+        scale, *_ = kernel_for(R, kernels.roots, "whiten")(R, self._tempering)
         sizes = []
         for _ in range(options.fixed_point):
             e = self._draw(prior)
@@ -178,20 +186,20 @@ class AlphaKalmanFilter(SamplingFilter):
             costs = self._cost((centre, root, e), belief.mean, scale, z, step.epoch)
             if proposal is not None and proposal.exponent.any():
                 costs -= proposal.log_ratio(e)
-            mean, covariance, ess = kernels.sampling.moments(costs, e, self._kind)
+            mean, covariance, ess = kernel_for(e, kernels.sampling, "moments")(costs, e, self._kind)
             if proposal is not None:
                 mean = proposal.mean + np.einsum("bij,bj->bi", proposal.root, mean)
                 covariance = symmetric(proposal.root @ covariance @ transpose(proposal.root))
             sizes.append(ess)
             if options.fixed_point > 1:
                 # p^alpha q^(1 - alpha) / q = (p / q)^alpha: the last q is the next step's proposal.
-                proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha))
+                proposal = _Proposal(mean, cholesky(covariance), np.full(len(z), options.alpha, self.kind))
         return mean, covariance, ess if len(sizes) == 1 else np.fmin.reduce(sizes)
 
     def _independent_noise(self, belief: Gaussian, model: Linearisation, epoch: int) -> Array:
         """Return R for the likelihood, as every run has it where channels are independent: absent ones add nothing."""
-        if present_channels(self.measurement) is not None:
-            R = all_channels(self.measurement).noise(belief.mean, epoch)
+        if present_channels(self.seen) is not None:
+            R = all_channels(self.seen).noise(belief.mean, epoch)
             if R.ndim == 2 and np.count_nonzero(R) == np.count_nonzero(np.diagonal(R)):
                 return R
         return model.R
@@ -210,18 +218,19 @@ class AlphaKalmanFilter(SamplingFilter):
             return None
         posterior, _ = self.iterated_update(belief, z, options.alpha, step)
         mean, root = prior.coordinates(posterior)
-        widened = _Proposal(mean, np.sqrt(options.proposal_spread) * root, np.ones(len(z)))
-        prediction = _Proposal(np.zeros((len(z), d)), np.broadcast_to(np.eye(d), root.shape), np.zeros(len(z)))
+        widened = _Proposal(mean, options.proposal_spread**0.5 * root, np.ones(len(z), self.kind))
+        unit = np.broadcast_to(np.eye(d, dtype=self.kind), root.shape)
+        prediction = _Proposal(np.zeros((len(z), d), self.kind), unit, np.zeros(len(z), self.kind))
         return where_runs(low, widened, prediction)
 
     def _draw(self, prior: WhitenedPrior) -> Array:
         """Return standard normal samples, (runs, d, N) or (1, d, N)."""
         d, N = prior.roots.shape[1], self._options.samples
         if self._options.sampling == "fixed":
-            return fixed_normals(d, N)
+            return fixed_normals(d, N).astype(self.kind, copy=False)
         if self._options.sampling == "random":
-            return standard_normals(self._streams, d, N)
-        half = standard_normals(self._streams, d, N // 2)
+            return standard_normals(self._streams, d, N).astype(self.kind, copy=False)
+        half = standard_normals(self._streams, d, N // 2).astype(self.kind, copy=False)
         return np.concatenate([half, -half], axis=2)
 
     def _cost(self, samples: tuple[Array, Array, Array], mean: Array, scale: Array, z: Array, epoch: int) -> Array:
@@ -235,8 +244,11 @@ class AlphaKalmanFilter(SamplingFilter):
             epoch: Their epoch.
         """
         if self._options.likelihood == "mixture":
-            return -self._options.alpha * log_likelihood(self.measurement, z, affine(*samples), mean, epoch)
-        return squared_errors(self.measurement, z, scale, *samples, epoch)
+            # A density is a part of the model, and evaluated as that: in float64.
+            states, z, mean = (A.astype(DOUBLE, copy=False) for A in (affine(*samples), z, mean))
+            costs = -self._options.alpha * log_likelihood(self.measurement, z, states, mean, epoch)
+            return costs.astype(self.kind, copy=False)
+        return squared_errors(self.seen, z, scale, *samples, epoch)
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.measurements.interface import Measurement, linearised
+from relnav_sim.linalg import DOUBLE, SINGLE
+from relnav_sim.measurements.interface import (
+    Measurement,
+    Mixture,
+    linearised,
+    one_by_one,
+    squares_of_states,
+)
 from relnav_sim.options import AddedLater, Options
 
 EPS = float(np.finfo(np.float64).eps)
@@ -116,5 +123,62 @@ class ModelsInArithmetic:
         return self.own(A if A.ndim == 3 else A[None])
 
 
+class RoundedMeasurement:
+    """A measurement whose functions are evaluated in float64 at states of float32, and what they return is rounded.
+
+    Readings are rounded before predicted ones are subtracted from them. All else is as in the one behind it.
+
+    Args:
+        base: The measurement.
+    """
+
+    def __init__(self, base: Measurement) -> None:
+        self._base = base
+        self.dimension = base.dimension
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        found = getattr(self._base, name)
+        return RoundedMeasurement(found) if name == "complete" else found
+
+    def predict(self, states: Array, epoch: int) -> Array:
+        """Return h(states)."""
+        return _single(self._base.predict(_double(states), epoch))
+
+    def jacobian(self, states: Array, epoch: int) -> Array:
+        """Return dh/dx."""
+        return _single(self._base.jacobian(_double(states), epoch))
+
+    def noise(self, mean: Array, epoch: int) -> Array:
+        """Return R."""
+        return _single(self._base.noise(_double(mean), epoch))
+
+    def mixture(self, mean: Array, epoch: int) -> Mixture | None:
+        """Return the components of the noise."""
+        found = self._base.mixture(_double(mean), epoch)
+        return found and Mixture(_single(found.weights), _single(found.covariances), found.shared)
+
+    def residual(self, z: Array, predicted: Array) -> Array:
+        """Return z - predicted: the difference of two numbers of float32, taken in float64 and rounded, is theirs."""
+        return _single(self._base.residual(_double(_single(z)), _double(_single(predicted))))
+
+    def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
+        """Return log p(z | states)."""
+        return _single(self._base.log_likelihood(_double(_single(z)), _double(states), epoch))
+
+    def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
+        """Return residual, dh/dx and R by the functions above."""
+        return one_by_one(self, z, mean, epoch)
+
+    def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
+        """Return squared errors of samples by the functions above."""
+        return squares_of_states(self, z, W, centre, root, e, epoch)
+
+
+def _single(A: Array) -> Array:
+    return np.ascontiguousarray(A, dtype=SINGLE)
+
+
 def _double(A: Array) -> Array:
-    return np.ascontiguousarray(A, dtype=np.float64)
+    return np.ascontiguousarray(A, dtype=DOUBLE)

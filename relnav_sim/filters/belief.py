@@ -10,6 +10,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
+from relnav_sim.linalg import Kind
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.streams import RandomSource
 
@@ -146,6 +147,16 @@ def where_runs(condition: Mask, chosen: B, other: B) -> B:
         elif hasattr(new, "covariance"):
             mixed[item.name] = where_runs(condition, new, old)
     return replace(chosen, **mixed)  # type: ignore[type-var]  # as above
+
+
+def in_kind(belief: B, kind: Kind) -> B:
+    """Return a belief whose numbers are of a type of floating-point numbers; counts and truth values stay."""
+    made: dict[str, Any] = {}
+    for item in fields(belief):  # type: ignore[arg-type]  # as in `where_runs`
+        value = getattr(belief, item.name)
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            made[item.name] = np.ascontiguousarray(value, dtype=kind)
+    return replace(belief, **made)  # type: ignore[type-var]  # as in `where_runs`
 
 
 def in_c_order(belief: B) -> B:

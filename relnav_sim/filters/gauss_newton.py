@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array, Mask
+from relnav_sim.filters.arithmetic import ArithmeticOptions
 from relnav_sim.filters.kalman import GaussianFilterOptions
+from relnav_sim.filters.square_root import Whitener
+from relnav_sim.linalg import SINGLE
 from relnav_sim.measurements.interface import Measurement
 
 # Armijo's condition: accept a step that brings this part of the decrease which its slope promises
@@ -20,7 +24,7 @@ _HALVINGS = 12
 _COST_ROUNDING = 1e-9
 
 
-class IterationOptions(GaussianFilterOptions):
+class IterationOptions(GaussianFilterOptions, ArithmeticOptions):
     """Options of the filters that search the maximum of the posterior."""
 
     max_iterations: int = Field(
@@ -33,8 +37,51 @@ class IterationOptions(GaussianFilterOptions):
         default=1e-8,
         gt=0,
         description="A run stops when its next step is, or will be at the rate of the last two, shorter than this, in "
-        "standard deviations of the posterior",
+        "standard deviations of the posterior; in float32 3.5e-4, the root of its unit of rounding, or what the "
+        "rounding of readings is worth, where that is more",
     )
+
+
+@dataclass(frozen=True)
+class CostDigits:
+    """What rounding leaves of a cost |W d|^2 + |U r|^2 and of its steps.
+
+    In a vicinity of the minimum that is s standard deviations of the posterior wide, the cost rises by s^2. A cost that
+    is rounded by eps of itself therefore tells nothing nearer than sqrt(eps), however the steps go on.
+
+    Attributes:
+        tolerance: Length of a step, in those standard deviations, at which a run stops, (runs,) or one for all.
+        readings: Rounding of U r in all, (runs,): what the readings of a state jitter by.
+        deviations: The same of W d, as a share of its own length.
+    """
+
+    tolerance: float | Array
+    readings: float | Array = 0.0
+    deviations: float | Array = 0.0
+
+    def rise(self, cost: Array) -> Array:
+        """Return by how much a cost (runs,) may seem to rise and be lower."""
+        rise: Array = _COST_ROUNDING * (1 + cost)
+        if isinstance(self.readings, float):
+            return rise
+        off = self.readings + self.deviations * np.sqrt(1 + cost)
+        return off * (2 * np.sqrt(cost) + off)
+
+
+def digits_in_single(tolerance: float, W: Whitener, variances: Array, U: Whitener, reading: Array) -> CostDigits:
+    """Return what float32 leaves of the cost of a search.
+
+    Args:
+        tolerance: The option.
+        W: Whitener of the deviations.
+        variances: Of the deviations, (runs, n).
+        U: Whitener of the residuals.
+        reading: How large the readings and what makes them up are, (runs, m): they are rounded by a share of that.
+    """
+    eps = float(np.finfo(SINGLE).eps)
+    readings = eps * np.linalg.norm(times(np.abs(U.root), reading), axis=1)
+    deviations = eps * np.linalg.norm(times(np.abs(W.root), np.sqrt(variances)), axis=1)
+    return CostDigits(np.maximum(max(tolerance, eps**0.5), readings + deviations), readings, deviations)
 
 
 def gauss_newton(
@@ -42,6 +89,7 @@ def gauss_newton(
     find_step: Callable[[Array, Array], tuple[Array, Array]],
     start: Array,
     options: IterationOptions,
+    digits: CostDigits | None = None,
 ) -> tuple[Array, Array]:
     """Minimise a sum of squares for every run by Gauss-Newton steps with halving; return where, and the steps taken.
 
@@ -54,28 +102,31 @@ def gauss_newton(
             normal matrix (runs,), which is half the rate at which the cost falls along it.
         start: Deviation to start from, (runs, n).
         options: When to stop.
+        digits: What rounding leaves of the cost; None: that of float64.
 
     Returns:
         The deviation (runs, n) and the number of steps (runs,).
     """
-    x = start
+    x, digits = start, CostDigits(options.tolerance) if digits is None else digits
+    tolerance = digits.tolerance
     cost, kept = evaluate(x)
     active, iterations = np.ones(len(x), dtype=bool), np.zeros(len(x))
     previous = np.zeros(len(x))
     for _ in range(options.max_iterations):
         dx, length = find_step(x, kept)
-        active = active & (length > options.tolerance**2)
+        active = active & (length > tolerance**2)
         # The steps shrink geometrically or faster: the next is shorter by the factor of the last, at least.
-        ahead = length * length > options.tolerance**2 * previous
+        ahead = length * length > tolerance**2 * previous
         previous = length
         if not active.any():
             break
         origin, before, pending = x, cost, active
+        most = before + digits.rise(before)
         for halving in range(_HALVINGS):
             t = 0.5**halving
             tried = origin + t * dx
             cost_t, kept_t = evaluate(tried)
-            lower = cost_t <= before + _COST_ROUNDING * (1 + before) - 2 * _SUFFICIENT * t * length
+            lower = cost_t <= most - 2 * _SUFFICIENT * t * length
             taken = pending & lower
             x, kept = _where(taken, tried, x), _where(taken, kept_t, kept)
             cost = np.where(taken, cost_t, cost)

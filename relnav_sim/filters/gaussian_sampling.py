@@ -11,11 +11,13 @@ from scipy.special import ndtri
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
-from relnav_sim.filters.kalman import GaussianFilter, GaussianFilterOptions, innovation_of
+from relnav_sim.filters.arithmetic import ArithmeticOptions
+from relnav_sim.filters.belief import Gaussian, Innovation, in_kind, where_runs
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
+from relnav_sim.filters.kalman import GaussianFilterOptions, innovation_of
 from relnav_sim.filters.registry import create_filter
 from relnav_sim.filters.ukf import UnscentedKalmanFilter, UnscentedOptions
-from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, transpose
+from relnav_sim.linalg import CholeskyFactor, by_run, cholesky, kernel_for, transpose
 from relnav_sim.measurements.interface import Measurement, MeasurementDefaults, linearised
 
 
@@ -72,13 +74,15 @@ class WhitenedPrior:
 
     def posterior(self, mean: Array, covariance: Array) -> Gaussian:
         """Return the Gaussian of x for N(mean (runs, d), covariance (runs, d, d)) of y."""
-        return Gaussian(*kernels.sampling.regressed(self.mean, self.roots, self.remainder, mean, covariance))
+        regressed = kernel_for(self.mean, kernels.sampling, "regressed")
+        return Gaussian(*regressed(self.mean, self.roots, self.remainder, mean, covariance))
 
 
 def whitened_prior(belief: Gaussian, observed: Indices) -> WhitenedPrior:
     """Return the prediction in the coordinates of its observed components."""
     m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
-    return WhitenedPrior(m, P, *kernels.sampling.whitened(P, observed), observed)
+    roots, remainder = kernel_for(P, kernels.sampling, "whitened")(P, observed)
+    return WhitenedPrior(m, P, roots, remainder, observed)
 
 
 @cache
@@ -126,22 +130,28 @@ class Linearisation:
         return innovation_of(self.HPH + r_scale * self.R, self.residual, self.reading)
 
 
-class SamplingFilter(GaussianFilter):
+class SamplingOptions(GaussianFilterOptions, ArithmeticOptions):
+    """Options of every filter that samples the predicted Gaussian in its update."""
+
+
+class SamplingFilter(EitherArithmetic):
     """Prediction, linearisation and fallback of a filter that samples the predicted Gaussian in its update."""
 
     stochastic = True
-    double_only = "moments of its posterior are averages over samples"
     # The sampled covariance, with one block put back, would in the end be indefinite.
     considers = False
 
-    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: GaussianFilterOptions) -> None:
+    def __init__(self, dynamics: Dynamics, measurement: Measurement, options: SamplingOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._observed = observed_states(measurement, dynamics.dimension)
-        self._sigma_points = UnscentedKalmanFilter(dynamics, measurement, UnscentedOptions())
+        self._arithmetic = options.arithmetic
+        points = UnscentedOptions(arithmetic=options.arithmetic)
+        self._sigma_points = UnscentedKalmanFilter(dynamics, measurement, points)
 
     def predict(self, belief: Gaussian, step: Step) -> Gaussian:
         """Return the predicted moments: exact for linear dynamics, by the cubature rule for others."""
-        return self._sigma_points.predict(belief, step)
+        predicted = self._sigma_points.predict(belief, step)
+        return predicted if self._single is None else Gaussian(predicted.mean, predicted.covariance)
 
     def linear_step(self, belief: Gaussian, step: Step) -> tuple[Array, Array]:
         """Return F and Q of the linear step that the prediction amounts to."""
@@ -149,16 +159,18 @@ class SamplingFilter(GaussianFilter):
 
     def linearise(self, belief: Gaussian, z: Array, epoch: int) -> Linearisation:
         """Return residual, H, R and H P H^T at the predicted mean."""
-        residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
-        no_noise = np.zeros((1, H.shape[-2], H.shape[-2]))
-        HPH = kernels.kalman.predict(np.ascontiguousarray(belief.covariance), by_run(H), no_noise)
+        residual, H, R = linearised(self.seen, z, belief.mean, epoch)
+        no_noise = np.zeros((1, H.shape[-2], H.shape[-2]), self.kind)
+        P = np.ascontiguousarray(belief.covariance)
+        HPH = kernel_for(P, kernels.kalman, "predict")(P, by_run(H, self.kind), no_noise)
         return Linearisation(residual, np.abs(z) + np.abs(z - residual), H, R, HPH)
 
     def iterated_update(self, belief: Gaussian, z: Array, alpha: float, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the update of the iterated extended Kalman filter with R / alpha."""
-        iekf = create_filter("iekf", self.dynamics, _Tempered(self.measurement, alpha))
-        update: tuple[Gaussian, Innovation] = iekf.update(belief, z, step)
-        return update
+        tempered = _Tempered(self.measurement, alpha)
+        iekf = create_filter("iekf", self.dynamics, tempered, arithmetic=self._arithmetic)
+        posterior, innovation = iekf.update(belief, z, step)
+        return in_kind(posterior, self.kind), innovation
 
     def with_fallback(
         self, posterior: Gaussian, usable: Mask, belief: Gaussian, z: Array, alpha: float, step: Step

@@ -10,7 +10,7 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.kalman import GaussianFilter
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
@@ -34,7 +34,7 @@ class HuberOptions(ReweightingOptions):
 
 
 @register_filter("huber", HuberOptions, cost_us=2.5, overhead_us=100.0, operations=reweighted_operations)
-class HuberFilter(GaussianFilter):
+class HuberFilter(EitherArithmetic):
     """Huber filter: residuals beyond a threshold count linearly instead of quadratically.
 
     Karlgaard and Schaub, J. Guidance, Control, and Dynamics 30(3), 2007. Each whitened channel of the measurement is
@@ -49,9 +49,7 @@ class HuberFilter(GaussianFilter):
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the iterated update."""
         options = self._options
-        return reweighted_update(
-            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior, self._single
-        )
+        return reweighted_update(belief, z, self.seen, step.epoch, self._weigh, options.iterations, options.weigh_prior)
 
     def _weigh(self, e: Array, spread: Array) -> Array:
         c = self._options.threshold

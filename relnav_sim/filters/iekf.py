@@ -11,41 +11,56 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
-from relnav_sim.filters.kalman import GaussianFilter, joseph_update, reading_size
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
+from relnav_sim.filters.gauss_newton import (
+    IterationOptions,
+    digits_in_single,
+    gauss_newton,
+    jacobian_of_runs,
+    times,
+)
+from relnav_sim.filters.kalman import joseph_update, reading_size
 from relnav_sim.filters.operations import (
     Operations,
     Size,
+    bytes_of,
     cholesky,
     covariance_prediction,
+    definite_in_single,
+    digits_of_search,
     gaussian_numbers,
     innovation_covariance,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
     whitening,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import Whitener, semidefinite_root, semidefinite_solve, squares
 from relnav_sim.filters.square_root_update import REPEATED, root_update, rounding_of
-from relnav_sim.linalg import by_run, transpose
+from relnav_sim.linalg import by_run, kernel_for, transpose
 from relnav_sim.measurements.interface import Measurement
 
 
-def search_operations(size: Size, iterations: int) -> int:
+def search_operations(size: Size, iterations: int, number_bytes: int) -> int:
     """Return the operations of a Gauss-Newton search without halved steps, and of the updates before and after it."""
     n, m = size.n, size.m
     solved = innovation_covariance(n, m) + 2 * m * n + cholesky(m) + 2 * m + 2 * m * m
     costs = 2 * (2 * n * (n + 1) + 2 * m * (m + 1) + 1)
-    return whitening(n, n) + whitening(m, m) + 2 * kalman_update(n, m) + iterations * (solved + costs)
+    updates = 2 * linearised_update(n, m, number_bytes)
+    return whitening(n, n) + whitening(m, m) + updates + iterations * (solved + costs)
 
 
 def _operations(size: Size, options: Any) -> Operations:
     """Return what it costs with all the iterations that it may take."""
-    count = covariance_prediction(size.n) + search_operations(size, options.max_iterations)
-    return Operations(count, gaussian_numbers(size.n, size.m))
+    width = bytes_of(options)
+    prediction = covariance_prediction(size.n) + mean_in_single(size.n, width)
+    tests = digits_of_search(size.n, size.m, width) + definite_in_single(size.n, width)
+    count = prediction + search_operations(size, options.max_iterations, width) + tests
+    return Operations(count, gaussian_numbers(size.n, size.m), width)
 
 
 @register_filter("iekf", IterationOptions, cost_us=4.0, overhead_us=260.0, operations=_operations)
-class IteratedExtendedKalmanFilter(GaussianFilter):
+class IteratedExtendedKalmanFilter(EitherArithmetic):
     """Iterated extended Kalman filter: the maximum of the posterior, by Gauss-Newton with a line search.
 
     Jazwinski, Stochastic Processes and Filtering Theory, 1970, section 8.3; Bell and Cathey (1993). Use it when the
@@ -53,10 +68,9 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
     to three times the cost. The covariance is Joseph's at the maximum.
 
     Limits: NIS and log-likelihood are those of the linearisation at the prediction, as in the extended filter.
-    Noise that depends on the state is taken at the prediction. Only a local maximum is sought.
+    Noise that depends on the state is taken at the prediction. Only a local maximum is sought. In float32 noise is
+    needed in every channel.
     """
-
-    double_only = "its search stops at a tolerance that float32 does not hold"
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: IterationOptions) -> None:
         super().__init__(dynamics, measurement, options)
@@ -64,7 +78,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:
         """Return the mode of the posterior, the covariance of its linearisation there, and the innovation."""
-        measurement, epoch = self.measurement, step.epoch
+        measurement, epoch = self.seen, step.epoch
         m, P = np.ascontiguousarray(belief.mean), np.ascontiguousarray(belief.covariance)
         R = measurement.noise(m, epoch)
         noise = Whitener(np.broadcast_to(R, (len(m), *R.shape[-2:])))
@@ -73,6 +87,11 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
         H = jacobian_of_runs(measurement, m, epoch)
         _, innovation = joseph_update(belief, residual, H, R)
         exact = _ExactReading(noise, belief, H, R, residual, innovation) if noise.has_exact else None
+        digits = None
+        if self._single is not None:
+            size = reading_size(belief, H) + np.abs(residual)
+            digits = digits_in_single(self._options.tolerance, prior, np.einsum("bii->bi", P), noise, size)
+        linearised_reading = kernel_for(m, kernels.iekf, "linearised_reading")
 
         # All in deviations from m: a tight prior needs their digits.
         def evaluate(deviation: Array) -> tuple[Array, Array]:
@@ -82,7 +101,7 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
 
         def find_step(deviation: Array, residual: Array) -> tuple[Array, Array]:
             H = jacobian_of_runs(measurement, m + deviation, epoch)
-            HP, S, nu = kernels.iekf.linearised_reading(H, P, by_run(R), deviation, residual)
+            HP, S, nu = linearised_reading(H, P, by_run(R, m.dtype), deviation, residual)
             w = semidefinite_solve(S, nu[:, :, None])[:, :, 0]
             goal = times(transpose(HP), w)
             if exact is not None:
@@ -90,9 +109,9 @@ class IteratedExtendedKalmanFilter(GaussianFilter):
             move = goal - deviation
             return move, squares(prior, move, noise, times(H, move))
 
-        deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(m), self._options)
+        deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(m), self._options, digits)
         linearised, _ = joseph_update(belief, residual, measurement.jacobian(m + deviation, epoch), R)
-        failed = dict(innovation.failed)
+        failed = dict(innovation.failed) | self.without_digits(prior, R)
         if exact is not None:
             reached = measurement.residual(z, measurement.predict(m + deviation, epoch))
             failed |= dict.fromkeys(np.flatnonzero(exact.remains(reached)).tolist(), NOT_REACHED)

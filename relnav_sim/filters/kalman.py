@@ -19,14 +19,14 @@ from relnav_sim.filters.operations import (
     bytes_of,
     covariance_prediction,
     gaussian_numbers,
-    joseph_form,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
 )
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.filters.single_precision import SinglePrecision
+from relnav_sim.filters.single_precision import SinglePrecision, joseph_in_single
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.filters.square_root_update import degenerate_innovation, square_root_update
-from relnav_sim.linalg import by_run
+from relnav_sim.linalg import DOUBLE, SINGLE, by_run
 from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import present_channels, unit_where_absent
 from relnav_sim.options import Options, Tunable
@@ -120,7 +120,7 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
     covariance becomes P - W^T W, symmetric to the bit where P is. That difference loses as many digits as the prior is
     wider than the noise, so runs where it is a million times as wide get Joseph's form instead (Bucy and Joseph,
     Filtering for Stochastic Processes, 1968), and the update from roots where even S has lost the noise or is singular.
-    Each run decides for itself.
+    Each run decides for itself. In float32 it is Joseph's form, and a run whose covariance is lost fails.
 
     Args:
         belief: The prediction, mean (runs, n) and covariance (runs, n, n).
@@ -132,6 +132,9 @@ def joseph_update(belief: Gaussian, residual: Array, H: Array, R: Array) -> tupl
         The posterior and the innovation. Where S is singular, NIS and log-likelihood are those of its range; a
         residual outside it fails the run, because no state explains it.
     """
+    if belief.mean.dtype == SINGLE:
+        mean, P, innovation = joseph_in_single(belief.mean, belief.covariance, residual, H, R)
+        return Gaussian(mean, P), innovation
     H, R = by_run(H), by_run(R)
     m, P, nu = map(np.ascontiguousarray, (belief.mean, belief.covariance, residual))
     mean, P, nis, log_likelihood, rows = kernels.kalman.update(m, P, nu, H, R)
@@ -178,7 +181,9 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
         residual: (runs, m).
         reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
     """
-    nis, log_likelihood, rows = kernels.kalman.innovation(np.ascontiguousarray(S), np.ascontiguousarray(residual))
+    # Of whichever arithmetic: it is a figure of the statistics.
+    S, residual, reading = (np.ascontiguousarray(A, dtype=DOUBLE) for A in (S, residual, reading))
+    nis, log_likelihood, rows = kernels.kalman.innovation(S, residual)
     if len(rows):
         told = degenerate_innovation(S[rows], residual[rows], reading[rows])
         nis[rows], log_likelihood[rows] = told.nis, told.log_likelihood
@@ -198,12 +203,9 @@ class KalmanOptions(LinearisedFilterOptions):
 
 def linearised_operations(size: Size, options: Any) -> Operations:
     """Return what a linear or extended Kalman filter costs; in float32 its update is Joseph's, and F m is its own."""
-    n, m = size.n, size.m
-    if bytes_of(options) == 8:
-        count = covariance_prediction(n) + kalman_update(n, m)
-    else:
-        count = covariance_prediction(n) + 2 * n * n + joseph_form(n, m)
-    return Operations(count, gaussian_numbers(n, m), bytes_of(options))
+    n, m, width = size.n, size.m, bytes_of(options)
+    count = covariance_prediction(n) + mean_in_single(n, width) + linearised_update(n, m, width)
+    return Operations(count, gaussian_numbers(n, m), width)
 
 
 @register_filter(

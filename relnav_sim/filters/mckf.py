@@ -10,7 +10,7 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.kalman import GaussianFilter
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
@@ -37,7 +37,7 @@ class CorrentropyOptions(ReweightingOptions):
 
 
 @register_filter("mckf", CorrentropyOptions, cost_us=4.0, overhead_us=115.0, operations=reweighted_operations)
-class CorrentropyFilter(GaussianFilter):
+class CorrentropyFilter(EitherArithmetic):
     """Maximum-correntropy filter: a Gaussian kernel of the residuals replaces the square.
 
     Chen, Liu, Zhao and Principe, Automatica 76, 2017. Each whitened channel of the measurement is weighted by
@@ -54,9 +54,7 @@ class CorrentropyFilter(GaussianFilter):
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the fixed point's update."""
         options = self._options
-        return reweighted_update(
-            belief, z, self.measurement, step.epoch, self._weigh, options.iterations, options.weigh_prior, self._single
-        )
+        return reweighted_update(belief, z, self.seen, step.epoch, self._weigh, options.iterations, options.weigh_prior)
 
     def _weigh(self, e: Array, spread: Array) -> Array:
         # The floor keeps the reweighted covariance finite.

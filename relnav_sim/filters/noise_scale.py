@@ -40,7 +40,7 @@ def scale_for(s: Array, d: Array, target: float | Array, least: float, most: flo
     solution from the left without overshooting, as in trust-region methods (More and Sorensen, SIAM J. Scientific
     and Statistical Computing 4(3), 1983). Where f is below the target at `least` already, that is the answer.
     """
-    b = np.full(len(s), least)
+    b, target = np.full(len(s), least, s.dtype), np.asarray(target, dtype=s.dtype)
     with np.errstate(invalid="ignore"):  # 0 / 0 where s = 0: below any target
         for _ in range(_NEWTON_STEPS):
             inverse = 1 / (d + b[:, None])
@@ -133,4 +133,4 @@ def push(
 
 
 def _appended(window: Array, newest: Array) -> Array:
-    return np.concatenate([window[:, 1:], newest[:, None]], axis=1)
+    return np.concatenate([window[:, 1:], newest[:, None].astype(window.dtype, copy=False)], axis=1)

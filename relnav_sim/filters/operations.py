@@ -106,6 +106,26 @@ def joseph_form(n: int, m: int) -> int:
     return gain + form + cholesky(n) + 2 * n
 
 
+def linearised_update(n: int, m: int, number_bytes: int) -> int:
+    """Return the operations of a Kalman update: in its short form, or in Joseph's where numbers have 4 bytes."""
+    return kalman_update(n, m) if number_bytes == 8 else joseph_form(n, m)
+
+
+def mean_in_single(n: int, number_bytes: int) -> int:
+    """Return the operations of F m, which linear dynamics leave to a filter in float32."""
+    return 0 if number_bytes == 8 else 2 * n * n
+
+
+def definite_in_single(n: int, number_bytes: int) -> int:
+    """Return the operations of the test in float32 whether a covariance is definite: a factor, and its pivots."""
+    return 0 if number_bytes == 8 else cholesky(n) + 2 * n
+
+
+def digits_of_search(n: int, m: int, number_bytes: int) -> int:
+    """Return the operations of how float32 rounds a search's cost: sizes of readings, |U| and |W| times sizes."""
+    return 0 if number_bytes == 8 else 2 * n + 2 * m * n + 2 * m + 2 * m * (m + 1) + 2 * n * (n + 1) + 3
+
+
 def udu(n: int) -> int:
     """Return the operations of the factors U D U^T, with the tests of their pivots."""
     return 2 * n + n * (n - 1) // 2 + (n - 1) * n * (n + 1) // 3

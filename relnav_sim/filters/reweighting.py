@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -19,17 +19,16 @@ from relnav_sim.filters.operations import (
     Size,
     bytes_of,
     covariance_prediction,
+    definite_in_single,
     gaussian_numbers,
-    joseph_form,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
     product,
     triangle,
     whitening,
 )
-from relnav_sim.filters.single_precision import SinglePrecision
-from relnav_sim.filters.single_reweighting import reweighted_in_single
-from relnav_sim.filters.square_root import NoiseRoot
-from relnav_sim.linalg import by_run, symmetric
+from relnav_sim.filters.square_root import NEEDS_NOISE, NoiseRoot
+from relnav_sim.linalg import SINGLE, by_run, kernel_for, symmetric
 from relnav_sim.measurements.interface import Measurement, linearised
 
 Weigh = Callable[[Array, Array], Array]
@@ -56,12 +55,14 @@ class Reweighted:
         unweighted: The innovation by the noise as the measurement gives it.
         weighted: The same by the noise of the last update.
         weights: Of the measurement in the last update, (runs, m).
+        failed: Why runs can't go on, by their places.
     """
 
     posterior: Gaussian
     unweighted: Innovation
     weighted: Innovation
     weights: Array
+    failed: Mapping[int, str]
 
 
 def reweighted_update(
@@ -72,18 +73,15 @@ def reweighted_update(
     weigh: Weigh,
     iterations: int,
     weigh_prior: bool = False,
-    single: SinglePrecision | None = None,
-) -> tuple[Any, Innovation]:
+) -> tuple[Gaussian, Innovation]:
     """Return the update of `reweighted` about the prediction, and the innovation.
 
     NIS and log-likelihood are those of the unweighted innovation; the extra `lowest_weight` is the smallest weight of
-    the measurement. In float32 it is that of `reweighted_in_single`.
+    the measurement.
     """
-    if single is not None:
-        return reweighted_in_single(single, belief, z, epoch, weigh, iterations)
     update = reweighted(belief, *linearised(measurement, z, belief.mean, epoch), weigh, iterations, weigh_prior)
     extras = {"lowest_weight": update.weights.min(axis=-1)}
-    return update.posterior, replace(update.unweighted, extras=extras)
+    return update.posterior, replace(update.unweighted, extras=extras, failed=update.failed)
 
 
 def reweighted(
@@ -98,8 +96,8 @@ def reweighted(
     """Return a Kalman update with noise L diag(1 / w) L^T, R = L L^T, by iteratively reweighted least squares.
 
     The weights follow from the residuals after the update, e = L^-1 (nu - H dx), H taken at the prediction; weights
-    of one give the Kalman update. Directions without noise always have the weight of a perfect fit. The covariance is
-    that of the last reweighted update.
+    of one give the Kalman update. Directions without noise always have the weight of a perfect fit; in float32 they
+    fail the run, as does a covariance that is lost. The covariance is that of the last reweighted update.
 
     Args:
         belief: The prediction.
@@ -113,40 +111,49 @@ def reweighted(
             equally bad and the weights cannot tell which is wrong.
     """
     mean, P = belief.mean, belief.covariance
-    nu, H, R = np.ascontiguousarray(nu), by_run(H), by_run(R)
-    root, white, rows = _whitened(nu, H, R)
+    kind = mean.dtype
+    nu, H, R = np.ascontiguousarray(nu), by_run(H, kind), by_run(R, kind)
+    root, white, rows, failed = _whitened(nu, H, R)
     spread_of_prior = NoiseRoot(P) if weigh_prior else None
     posterior, unweighted = joseph_update(belief, nu, H, R)
     prior = belief
     shift = np.zeros_like(mean) if weigh_prior else posterior.mean - mean
+    residuals, scaled = (kernel_for(nu, kernels.reweighting, name) for name in ("residuals", "scaled"))
     for _ in range(iterations):
-        e, spread = kernels.reweighting.residuals(white, rows, shift, np.ascontiguousarray(posterior.covariance))
-        weights = weigh(e, spread)
+        e, spread = residuals(white, rows, shift, np.ascontiguousarray(posterior.covariance))
+        weights: Array = np.ascontiguousarray(weigh(e, spread), dtype=kind)
         if spread_of_prior is not None:
             weights_of_prior = weigh(spread_of_prior.whiten(shift), np.zeros_like(shift))
             prior = Gaussian(mean, symmetric(spread_of_prior.scaled(weights_of_prior)))
-        noise = kernels.reweighting.scaled(root, np.ascontiguousarray(weights))
-        posterior, weighted = joseph_update(prior, nu, H, noise)
+        posterior, weighted = joseph_update(prior, nu, H, scaled(root, weights))
         shift = posterior.mean - mean
-    return Reweighted(posterior, unweighted, weighted, weights)
+    failed |= unweighted.failed
+    if kind == SINGLE:
+        failed |= weighted.failed
+    return Reweighted(posterior, unweighted, weighted, weights, failed)
 
 
 def reweighted_operations(size: Size, options: Any) -> Operations:
     """Return what a filter costs whose noise is reweighted `iterations` times; the weights themselves do not count."""
     n, m, width = size.n, size.m, bytes_of(options)
-    update = kalman_update(n, m) if width == 8 else joseph_form(n, m)
-    mean = 0 if width == 8 else 2 * n * n
+    update = linearised_update(n, m, width)
+    single = mean_in_single(n, width) + definite_in_single(n, width)
     again = product(m, n, n) + 4 * m * n + 3 * m * triangle(m) + update
-    count = covariance_prediction(n) + mean + whitening(m, n + 1) + update + options.iterations * again
+    count = covariance_prediction(n) + single + whitening(m, n + 1) + update + options.iterations * again
     return Operations(count, gaussian_numbers(n, m), width)
 
 
-def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array]:
-    """Return a root L of R, (runs, m, m), and L^-1 nu and L^-1 H; directions without noise whiten to zero."""
-    root, white, rows, singular = kernels.reweighting.whitened(nu, H, R)
-    if singular.any():
-        places = np.flatnonzero(singular)
+def _whitened(nu: Array, H: Array, R: Array) -> tuple[Array, Array, Array, dict[int, str]]:
+    """Return a root L of R, (runs, m, m), L^-1 nu and L^-1 H, and which runs fail.
+
+    Directions without noise whiten to zero in float64, and fail in float32.
+    """
+    root, white, rows, singular = kernel_for(nu, kernels.reweighting, "whitened")(nu, H, R)
+    places = np.flatnonzero(singular)
+    if nu.dtype == SINGLE:
+        return root, white, rows, dict.fromkeys(places.tolist(), NEEDS_NOISE)
+    if len(places):
         noise = NoiseRoot(of_runs(R, places))
         root[places], white[places] = noise.root, noise.whiten(nu[places])
         rows[places] = noise.whiten_rows(of_runs(H, places))
-    return root, white, rows
+    return root, white, rows, {}

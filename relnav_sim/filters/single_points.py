@@ -8,7 +8,7 @@ from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.single_precision import SingleGaussian, SinglePrecision
+from relnav_sim.filters.single_precision import INDEFINITE, SingleGaussian, SinglePrecision
 from relnav_sim.measurements.interface import Measurement
 
 
@@ -64,7 +64,8 @@ class SinglePoints(SinglePrecision):
         x, P, nis, log_likelihood, lost = kernels.joseph.update_by_points(
             prior.x, offsets, deviations, residual, S, C, R, self._weight, self._centre_weight, models.eps
         )
-        return self._told(x, P, Innovation(nis, log_likelihood), lost)
+        failed = dict.fromkeys(lost.tolist(), INDEFINITE)
+        return self._told(x, P, Innovation(nis, log_likelihood, failed=failed))
 
     def _points(self, belief: SingleGaussian) -> tuple[Array, Array]:
         """Return sigma points (runs, 2 n + 1, n) and their offsets; NaN where the covariance is indefinite.

@@ -7,16 +7,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array, Indices
+from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.arithmetic import ModelsInArithmetic
 from relnav_sim.filters.belief import Gaussian, Innovation, considered_states
+from relnav_sim.linalg import SINGLE, by_run
 from relnav_sim.measurements.interface import Measurement
+
+_EPS = float(np.finfo(SINGLE).eps)
 
 INDEFINITE = (
     "the covariance is not positive definite any more in float32; take ud_ekf, whose covariance can't lose that, or "
     "float64"
 )
+
+
+def joseph_in_single(x: Array, P: Array, residual: Array, H: Array, R: Array) -> tuple[Array, Array, Innovation]:
+    """Return mean and covariance of the optimal update in float32, and the innovation.
+
+    Args:
+        x: Predicted means (runs, n), of float32 as all others.
+        P: Their covariances (runs, n, n).
+        residual: (runs, m).
+        H: (runs or 1, m, n), or (m, n).
+        R: (runs or 1, m, m), or (m, m).
+    """
+    x, P, residual = (np.ascontiguousarray(A, dtype=SINGLE) for A in (x, P, residual))
+    x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
+        x, P, residual, by_run(H, SINGLE), by_run(R, SINGLE), _EPS
+    )
+    return x, P, Innovation(nis, log_likelihood, failed=dict.fromkeys(lost.tolist(), INDEFINITE))
 
 
 @dataclass(frozen=True)
@@ -72,11 +92,17 @@ class SinglePrecision:
         self, belief: Gaussian | SingleGaussian, residual: Array, H: Array, R: Array
     ) -> tuple[SingleGaussian, Innovation]:
         """Return the optimal update."""
-        prior, models = self.own(belief), self._models
-        x, P, nis, log_likelihood, lost = kernels.joseph.update_single(
-            prior.x, prior.P, models.own(residual), models.own(H), models.own(R), models.eps
-        )
-        return self._told(x, P, Innovation(nis, log_likelihood), lost)
+        prior = self.own(belief)
+        return self._told(*joseph_in_single(prior.x, prior.P, residual, H, R))
+
+    def lost(self, x: Array, P: Array) -> dict[int, str]:
+        """Return why runs can't go on whose covariance is indefinite, or whose states are rounded by over a sigma."""
+        # What is known has no pivot.
+        C = P + (np.einsum("bii->bi", P) == 0)[:, :, None] * np.eye(P.shape[1], dtype=P.dtype)
+        pivots, variances = (np.einsum("bii->bi", A) for A in (kernels.roots.cholesky_single(C)[0], C))
+        sound = (np.square(pivots) > self._models.eps * variances).all(axis=1)
+        failed = self._models.coarse(x, P.astype(np.float64))
+        return failed | dict.fromkeys(np.flatnonzero(~sound).tolist(), INDEFINITE)
 
     def keep_considered(self, predicted: Gaussian | SingleGaussian, corrected: SingleGaussian) -> SingleGaussian:
         """Return an optimal update with the considered states as predicted, see `belief.keep_considered`."""
@@ -88,8 +114,8 @@ class SinglePrecision:
         P[block] = prior.P[block]
         return SingleGaussian(x, P)
 
-    def _told(self, x: Array, P: Array, innovation: Innovation, lost: Indices) -> tuple[SingleGaussian, Innovation]:
-        """Return an update and which runs can't go on; those in `lost` are indefinite."""
+    def _told(self, x: Array, P: Array, innovation: Innovation) -> tuple[SingleGaussian, Innovation]:
+        """Return an update and which runs can't go on, those of the innovation and those whose state is coarse."""
         corrected = SingleGaussian(x, P)
-        failed = self._models.coarse(x, corrected.covariance) | dict.fromkeys(lost.tolist(), INDEFINITE)
+        failed = self._models.coarse(x, corrected.covariance) | dict(innovation.failed)
         return corrected, replace(innovation, failed=failed)

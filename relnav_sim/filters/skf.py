@@ -11,24 +11,38 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Gaussian, Innovation
-from relnav_sim.filters.gaussian_sampling import SamplingFilter, WhitenedPrior, sums_over_samples, whitened_prior
+from relnav_sim.filters.gaussian_sampling import (
+    SamplingFilter,
+    SamplingOptions,
+    WhitenedPrior,
+    sums_over_samples,
+    whitened_prior,
+)
 from relnav_sim.filters.iekf import search_operations
-from relnav_sim.filters.kalman import GaussianFilterOptions
-from relnav_sim.filters.operations import Operations, Size, gaussian_numbers, unscented_prediction
+from relnav_sim.filters.operations import (
+    Operations,
+    Size,
+    bytes_of,
+    definite_in_single,
+    gaussian_numbers,
+    unscented_prediction,
+)
 from relnav_sim.filters.particle_set import standard_normals
 from relnav_sim.filters.registry import register_filter
-from relnav_sim.linalg import CholeskyFactor, cholesky, symmetric, transpose
+from relnav_sim.linalg import DOUBLE, SINGLE, CholeskyFactor, cholesky, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, affine, sample_residuals
 from relnav_sim.streams import RandomSource, Streams
 
 # A step that takes away more than all but this share of the covariance is halved, at most so many times.
 _LEAST_KEPT = 0.01
 _HALVINGS = 40
-# Ratio of H P H^T to R beyond which differences of whitened residuals hold too few digits for a search.
-_WIDEST = 1e12
+# Ratio of H P H^T to R beyond which differences of whitened residuals hold too few digits for a search. In whitened
+# coordinates a residual is a difference of numbers as large as its root. In float32 that leaves 0.001 of a residual at
+# 7e7, next to nothing beside what the samples scatter.
+_WIDEST = {DOUBLE: 1e12, SINGLE: (1e-3 / float(np.finfo(SINGLE).eps)) ** 2}
 
 
-class StochasticSearchOptions(GaussianFilterOptions):
+class StochasticSearchOptions(SamplingOptions):
     """Options of the stochastic-search filter."""
 
     iterations: int = Field(
@@ -55,10 +69,11 @@ def _operations(size: Size, options: Any) -> Operations:
 
     Each sample is drawn, its whitened misfits to reading and prior are squared, and it is added to the gradients.
     """
-    n, m = size.n, size.m
+    n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + (m * m + 2 * m) + (n * n + 2 * n) + (n * n + n) + 4
-    count = unscented_prediction(n) + search_operations(size, 2) + options.iterations * options.samples * each
-    return Operations(count, gaussian_numbers(n, m) + options.iterations * options.samples * (2 * n + m + 1))
+    once = search_operations(size, 2, width) + definite_in_single(n, width)
+    count = unscented_prediction(n) + once + options.iterations * options.samples * each
+    return Operations(count, gaussian_numbers(n, m) + options.iterations * options.samples * (2 * n + m + 1), width)
 
 
 @register_filter("skf", StochasticSearchOptions, cost_us=600.0, overhead_us=4000.0, operations=_operations)
@@ -98,7 +113,7 @@ class StochasticSearchFilter(SamplingFilter):
         usable = np.isfinite(posterior.covariance.sum(axis=(1, 2)) + posterior.mean.sum(axis=1))
         model = self.linearise(belief, z, step.epoch)
         seen, noise = (np.einsum("...ii->...i", A) for A in (model.HPH, model.R))
-        usable &= (seen <= _WIDEST * noise).all(axis=-1)
+        usable &= (seen <= _WIDEST[self.kind] * noise).all(axis=-1)
         posterior, failed = self.with_fallback(posterior, usable, belief, z, 1.0, step)
         innovation = model.innovation()
         return posterior, replace(innovation, extras={"fallback": 1.0 - usable}, failed=failed)
@@ -111,21 +126,22 @@ class StochasticSearchFilter(SamplingFilter):
         covariance = root @ transpose(root)
         # z ~ h linearised at the start and with its noise whitened becomes nu ~ H y + N(0, I).
         model = self.linearise(start, z, epoch)
-        noise = CholeskyFactor(np.broadcast_to(self.measurement.noise(belief.mean, epoch), model.HPH.shape))
+        noise = CholeskyFactor(np.broadcast_to(self.seen.noise(belief.mean, epoch), model.HPH.shape))
+        unit = np.eye(d, dtype=self.kind)
         H = noise.whiten_rows(np.broadcast_to(model.H @ transpose(prior.roots), (*model.residual.shape, d)))
         nu = noise.whiten(model.residual) + np.einsum("bmd,bd->bm", H, mean)
-        information = transpose(H) @ H + np.eye(d)
+        information = transpose(H) @ H + unit
         score = np.einsum("bmd,bm->bd", H, nu)
         for iteration in range(1, self._options.iterations + 1):
-            e = standard_normals(self._streams, d, self._options.samples)
+            e = standard_normals(self._streams, d, self._options.samples).astype(self.kind, copy=False)
             y = mean[:, :, None] + root @ e
             states = affine(*prior.samples(mean, root), e)
-            sampled = noise.whiten_rows(sample_residuals(self.measurement, z, states, epoch))
+            sampled = noise.whiten_rows(sample_residuals(self.seen, z, states, epoch))
             linear = nu[:, :, None] - H @ y
             # phi = log p(z|x) less its linearised form, the control variate.
             phi = 0.5 * np.einsum("bmn,bmn->bn", linear - sampled, linear + sampled) / self._options.samples
             first = sums_over_samples(phi, e)
-            second = (phi[:, None] * e) @ transpose(e) - phi.sum(axis=1)[:, None, None] * np.eye(d)
+            second = (phi[:, None] * e) @ transpose(e) - phi.sum(axis=1)[:, None, None] * unit
             move = np.einsum("bij,bj->bi", root, first) + np.einsum(
                 "bij,bj->bi", covariance, score - np.einsum("bij,bj->bi", information, mean)
             )
@@ -145,7 +161,7 @@ def _feasible_step(covariance: Array, change: Array, longest: float) -> tuple[Ar
     Returns:
         Lengths (runs,) and the Cholesky factors (runs, d, d) of covariance + length change; NaN where none will do.
     """
-    length = np.full(len(covariance), longest)
+    length = np.full(len(covariance), longest, covariance.dtype)
     for _ in range(_HALVINGS):
         kept = cholesky((1 - _LEAST_KEPT) * covariance + length[:, None, None] * change)
         infeasible = np.isnan(kept.sum(axis=(1, 2)))

@@ -6,7 +6,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.linalg import by_run, transpose, whiten
+from relnav_sim.linalg import DOUBLE, SINGLE, by_run, kernel_for, transpose, whiten
 
 # A correlation matrix's eigenvalue below minus this is an error, not rounding.
 _NEGATIVE = 1e-6
@@ -37,6 +37,8 @@ class Whitener:
 
     Directions without variance get no part of a solution, so that a state known exactly does no harm.
 
+    In float32 only a state without variance is such a direction, and a matrix that is indefinite to rounding gives NaN.
+
     Args:
         P: (runs, n, n). NaN results where it has a negative eigenvalue beyond rounding.
 
@@ -47,8 +49,11 @@ class Whitener:
     """
 
     def __init__(self, P: Array) -> None:
-        self.root, poor, any_poor = kernels.roots.whiten(np.ascontiguousarray(P), np.eye(P.shape[-1])[None])
         self.exact, self.has_exact = np.zeros(P.shape), False
+        if P.dtype == SINGLE:
+            self.root = _whitening_in_single(P)
+            return
+        self.root, poor, any_poor = kernels.roots.whiten(np.ascontiguousarray(P), np.eye(P.shape[-1])[None])
         if any_poor:
             scale, values, vectors = _spectrum(P[poor])
             roots = np.sqrt(np.where(values == 0, np.inf, values))
@@ -63,7 +68,9 @@ class Whitener:
 
 def squares(P: Whitener, v: Array, R: Whitener, r: Array) -> Array:
     """Return v^T P^-1 v + r^T R^-1 r, (runs,), for v (runs, n) in P's range and r (runs, m) in R's."""
-    return kernels.roots.squares(P.root, np.ascontiguousarray(v), R.root, np.ascontiguousarray(r))
+    kernel = kernel_for(v, kernels.roots, "squares")
+    found: Array = kernel(P.root, np.ascontiguousarray(v), R.root, np.ascontiguousarray(r))
+    return found
 
 
 class NoiseRoot:
@@ -108,8 +115,9 @@ class NoiseRoot:
 
 def semidefinite_solve(A: Array, B: Array) -> Array:
     """Return A^-1 B (runs, m, p) for positive semidefinite A (runs, m, m), B in A's range where A is singular."""
-    X, poor, any_poor = kernels.roots.solve(np.ascontiguousarray(A), np.ascontiguousarray(B))
-    if any_poor:
+    X: Array
+    X, poor, any_poor = kernel_for(A, kernels.roots, "solve")(np.ascontiguousarray(A), np.ascontiguousarray(B))
+    if any_poor and A.dtype == DOUBLE:
         X[poor] = Whitener(A[poor]).solve(B[poor])
     return X
 
@@ -120,6 +128,19 @@ NEEDS_NOISE = "the measurement noise is singular; this filter needs noise in eve
 def not_definite(R: Array, runs: int) -> Mask:
     """Return in which runs (runs,) a covariance (m, m) or (runs, m, m) is singular within rounding, or none."""
     return np.broadcast_to(kernels.roots.cholesky(by_run(R))[1], (runs,))
+
+
+def _whitening_in_single(P: Array) -> Array:
+    """Return L^-1 (runs, n, n), P = L L^T, of a covariance of float32; NaN where a pivot is within its rounding."""
+    n = P.shape[1]
+    unit = np.eye(n, dtype=SINGLE)
+    known = np.einsum("bii->bi", P) == 0
+    C = np.ascontiguousarray(P + known[:, :, None] * unit)
+    W = kernels.roots.whiten_single(C, unit[None])[0]
+    diagonal, variances = np.einsum("bii->bi", W), np.einsum("bii->bi", C)
+    sound = (np.finfo(SINGLE).eps * variances * np.square(diagonal) < 1).all(axis=1)
+    W[~sound] = np.nan
+    return W
 
 
 def _spectrum(P: Array) -> tuple[Array, Array, Array]:

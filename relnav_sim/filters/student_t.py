@@ -10,7 +10,7 @@ from pydantic import Field
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.filters.belief import Innovation
-from relnav_sim.filters.kalman import GaussianFilter
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.reweighting import ReweightingOptions, reweighted_operations, reweighted_update
 from relnav_sim.measurements.interface import Measurement
@@ -34,7 +34,7 @@ class StudentOptions(ReweightingOptions):
 
 
 @register_filter("student_t", StudentOptions, cost_us=2.0, overhead_us=115.0, operations=reweighted_operations)
-class StudentFilter(GaussianFilter):
+class StudentFilter(EitherArithmetic):
     """Student-t filter: heavy-tailed measurement noise, a Gaussian whose precision is itself random.
 
     Roth, Ozkan and Gustafsson, ICASSP 2013; the variational form of Agamennoni, Nieto and Nebot, IEEE Trans. Signal
@@ -50,9 +50,7 @@ class StudentFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the variational update."""
-        return reweighted_update(
-            belief, z, self.measurement, step.epoch, self._weigh, self._options.iterations, single=self._single
-        )
+        return reweighted_update(belief, z, self.seen, step.epoch, self._weigh, self._options.iterations)
 
     def _weigh(self, e: Array, spread: Array) -> Array:
         freedom, squared = self._options.degrees_of_freedom, np.square(e) + spread

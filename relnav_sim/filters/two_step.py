@@ -12,22 +12,34 @@ from pydantic import Field
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Gaussian, Innovation, where_runs
-from relnav_sim.filters.gauss_newton import IterationOptions, gauss_newton, jacobian_of_runs, times
-from relnav_sim.filters.kalman import GaussianFilter, joseph_update
+from relnav_sim.filters.belief import Gaussian, Innovation, in_kind, where_runs
+from relnav_sim.filters.either_arithmetic import EitherArithmetic
+from relnav_sim.filters.gauss_newton import (
+    CostDigits,
+    IterationOptions,
+    digits_in_single,
+    gauss_newton,
+    jacobian_of_runs,
+    times,
+)
+from relnav_sim.filters.kalman import joseph_update, reading_size
 from relnav_sim.filters.operations import (
     Operations,
     Size,
+    bytes_of,
     cholesky,
     covariance_prediction,
+    definite_in_single,
+    digits_of_search,
     gaussian_numbers,
-    kalman_update,
+    linearised_update,
+    mean_in_single,
     whitening,
 )
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.square_root import NEEDS_NOISE, Whitener, not_definite
 from relnav_sim.filters.two_step_start import OffManifold, StartKind, start_off_manifold
-from relnav_sim.linalg import symmetric, transpose
+from relnav_sim.linalg import DOUBLE, kernel_for, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.partial import (
     all_channels,
@@ -89,18 +101,20 @@ class TwoStepBelief(Gaussian):
 
 def two_step_operations(size: Size, options: Any) -> Operations:
     """Return what it costs: the first step over y = [x; g(x)], and all the iterations that the second may take."""
-    n, m = size.n, size.m
-    first = covariance_prediction(n) + 2 * kalman_update(n, m) + kalman_update(m, m)
+    n, m, width = size.n, size.m, bytes_of(options)
+    first = covariance_prediction(n) + 2 * linearised_update(n, m, width) + linearised_update(m, m, width)
     roots = cholesky(n) + cholesky(m) + 2 * (n + m) + whitening(n, n) + whitening(m, m)
     turned = 2 * m * n * n + 12 * m * m * n + 6 * m**3
     misfit = 2 * n * n + 4 * n * m + 2 * m * m + 3 * n + 2 * m + 1
     step = 2 * n * n * (m + 1) + 6 * n * m * (m + 1) + m**3 + 4 * m * m + 2 * n + 3 * m + 1
-    count = 2 * covariance_prediction(n) + first + roots + turned + options.max_iterations * (misfit + step)
-    return Operations(count, gaussian_numbers(n, m) + gaussian_numbers(n + m, m))
+    tests = digits_of_search(n, m, width) + definite_in_single(n, width)
+    count = 2 * covariance_prediction(n) + mean_in_single(n, width) + first + roots + turned + tests
+    count += options.max_iterations * (misfit + step)
+    return Operations(count, gaussian_numbers(n, m) + gaussian_numbers(n + m, m), width)
 
 
 @register_filter("two_step", TwoStepOptions, cost_us=5.0, overhead_us=530.0, operations=two_step_operations)
-class TwoStepFilter(GaussianFilter):
+class TwoStepFilter(EitherArithmetic):
     """Two-step filter: a linear Kalman update of y = [x; g(x)], then x fitted to y by Gauss-Newton.
 
     Haupt, Kasdin, Keiser and Parkinson, J. Guidance, Control, and Dynamics 19(3), 1996; the unscented start is that of
@@ -125,7 +139,6 @@ class TwoStepFilter(GaussianFilter):
     """
 
     considers = False
-    double_only = "its search stops at a tolerance that float32 does not hold"
     matches_covariance = False  # the correction is that of the first step's states
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: TwoStepOptions) -> None:
@@ -153,7 +166,7 @@ class TwoStepFilter(GaussianFilter):
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[TwoStepBelief, Innovation]:
         """Return the belief after both steps; the innovation is the first step's."""
-        R = all_channels(self.measurement).noise(belief.mean, step.epoch)
+        R = all_channels(self.seen).noise(belief.mean, step.epoch)
         corrected, _, innovation = self.two_steps(belief, z, R, step)
         return corrected, innovation
 
@@ -169,7 +182,7 @@ class TwoStepFilter(GaussianFilter):
             step: The epoch.
         """
         # y holds g(x) of every channel; which are present only tells what z sees of it.
-        measurement, present, epoch = all_channels(self.measurement), present_channels(self.measurement), step.epoch
+        measurement, present, epoch = all_channels(self.seen), present_channels(self.seen), step.epoch
         g = measurement.predict(belief.mean, epoch)
         G = jacobian_of_runs(measurement, belief.mean, epoch)
         before = self._off_manifold(belief, G, R, epoch)
@@ -180,7 +193,11 @@ class TwoStepFilter(GaussianFilter):
 
         fit = _Fit(after)
         evaluate, find_step = fit.search(measurement, belief.mean, y_g, G, epoch)
-        deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(belief.mean), self._options)
+        digits = None
+        if self._single is not None:
+            size = np.abs(y_g) + reading_size(belief, G)
+            digits = fit.digits_in_single(self._options.tolerance, size)
+        deviation, iterations = gauss_newton(evaluate, find_step, np.zeros_like(belief.mean), self._options, digits)
         mean = belief.mean + deviation
         jacobian = jacobian_of_runs(measurement, mean, epoch)
         covariance, regression, scatter = fit.at(jacobian - G)
@@ -195,13 +212,14 @@ class TwoStepFilter(GaussianFilter):
             jacobian=jacobian,
             started=np.ones(len(z), dtype=bool),
         )
-        B = np.eye(len(z[0])) + G @ after.regression
+        B = np.eye(len(z[0]), dtype=G.dtype) + G @ after.regression
         observed = G @ after.covariance @ transpose(G) + B @ after.scatter @ transpose(B)
         singular = dict.fromkeys(np.flatnonzero(not_definite(R, len(z))).tolist(), NEEDS_NOISE)
+        lost = self.without_digits(fit.prior, R) | self.without_digits(fit.beyond, R)
         return (
             corrected,
             (measurement.residual(z, y_g), observed),
-            replace(innovation, extras={"iterations": iterations}, failed={**innovation.failed, **singular}),
+            replace(innovation, extras={"iterations": iterations}, failed={**innovation.failed, **lost, **singular}),
         )
 
     def _off_manifold(self, belief: TwoStepBelief, G: Array, R: Array, epoch: int) -> OffManifold:
@@ -209,17 +227,19 @@ class TwoStepFilter(GaussianFilter):
         started = belief.started
         if started.all():
             return _carried(belief, G)
+        # Once in a flight, from differences of nearby readings and Jacobians: by the models, in float64.
         options, measurement = self._options, all_channels(self.measurement)
         kappa = max(0.0, 3.0 - belief.mean.shape[1]) if options.start_kappa is None else options.start_kappa
         fresh = start_off_manifold(
             options.start,
-            belief,
+            Gaussian(belief.mean.astype(DOUBLE, copy=False), belief.covariance.astype(DOUBLE, copy=False)),
             lambda x: measurement.predict(x, epoch),
             measurement.residual,
             lambda x: jacobian_of_runs(measurement, x, epoch),
-            options.start_slack * R,
+            options.start_slack * R.astype(DOUBLE, copy=False),
             kappa,
         )
+        fresh = in_kind(fresh, self.kind)
         if not started.any():
             return fresh
         return where_runs(started, _carried(belief, G), fresh)
@@ -233,9 +253,8 @@ def _carried(belief: TwoStepBelief, G: Array) -> OffManifold:
     n = belief.mean.shape[1]
     offset_x, offset_g = belief.offset[:, :n], belief.offset[:, n:]
     K = transpose(belief.regression)
-    B, scatter = kernels.two_step.turned(
-        G - belief.jacobian, belief.regression, np.ascontiguousarray(K), belief.scatter
-    )
+    turned = kernel_for(G, kernels.two_step, "turned")
+    B, scatter = turned(G - belief.jacobian, belief.regression, np.ascontiguousarray(K), belief.scatter)
     return OffManifold(
         offset_x, offset_g - times(G, offset_x), belief.covariance, np.ascontiguousarray(transpose(B)), scatter
     )
@@ -256,7 +275,7 @@ def _first_step(
         present: The channels (runs, m) that z has; None: all.
     """
     K, P = before.regression, before.covariance
-    B = np.eye(len(nu[0])) + G @ K
+    B = np.eye(len(nu[0]), dtype=G.dtype) + G @ K
     if present is not None:
         leading = nu.shape[:1]
         nu, R = zero_absent(nu, present), unit_where_absent(R, present)
@@ -267,7 +286,7 @@ def _first_step(
     moved = c.mean - before.mean_c
     x, told = joseph_update(Gaussian(before.mean_x + times(K, moved), P), nu - times(B, moved), G, R)
     innovation = replace(innovation, failed={**innovation.failed, **told.failed})
-    gain = transpose(kernels.roots.solve(W, GP)[0])
+    gain = transpose(kernel_for(W, kernels.roots, "solve")(W, GP)[0])
     return OffManifold(x.mean, c.mean, x.covariance, K - gain @ B, c.covariance), innovation
 
 
@@ -280,32 +299,41 @@ class _Fit:
 
     def __init__(self, y: OffManifold) -> None:
         self._y = y
-        self._P, self._V = Whitener(y.covariance), Whitener(y.scatter)
+        self.prior, self.beyond = Whitener(y.covariance), Whitener(y.scatter)
+
+    def digits_in_single(self, tolerance: float, reading: Array) -> CostDigits:
+        """Return what float32 leaves of the cost; reading (runs, m) is the size of y_g and of what it is made of."""
+        variances = np.einsum("bii->bi", self._y.covariance)
+        return digits_in_single(tolerance, self.prior, variances, self.beyond, reading)
 
     def search(
         self, measurement: Measurement, origin: Array, y_g: Array, G: Array, epoch: int
     ) -> tuple[Callable[[Array], tuple[Array, Array]], Callable[[Array, Array], tuple[Array, Array]]]:
         """Return cost and step for `gauss_newton`, in deviations from `origin`, where G is the Jacobian."""
-        y, W, U = self._y, self._P.root, self._V.root
+        y, W, U = self._y, self.prior.root, self.beyond.root
+        misfit, step = (kernel_for(W, kernels.two_step, name) for name in ("misfit", "step"))
 
         def evaluate(deviation: Array) -> tuple[Array, Array]:
             beyond = measurement.residual(y_g, measurement.predict(origin + deviation, epoch))
             beyond = np.ascontiguousarray(beyond)
-            both, cost = kernels.two_step.misfit(G, y.regression, y.mean_x, deviation, beyond, W, U)
+            both, cost = misfit(G, y.regression, y.mean_x, deviation, beyond, W, U)
             return cost, both
 
         def find_step(deviation: Array, both: Array) -> tuple[Array, Array]:
             D = jacobian_of_runs(measurement, origin + deviation, epoch) - G
-            return kernels.two_step.step(D, y.regression, y.covariance, y.scatter, both, W, U)
+            found: tuple[Array, Array] = step(D, y.regression, y.covariance, y.scatter, both, W, U)
+            return found
 
         return evaluate, find_step
 
     def at(self, D: Array) -> tuple[Array, Array, Array]:
         """Return Px = (F^T Py^-1 F)^-1 where dq/dx = D, and the regression and scatter of y beyond f(x) from there."""
         y, K = self._y, self._y.regression
-        E, EP, S = kernels.two_step.linearise(D, K, y.covariance, y.scatter)
+        linearise, turned = (kernel_for(D, kernels.two_step, name) for name in ("linearise", "turned"))
+        E, EP, S = linearise(D, K, y.covariance, y.scatter)
         updated, _ = joseph_update(Gaussian(y.mean_x, y.covariance), y.mean_c, E, y.scatter)
         n = D.shape[2]
-        P = kernels.kalman.predict(updated.covariance, np.eye(n) + K @ E, np.zeros((1, n, n)))
-        B, scatter = kernels.two_step.turned(D, K, kernels.roots.solve(S, y.scatter @ transpose(K) - EP)[0], S)
+        predict, solve = kernel_for(D, kernels.kalman, "predict"), kernel_for(D, kernels.roots, "solve")
+        P = predict(updated.covariance, np.eye(n, dtype=D.dtype) + K @ E, np.zeros((1, n, n), D.dtype))
+        B, scatter = turned(D, K, solve(S, y.scatter @ transpose(K) - EP)[0], S)
         return P, np.ascontiguousarray(transpose(B)), scatter

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, kernel
+from relnav_sim.kernels.compiling import given, kernel, kernel_like, single
 from relnav_sim.kernels.lanes import (
     LANES,
     add,
@@ -32,9 +32,14 @@ def linearised_reading(H: Array, P: Array, R: Array, d: Array, residual: Array) 
         residual: z - h there, (runs, m).
     """
     runs, m, n = H.shape
-    all_HP, all_S, all_nu = np.empty((runs, m, n)), np.empty((runs, m, m)), np.empty((runs, m))
-    h, p, hp = np.empty((m, n, LANES)), np.empty((n, n, LANES)), np.empty((m, n, LANES))
-    S, r, x, nu = np.empty((m, m, LANES)), np.empty((m, m, LANES)), np.empty((n, LANES)), np.empty((m, LANES))
+    all_HP, all_S, all_nu = (
+        np.empty((runs, m, n), d.dtype),
+        np.empty((runs, m, m), d.dtype),
+        np.empty((runs, m), d.dtype),
+    )
+    h, p, hp = np.empty((m, n, LANES), d.dtype), np.empty((n, n, LANES), d.dtype), np.empty((m, n, LANES), d.dtype)
+    S, r = np.empty((m, m, LANES), d.dtype), np.empty((m, m, LANES), d.dtype)
+    x, nu = np.empty((n, LANES), d.dtype), np.empty((m, LANES), d.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(H, first, used, h)
@@ -50,3 +55,11 @@ def linearised_reading(H: Array, P: Array, R: Array, d: Array, residual: Array) 
         store_symmetric(S, first, used, all_S)
         store_vectors(nu, first, used, all_nu)
     return all_HP, all_S, all_nu
+
+
+@kernel_like(
+    linearised_reading, given(3, single), given(3, single), given(3, single), given(2, single), given(2, single)
+)
+def linearised_reading_single(H: Array, P: Array, R: Array, d: Array, residual: Array) -> tuple[Array, Array, Array]:
+    """Return the same as `linearised_reading`, in float32."""
+    return H, P, d

@@ -42,7 +42,7 @@ def predict(P: Array, F: Array, Q: Array) -> Array:
         Q: Covariance of the process noise, or of the reading's, (runs, m, m).
     """
     m = F.shape[1]
-    predicted = np.empty((len(P), m, m))
+    predicted = np.empty((len(P), m, m), P.dtype)
     _carry(P, F, Q, predicted)
     return predicted
 
@@ -71,6 +71,12 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
         store_vectors(y, first, used, mean)
     _carry(P, F, Q, predicted)
     return mean, predicted
+
+
+@kernel_like(predict, given(3, single), given(3, single), given(3, single))
+def predict_single(P: Array, F: Array, Q: Array) -> Array:
+    """Return the same as `predict`, in float32."""
+    return P
 
 
 @kernel_like(predict_linear, given(2, single), given(3, single), given(3, single), given(3, single))

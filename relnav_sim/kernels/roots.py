@@ -36,8 +36,8 @@ def cholesky(P: Array) -> tuple[Array, Mask, int]:
     It is where a pivot is within rounding of zero or no number.
     """
     runs, n, _ = P.shape
-    root, poor, count = np.zeros((runs, n, n)), np.empty(runs, dtype=np.bool_), 0
-    p, L = np.empty((n, n, LANES)), np.zeros((n, n, LANES))
+    root, poor, count = np.zeros((runs, n, n), P.dtype), np.empty(runs, dtype=np.bool_), 0
+    p, L = np.empty((n, n, LANES), P.dtype), np.zeros((n, n, LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
@@ -56,8 +56,9 @@ def solve(P: Array, B: Array) -> tuple[Array, Mask, int]:
         B: (runs, n, q), or (1, n, q) for all runs.
     """
     runs, n, _ = P.shape
-    solution, poor, count = np.empty((runs, n, B.shape[2])), np.empty(runs, dtype=np.bool_), 0
-    p, L, x = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, B.shape[2], LANES))
+    solution, poor, count = np.empty((runs, n, B.shape[2]), P.dtype), np.empty(runs, dtype=np.bool_), 0
+    p, L = np.empty((n, n, LANES), P.dtype), np.zeros((n, n, LANES), P.dtype)
+    x = np.empty((n, B.shape[2], LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
@@ -74,8 +75,9 @@ def solve(P: Array, B: Array) -> tuple[Array, Mask, int]:
 def whiten(P: Array, B: Array) -> tuple[Array, Mask, int]:
     """Return L^-1 B (runs, n, q) for P = L L^T, and otherwise the same as `solve`."""
     runs, n, _ = P.shape
-    white, poor, count = np.empty((runs, n, B.shape[2])), np.empty(runs, dtype=np.bool_), 0
-    p, L, x = np.empty((n, n, LANES)), np.zeros((n, n, LANES)), np.empty((n, B.shape[2], LANES))
+    white, poor, count = np.empty((runs, n, B.shape[2]), P.dtype), np.empty(runs, dtype=np.bool_), 0
+    p, L = np.empty((n, n, LANES), P.dtype), np.zeros((n, n, LANES), P.dtype)
+    x = np.empty((n, B.shape[2], LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
@@ -188,8 +190,9 @@ def squares(W: Array, a: Array, U: Array, b: Array) -> Array:
     """Return |W a|^2 + |U b|^2, (runs,), for W (runs, n, n), a (runs, n), U (runs, m, m), b (runs, m)."""
     runs, n = a.shape
     m = b.shape[1]
-    found, total = np.empty(runs), np.empty(LANES)
-    w, u, x, y = np.empty((n, n, LANES)), np.empty((m, m, LANES)), np.empty((n, LANES)), np.empty((m, LANES))
+    found, total = np.empty(runs, a.dtype), np.empty(LANES, a.dtype)
+    w, u = np.empty((n, n, LANES), a.dtype), np.empty((m, m, LANES), a.dtype)
+    x, y = np.empty((n, LANES), a.dtype), np.empty((m, LANES), a.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(W, first, used, w)
@@ -205,20 +208,27 @@ def squares(W: Array, a: Array, U: Array, b: Array) -> Array:
 @inner
 def squares_of(W: Array, x: Array, U: Array, y: Array, used: int, total: Array) -> None:
     """Set total (LANES,) to |W x|^2 + |U y|^2."""
+    other = np.empty(LANES, total.dtype)
+    _square_of(W, x, used, total)
+    _square_of(U, y, used, other)
     for b in range(used):
-        total[b] = square_of(W, x, b) + square_of(U, y, b)
+        total[b] += other[b]
 
 
 @inner
-def square_of(W: Array, x: Array, b: int) -> float:
-    """Return |W x|^2 of lane b."""
-    total = 0.0
+def _square_of(W: Array, x: Array, used: int, total: Array) -> None:
+    """Set total (LANES,) to |W x|^2."""
+    entry = np.empty(LANES, total.dtype)
+    for b in range(used):
+        total[b] = 0.0
     for i in range(len(W)):
-        entry = 0.0
+        for b in range(used):
+            entry[b] = 0.0
         for j in range(len(x)):
-            entry += W[i, j, b] * x[j, b]
-        total += entry * entry
-    return total
+            for b in range(used):
+                entry[b] += W[i, j, b] * x[j, b]
+        for b in range(used):
+            total[b] += entry[b] * entry[b]
 
 
 @inner
@@ -273,6 +283,30 @@ def triangularise(M: Array, used: int) -> None:
         for j in range(i + 1, q):
             for b in range(used):
                 M[i, j, b] = 0.0
+
+
+@kernel_like(cholesky, given(3, single))
+def cholesky_single(P: Array) -> tuple[Array, Mask, int]:
+    """Return the same as `cholesky`; what counts as singular is as there."""
+    return P, P[:, 0, 0] > 0, 0
+
+
+@kernel_like(solve, given(3, single), given(3, single))
+def solve_single(P: Array, B: Array) -> tuple[Array, Mask, int]:
+    """Return the same as `solve`; what counts as singular is as there."""
+    return B, P[:, 0, 0] > 0, 0
+
+
+@kernel_like(whiten, given(3, single), given(3, single))
+def whiten_single(P: Array, B: Array) -> tuple[Array, Mask, int]:
+    """Return the same as `whiten`; what counts as singular is as there."""
+    return B, P[:, 0, 0] > 0, 0
+
+
+@kernel_like(squares, given(3, single), given(2, single), given(3, single), given(2, single))
+def squares_single(W: Array, a: Array, U: Array, b: Array) -> Array:
+    """Return the same as `squares`."""
+    return a
 
 
 @kernel_like(triangular, given(3, single), given(3, single))

@@ -1,6 +1,7 @@
 """Gaussians by weighted samples: whitening where a measurement looks, weights, and moments.
 
-Samples lie along the last axis, so that the innermost loops go over those of one run.
+Samples lie along the last axis, so that the innermost loops go over those of one run. Kernels that end
+in `_single` compute in float32, the others in float64.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel
+from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, kernel_like, single
 from relnav_sim.kernels.elementary import exp, fused
 from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
 
@@ -32,9 +33,9 @@ def whitened(P: Array, observed: Indices) -> tuple[Array, Array]:
     """
     runs, n, _ = P.shape
     d = len(observed)
-    roots, remainder = np.empty((runs, d, n)), np.empty((runs, n, n))
-    p, g = np.empty((n, n, LANES)), np.empty((d, n, LANES))
-    block, L = np.empty((d, d, LANES)), np.zeros((d, d, LANES))
+    roots, remainder = np.empty((runs, d, n), P.dtype), np.empty((runs, n, n), P.dtype)
+    p, g = np.empty((n, n, LANES), P.dtype), np.empty((d, n, LANES), P.dtype)
+    block, L = np.empty((d, d, LANES), P.dtype), np.zeros((d, d, LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
@@ -73,9 +74,9 @@ def regressed(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> t
         C: Their covariances (runs, d, d), symmetric.
     """
     runs, d, n = roots.shape
-    mean, covariance = np.empty((runs, n)), np.empty((runs, n, n))
-    x, y, g = np.empty((n, LANES)), np.empty((d, LANES)), np.empty((d, n, LANES))
-    c, cg, p = np.empty((d, d, LANES)), np.empty((d, n, LANES)), np.empty((n, n, LANES))
+    mean, covariance = np.empty((runs, n), m.dtype), np.empty((runs, n, n), m.dtype)
+    x, y, g = np.empty((n, LANES), m.dtype), np.empty((d, LANES), m.dtype), np.empty((d, n, LANES), m.dtype)
+    c, cg, p = np.empty((d, d, LANES), m.dtype), np.empty((d, n, LANES), m.dtype), np.empty((n, n, LANES), m.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load_vectors(m, first, used, x)
@@ -105,8 +106,8 @@ def regressed(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> t
 def squared(r: Array, W: Array) -> Array:
     """Return |W r|^2 (runs, N) of residuals r (runs, m, N), W (runs or 1, m, m) lower triangular."""
     runs, m, N = r.shape
-    errors = np.empty((runs, N))
-    part = np.empty((m, SAMPLES))
+    errors = np.empty((runs, N), r.dtype)
+    part = np.empty((m, SAMPLES), r.dtype)
     for run in range(runs):
         for first in range(0, N, SAMPLES):
             used = min(SAMPLES, N - first)
@@ -187,10 +188,10 @@ def moments(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
     """
     runs, N = costs.shape
     d = e.shape[1]
-    mean, covariance, ess = np.empty((runs, d)), np.empty((runs, d, d)), np.empty(runs)
-    w = np.zeros((N + CHUNK - 1) // CHUNK * CHUNK)
-    x, wx = np.empty((d, CHUNK)), np.empty(CHUNK)
-    sums, squares = np.empty((1 + d + d * (d + 1) // 2, LANES)), np.empty(LANES)
+    mean, covariance, ess = np.empty((runs, d), e.dtype), np.empty((runs, d, d), e.dtype), np.empty(runs, e.dtype)
+    w = np.zeros((N + CHUNK - 1) // CHUNK * CHUNK, e.dtype)
+    x, wx = np.empty((d, CHUNK), e.dtype), np.empty(CHUNK, e.dtype)
+    sums, squares = np.empty((1 + d + d * (d + 1) // 2, LANES), e.dtype), np.empty(LANES, e.dtype)
     for run in range(runs):
         samples = e[0 if len(e) == 1 else run]
         _weights(costs[run], w)
@@ -294,3 +295,27 @@ def _sum(a: Array) -> float:
     for b in range(LANES):
         total += a[b]
     return total
+
+
+@kernel_like(whitened, given(3, single), given(1, integer))
+def whitened_single(P: Array, observed: Indices) -> tuple[Array, Array]:
+    """Return the same as `whitened`."""
+    return P, P
+
+
+@kernel_like(regressed, given(2, single), given(3, single), given(3, single), given(2, single), given(3, single))
+def regressed_single(m: Array, roots: Array, remainder: Array, a: Array, C: Array) -> tuple[Array, Array]:
+    """Return the same as `regressed`."""
+    return m, C
+
+
+@kernel_like(squared, given(3, single), given(3, single))
+def squared_single(r: Array, W: Array) -> Array:
+    """Return the same as `squared`."""
+    return r
+
+
+@kernel_like(moments, given(2, single), given(3, single), integer)
+def moments_single(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
+    """Return the same as `moments`; sums are kept in float32, and four terms at a time are added up in float64."""
+    return costs, costs, costs

@@ -1,7 +1,7 @@
 """The two-step filter: what its search for the maximum of the posterior works out at every iterate.
 
 Its y = [x; g(x)] is a Gaussian of (x, c), see `relnav_sim.filters.two_step`: c with covariance V, and x given c with
-regression K and covariance P.
+regression K and covariance P. Kernels that end in `_single` compute in float32, the others in float64.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.kernels.compiling import given, inner, kernel
+from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
 from relnav_sim.kernels.lanes import (
     LANES,
     add,
@@ -44,9 +44,10 @@ def misfit(G: Array, K: Array, x: Array, d: Array, beyond: Array, W: Array, U: A
         U: U^T U = V^-1, (runs, m, m).
     """
     runs, m, n = G.shape
-    both, cost = np.empty((runs, n + m)), np.empty(runs)
-    g, k, w, u = np.empty((m, n, LANES)), np.empty((n, m, LANES)), np.empty((n, n, LANES)), np.empty((m, m, LANES))
-    tq, apart, total = np.empty((n + m, LANES)), np.empty((n, LANES)), np.empty(LANES)
+    both, cost = np.empty((runs, n + m), d.dtype), np.empty(runs, d.dtype)
+    g, k = np.empty((m, n, LANES), d.dtype), np.empty((n, m, LANES), d.dtype)
+    w, u = np.empty((n, n, LANES), d.dtype), np.empty((m, m, LANES), d.dtype)
+    tq, apart, total = np.empty((n + m, LANES), d.dtype), np.empty((n, LANES), d.dtype), np.empty(LANES, d.dtype)
     t, q = tq[:n], tq[n:]
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
@@ -85,12 +86,14 @@ def step(D: Array, K: Array, P: Array, V: Array, both: Array, W: Array, U: Array
         U: U^T U = V^-1, (runs, m, m).
     """
     runs, m, n = D.shape
-    steps, length = np.empty((runs, n)), np.empty(runs)
-    d, k, p, v = np.empty((m, n, LANES)), np.empty((n, m, LANES)), np.empty((n, n, LANES)), np.empty((m, m, LANES))
-    T, E, EP, S = np.empty((m, m, LANES)), np.empty((m, n, LANES)), np.empty((m, n, LANES)), np.empty((m, m, LANES))
-    w, u, L = np.empty((n, n, LANES)), np.empty((m, m, LANES)), np.zeros((m, m, LANES))
-    tq, y = np.empty((n + m, LANES)), np.empty((m, 1, LANES))
-    move, along, total = np.empty((n, LANES)), np.empty((m, LANES)), np.empty(LANES)
+    steps, length = np.empty((runs, n), D.dtype), np.empty(runs, D.dtype)
+    d, k = np.empty((m, n, LANES), D.dtype), np.empty((n, m, LANES), D.dtype)
+    p, v = np.empty((n, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
+    T, E = np.empty((m, m, LANES), D.dtype), np.empty((m, n, LANES), D.dtype)
+    EP, S = np.empty((m, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
+    w, u, L = np.empty((n, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype), np.zeros((m, m, LANES), D.dtype)
+    tq, y = np.empty((n + m, LANES), D.dtype), np.empty((m, 1, LANES), D.dtype)
+    move, along, total = np.empty((n, LANES), D.dtype), np.empty((m, LANES), D.dtype), np.empty(LANES, D.dtype)
     t, q, nu = tq[:n], tq[n:], y.reshape(m, LANES)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
@@ -128,9 +131,12 @@ def step(D: Array, K: Array, P: Array, V: Array, both: Array, W: Array, U: Array
 def linearise(D: Array, K: Array, P: Array, V: Array) -> tuple[Array, Array, Array]:
     """Return E = (I - D K)^-1 D and E P, (runs, m, n), and S = E P E^T + V, (runs, m, m); shapes as in `step`."""
     runs, m, n = D.shape
-    all_E, all_EP, all_S = np.empty((runs, m, n)), np.empty((runs, m, n)), np.empty((runs, m, m))
-    d, k, p, v = np.empty((m, n, LANES)), np.empty((n, m, LANES)), np.empty((n, n, LANES)), np.empty((m, m, LANES))
-    T, E, EP, S = np.empty((m, m, LANES)), np.empty((m, n, LANES)), np.empty((m, n, LANES)), np.empty((m, m, LANES))
+    all_E, all_EP = np.empty((runs, m, n), D.dtype), np.empty((runs, m, n), D.dtype)
+    all_S = np.empty((runs, m, m), D.dtype)
+    d, k = np.empty((m, n, LANES), D.dtype), np.empty((n, m, LANES), D.dtype)
+    p, v = np.empty((n, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
+    T, E = np.empty((m, m, LANES), D.dtype), np.empty((m, n, LANES), D.dtype)
+    EP, S = np.empty((m, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(D, first, used, d)
@@ -155,9 +161,11 @@ def turned(D: Array, K: Array, B: Array, S: Array) -> tuple[Array, Array]:
         S: Symmetric (runs, m, m).
     """
     runs, m, n = D.shape
-    solution, scatter = np.empty((runs, m, n)), np.empty((runs, m, m))
-    d, k, x, s = np.empty((m, n, LANES)), np.empty((n, m, LANES)), np.empty((m, n, LANES)), np.empty((m, m, LANES))
-    T, TS, TST = np.empty((m, m, LANES)), np.empty((m, m, LANES)), np.empty((m, m, LANES))
+    solution, scatter = np.empty((runs, m, n), D.dtype), np.empty((runs, m, m), D.dtype)
+    d, k = np.empty((m, n, LANES), D.dtype), np.empty((n, m, LANES), D.dtype)
+    x, s = np.empty((m, n, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
+    T, TS = np.empty((m, m, LANES), D.dtype), np.empty((m, m, LANES), D.dtype)
+    TST = np.empty((m, m, LANES), D.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(D, first, used, d)
@@ -206,3 +214,45 @@ def _subtract_image(A: Array, x: Array, used: int, y: Array) -> None:
         for j in range(len(x)):
             for b in range(used):
                 y[i, b] -= A[i, j, b] * x[j, b]
+
+
+@kernel_like(
+    misfit,
+    given(3, single),
+    given(3, single),
+    given(2, single),
+    given(2, single),
+    given(2, single),
+    given(3, single),
+    given(3, single),
+)
+def misfit_single(G: Array, K: Array, x: Array, d: Array, beyond: Array, W: Array, U: Array) -> tuple[Array, Array]:
+    """Return the same as `misfit`."""
+    return x, d
+
+
+@kernel_like(
+    step,
+    given(3, single),
+    given(3, single),
+    given(3, single),
+    given(3, single),
+    given(2, single),
+    given(3, single),
+    given(3, single),
+)
+def step_single(D: Array, K: Array, P: Array, V: Array, both: Array, W: Array, U: Array) -> tuple[Array, Array]:
+    """Return the same as `step`."""
+    return both, both
+
+
+@kernel_like(linearise, given(3, single), given(3, single), given(3, single), given(3, single))
+def linearise_single(D: Array, K: Array, P: Array, V: Array) -> tuple[Array, Array, Array]:
+    """Return the same as `linearise`."""
+    return D, K, P
+
+
+@kernel_like(turned, given(3, single), given(3, single), given(3, single), given(3, single))
+def turned_single(D: Array, K: Array, B: Array, S: Array) -> tuple[Array, Array]:
+    """Return the same as `turned`."""
+    return B, S

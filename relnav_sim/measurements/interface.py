@@ -11,7 +11,7 @@ import numpy as np
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
-from relnav_sim.linalg import log_density, matrices, mixture_log_density
+from relnav_sim.linalg import kernel_for, log_density, matrices, mixture_log_density
 
 Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
@@ -250,7 +250,8 @@ def squared_errors(
 def squares_of_states(measurement: Any, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
     """Return the same by the measurement's other functions."""
     residuals = sample_residuals(measurement, z, affine(centre, root, e), epoch)
-    return kernels.sampling.squared(residuals, W)
+    errors: Array = kernel_for(residuals, kernels.sampling, "squared")(residuals, W)
+    return errors
 
 
 def squares_of_linear(
@@ -275,9 +276,9 @@ def affine(centre: Array, root: Array, e: Array) -> Array:
     """
     runs, n, d = root.shape
     # One product for all, [root centre] [e; 1]: adding the centre would cost another pass over memory.
-    factor = np.empty((runs, n, d + 1))
+    factor = np.empty((runs, n, d + 1), root.dtype)
     factor[:, :, :d], factor[:, :, d] = root, centre
-    states: Array = factor @ np.concatenate([e, np.ones((len(e), 1, e.shape[2]))], axis=1)
+    states: Array = factor @ np.concatenate([e, np.ones((len(e), 1, e.shape[2]), e.dtype)], axis=1)
     return states.swapaxes(1, 2)
 
 

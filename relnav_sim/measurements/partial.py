@@ -169,7 +169,7 @@ def zero_absent_rows(H: Array, present: Mask, leading: tuple[int, ...]) -> Array
 
 def unit_where_absent(R: Array, present: Mask) -> Array:
     """Return covariances (..., m, m) with the rows and columns of absent channels, (runs, ..., m), those of I."""
-    return np.where(present[..., :, None] & present[..., None, :], R, np.eye(R.shape[-1]))
+    return np.where(present[..., :, None] & present[..., None, :], R, np.eye(R.shape[-1], dtype=R.dtype))
 
 
 def _sensor(name: str, measurement: Measurement, whole: bool) -> Sensor:

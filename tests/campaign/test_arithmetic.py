@@ -26,7 +26,10 @@ def test_the_default_written_out_changes_no_hash():
     "override, sentence",
     [
         ("filters.imm.arithmetic=float32", "the imm filter computes in float64 only, as it mixes several Gaussians"),
-        ("filters.imm.arithmetic=float32", "float32: kf, ekf, ukf, ckf, sr_ukf, ud_ekf, srif, gp_ukf, huber"),
+        (
+            "filters.imm.arithmetic=float32",
+            "float32: kf, ekf, ukf, alpha_kf, adaptive_alpha_kf, mkf, skf, iekf, ckf, sr_ukf, ud_ekf, srif, two_step",
+        ),
         ("filters.ekf.arithmetic=float16", "must be 'float64' or 'float32'"),
         ("filters.ekf.arithmetic=32", "must be"),
         ("filters.ekf.arithmetic=[float32]", "must be"),

@@ -114,9 +114,9 @@ def distance(answers, references):
     return Distance(mean, covariance, definite)
 
 
-def of_filter(kind, given, arithmetic):
+def of_filter(kind, given, arithmetic, **options):
     """Return the answers of a filter of relnav, its covariance multiplied out of what it holds in 128 bits."""
-    flt = given.filter(kind, arithmetic=arithmetic)
+    flt = given.filter(kind, arithmetic=arithmetic, **options)
     answers = []
     with np.errstate(all="ignore"):
         belief = flt.start(Gaussian(np.zeros((1, 6)), given.cov0[None]), RandomSource(0, (0,)))

@@ -170,7 +170,7 @@ def test_sr_ukf_says_that_channels_can_not_be_told_apart():
     [
         ("ukf", {"redraw": False}, "redraw: false is computed in float64 only"),
         ("huber", {"weigh_prior": True}, "weigh_prior is computed in float64 only"),
-        ("iekf", {}, "computes in float64 only, as its search stops at .* that has float32: kf, ekf, ukf"),
+        ("imm", {}, "computes in float64 only, as it mixes several Gaussians.* that has float32: kf, ekf, ukf"),
         ("particle", {}, "computes in float64 only, as it is made of particles"),
     ],
 )
