@@ -1,7 +1,7 @@
 """Process noise found during the run: the densities of a white acceleration, by matching of covariances.
 
 What a reading moves an estimate by, dx, has the covariance P- - P+ where the process noise is right: dx dx^T is matched
-to that (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). How far it is off is split among the densities by
+to that (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). How far it is off is put down to the densities by
 weighted least squares (Stacey and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). What is fitted
 here is not the noise of one step but what it has come to: a density has been in the prediction's covariance since the
 start, and has set the gain by which the estimate got where it is. With the derivatives of both by the densities S_i,
@@ -13,12 +13,13 @@ the fit's weights are those of maximum likelihood: a reading's score and informa
 Automatic Control 19(6), 1974, in terms of what is corrected instead of innovations)
 
     score_i = (l^T dP-_i l - tr(L dP-_i)) / 2 + l^T dm-_i,          L = P-^-1 (P- - P+) P-^-1
-    M_ij = tr(L dP-_i L dP-_j) / 2 + dm-_i^T L dm-_j
+    M_i = tr(L dP-_i L dP-_i) / 2 + dm-_i^T L dm-_i
 
-The densities go up or down by scoring, reading by reading (the recursive prediction error method, Ljung and
-Soderstrom, Theory and Practice of Recursive Identification, 1983, section 3.6): d log S = (N M + 1)^-1 score, with
-score and M by log S and M a mean over N readings. The score has the mean 0 where the densities are right, however
-roughly F and A are known; the equations above only say how fast and by which of the densities it is met.
+Each density goes up or down by scoring, reading by reading (the recursive prediction error method, Ljung and
+Soderstrom, Theory and Practice of Recursive Identification, 1983, section 3.6): d log S = score / (N M + 1), with score
+and M by log S and M a mean over N readings. The score has the mean 0 where the densities are right, however roughly F
+and A are known, and densities are positive by themselves. Each axis by itself: with what the axes have in common
+solved for, one can be driven to nothing by what another explains, and a filter that has nothing there sees nothing.
 """
 
 from __future__ import annotations
@@ -31,18 +32,27 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief, where_runs
 from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.streams import RandomSource
 
 MOTION = slice(0, 6)
 """Position and velocity among the states."""
-GROWTH = 4
-"""The window is a fourth of the readings so far, until it is full: a wrong start is left the sooner."""
+GROWTH = 2
+"""The window is half of the readings so far, until it is full: a wrong start is left the sooner."""
 DAMPING = 1.0
-"""Information on log S that is added to a window's: steps shrink where it tells less than a factor e (Levenberg 1944)."""
-MOST = 2.0
-"""In a reading a density changes at most by this factor, whatever an outlier says."""
+"""Information on log S added to that of a window: steps shrink where it tells less than a factor e (Levenberg 1944)."""
+LARGEST = 1.0
+"""Information on log S of one reading: more of it weighs no more.
+
+Where a filter has trusted its dynamics far too much, its estimate depends so much on the densities that one reading
+would tell them to a per cent, and its weight would hold them where they are for a long time.
+"""
+STRIDE = 16.0
+"""In a reading a density changes at most by the factor 1 + STRIDE / N, so that one reading can't carry it far.
+
+An error that a wrong density has let grow is seen in several readings, and each would explain it anew.
+"""
 
 
 @dataclass(frozen=True)
@@ -55,7 +65,7 @@ class MatchedBelief(WrappedBelief):
         made: dP, what a density 1 on each axis has made of the covariance, (runs, 3, 6, 6).
         moved: dm, what it has made of the estimate, (runs, 3, 6).
         densities: Those in use, (runs, 3), m^2/s^3.
-        information: A reading's on the logarithms of the densities, mean over the window, (runs, 3, 3).
+        information: A reading's on the logarithm of each density, mean over the window, (runs, 3).
         taken: How many readings have counted, (runs,).
     """
 
@@ -90,7 +100,7 @@ class CovarianceMatching:
             made=np.zeros((runs, 3, 6, 6)),
             moved=np.zeros((runs, 3, 6)),
             densities=np.tile(self._before_any, (runs, 1)),
-            information=np.zeros((runs, 3, 3)),
+            information=np.zeros((runs, 3)),
             taken=np.zeros(runs),
         )
 
@@ -128,22 +138,18 @@ class CovarianceMatching:
         if not read.any():
             return belief
         score, information, made, moved = _told(predicted, corrected, belief.made, belief.moved)
-        S = belief.densities
-        score, information = S * score, S[:, :, None] * information * S[:, None]
-        taken = belief.taken + read
-        window = np.clip(taken, 1, self._window)[:, None, None]
-        information = belief.information + (information - belief.information) / window
-        window = np.minimum(taken / GROWTH, self._window)[:, None, None]
-        change = CholeskyFactor(window * information + DAMPING * np.eye(3)).solve(score[:, :, None])[:, :, 0]
-        return replace(
-            belief,
-            made=np.where(read[:, None, None, None], made, belief.made),
-            moved=np.where(read[:, None, None], moved, belief.moved),
-            # Not S exp(change): its mean would grow with the noise of the change.
-            densities=np.where(read[:, None], S * np.clip(1 + change, 1 / MOST, MOST), S),
-            information=np.where(read[:, None, None], information, belief.information),
-            taken=taken,
-        )
+        S, taken = belief.densities, belief.taken + read
+        score, information = S * score, S**2 * information
+        weight = np.sqrt(LARGEST / np.maximum(information, LARGEST))
+        score, information = weight * score, weight**2 * information
+        M = belief.information + (information - belief.information) / np.clip(taken, 1, self._window)[:, None]
+        N = np.minimum(taken / GROWTH, self._window)[:, None]
+        change = score / (N * M + DAMPING)
+        # Not S exp(change): its mean would grow with the noise of the change.
+        most = 1 + STRIDE / self._window
+        densities = S * np.clip(1 + change, 1 / most, most)
+        found = replace(belief, made=made, moved=moved, densities=densities, information=M, taken=taken)
+        return where_runs(read, found, belief)
 
 
 def _motion(belief: Any) -> Gaussian:
@@ -151,10 +157,8 @@ def _motion(belief: Any) -> Gaussian:
     return Gaussian(belief.mean[:, MOTION].copy(), belief.covariance[:, MOTION, MOTION].copy())
 
 
-def _told(
-    predicted: Gaussian, corrected: Gaussian, made: Array, moved: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return score (runs, 3) and information (runs, 3, 3) of a reading by the densities, and dP and dm after it.
+def _told(predicted: Gaussian, corrected: Gaussian, made: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
+    """Return score and information (runs, 3) of a reading by the densities, and dP and dm after it.
 
     Args:
         predicted: Position and velocity before the reading, m- and P-.
@@ -173,7 +177,6 @@ def _told(
     weighed = L[:, None] @ made
     score = ((transpose(l)[:, None] @ pulled)[..., 0, 0] - np.trace(weighed, axis1=2, axis2=3)) / 2
     score = score + (moved @ l)[..., 0]
-    rows, columns = weighed.reshape(runs, 3, 36), transpose(weighed).reshape(runs, 3, 36)
-    information = rows @ transpose(columns) / 2 + moved @ L @ transpose(moved)
+    information = np.trace(weighed @ weighed, axis1=2, axis2=3) / 2 + ((moved @ L) * moved).sum(axis=2)
     made = A[:, None] @ made @ transpose(A)[:, None]
     return score, information, made, (moved + pulled[..., 0]) @ transpose(A)
