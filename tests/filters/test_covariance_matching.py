@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, run_filter
+from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, dynamics, measurements, run_filter
 from relnav_sim.dynamics.clohessy_wiltshire import cw_system, cw_transition
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
@@ -20,7 +20,8 @@ from relnav_sim.streams import RandomSource
 MEAN_MOTION, STEP_S, SIGMA_M = 1.1e-3, 10.0, 0.003
 TRUE = np.array([1e-8, 3e-8, 5e-9])
 PRIOR = np.diag([10.0] * 3 + [0.1] * 3) ** 2
-NAMES = ("radial_psd_m2_s3", "along_track_psd_m2_s3", "normal_psd_m2_s3")
+AXES = ("radial", "along_track", "normal")
+NAMES = tuple(f"{axis}_psd_m2_s3" for axis in AXES)
 SINGLE = ("kf", "ekf", "iekf", "ukf", "ckf", "sr_ukf", "huber", "mckf", "student_t", "adaptive_alpha_kf")
 
 
@@ -158,3 +159,32 @@ def test_the_filters_that_can():
     kinds = filter_kinds()
     assert all(kinds[name].matches_covariance for name in SINGLE)
     assert not any(kinds[name].matches_covariance for name in ("two_step", "particle", "imm", "gaussian_sum"))
+
+
+NOISE = {"mean_motion_rad_s": MEAN_MOTION, "step_s": STEP_S}
+START = dict(zip(NAMES, TRUE, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("form", "refused"),
+    [
+        ({"adaptive": {"start": START, "window": 1}}, "window"),
+        ({"adaptive": {"start": START}, "snc_rtn": START}, "exactly one of"),
+        ({"dmc": {axis: {"sigma_m_s2": 1e-6, "tau_s": 100} for axis in AXES}}, "dmc: its three states"),
+        ({}, "exactly one of"),
+    ],
+)
+def test_process_noise_that_can_not_be_added_is_refused(form, refused):
+    motion = dynamics.cw(mean_motion_rad_s=MEAN_MOTION, step_s=STEP_S, acceleration_psd_m2_s3=0.0)
+    with pytest.raises(ValueError, match=f"filter 'ekf': process_noise.*{refused}"):
+        create_filter("ekf", motion, measurements.relative_gnss(position_sigma_m=1.0), process_noise=NOISE | form)
+
+
+def test_filters_and_states_that_can_not_have_it_are_refused():
+    gnss, adaptive = measurements.relative_gnss(position_sigma_m=1.0), NOISE | {"adaptive": {"start": START}}
+    motion = dynamics.cw(mean_motion_rad_s=MEAN_MOTION, step_s=STEP_S, acceleration_psd_m2_s3=0.0)
+    with pytest.raises(ValueError, match=r"process_noise\.adaptive: this filter is not a single Gaussian"):
+        create_filter("imm", motion, gnss, process_noise=adaptive)
+    two, position = LinearDynamics(np.eye(2), np.eye(2)), LinearMeasurement(np.eye(1, 2), np.eye(1))
+    with pytest.raises(ValueError, match="6 states; the dynamics have 2"):
+        create_filter("kf", two, position, process_noise=adaptive)
