@@ -64,13 +64,16 @@ class DmcOptions(Options):
 class AdaptiveOptions(Options):
     """White acceleration whose densities the filter finds by itself, from what its readings correct.
 
-    Covariance matching over a window of readings (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976; Stacey
-    and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). For filters with one Gaussian.
+    Covariance matching (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976) with the weights of maximum
+    likelihood, recursively (Ljung and Soderstrom, 1983). For filters with one Gaussian.
     """
 
-    start: SncRtnOptions = Field(description="Densities until the window is full")
+    start: SncRtnOptions = Field(description="Densities before any reading")
     window: Annotated[int, Tunable(10, 300)] = Field(
-        default=50, ge=2, le=10_000, description="Number of readings that the densities come from; default 50"
+        default=50,
+        ge=2,
+        le=10_000,
+        description="Number of readings that the densities come from; older ones fade, none ends; default 50",
     )
 
     @model_validator(mode="after")
@@ -111,7 +114,7 @@ class ProcessNoiseOptions(Options):
 
     @model_validator(mode="after")
     def _one_form(self) -> ProcessNoiseOptions:
-        forms = list(type(self).model_fields)
+        forms = list(ProcessNoiseOptions.model_fields)
         if sum(getattr(self, name) is not None for name in forms) != 1:
             raise ValueError(f"give exactly one of {', '.join(forms[:-1])} and {forms[-1]}")
         if self.diagonal is not None and min(self.diagonal) < 0:
@@ -132,6 +135,13 @@ class ProcessNoiseOptions(Options):
         if self.snc_rtn is not None:
             return np.diag(self.snc_rtn.densities)
         return (self.acceleration_psd_m2_s3 or 0.0) * np.eye(3)
+
+
+class AddedNoiseOptions(ProcessNoiseOptions):
+    """Process noise for dynamics without any, as `create_filter` takes it."""
+
+    mean_motion_rad_s: float = Field(gt=0, description="The chief's mean motion, by which an acceleration acts, rad/s")
+    step_s: float = Field(gt=0, description="Time between epochs, s")
 
 
 def white_acceleration(psd_m2_s3: float) -> ProcessNoiseOptions:

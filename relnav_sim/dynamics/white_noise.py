@@ -1,4 +1,4 @@
-"""White acceleration whose densities are set from outside, step by step, for each run its own."""
+"""Process noise added to dynamics: of a step, or white acceleration whose densities are set from outside."""
 
 from __future__ import annotations
 
@@ -9,6 +9,27 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.dynamics.process_noise import ACTS_ON_VELOCITY, van_loan
+
+
+class AddedNoise:
+    """Dynamics with the same process noise added in each step.
+
+    Args:
+        base: The dynamics.
+        Q: Its covariance, (n, n).
+    """
+
+    def __init__(self, base: Dynamics, Q: Array) -> None:
+        self._base, self._Q = base, Q
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_base":
+            raise AttributeError(name)  # while it is unpickled
+        return getattr(self._base, name)
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q of the base and Q."""
+        return self._base.process_noise(states, step) + self._Q
 
 
 class WhiteAcceleration:

@@ -1,20 +1,30 @@
 """Process noise found during the run: the densities of a white acceleration, by matching of covariances.
 
-What a reading moves an estimate by, dx, has the covariance P- - P+ where the process noise is right. So with Q as used
-dx dx^T + P+ - F P+_before F^T = dx dx^T - (P- - P+) + Q has the mean Q where it is, and is larger where the noise is
-too small (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). Its mean over a window of readings is fitted by
-densities that are not negative, by weighted least squares (Stacey and D'Amico, IEEE Trans. Aerospace and Electronic
-Systems 57(5), 2021): Q = sum of S_i G_i, with G_i what a density 1 on axis i makes since the reading before, and each
-element weighted with the inverse of its variance, that of a product of two Gaussians of covariance P- - P+.
+What a reading moves an estimate by, dx, has the covariance P- - P+ where the process noise is right: dx dx^T is matched
+to that (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). How far it is off is put down to the densities by
+weighted least squares (Stacey and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). What is fitted
+here is not the noise of one step but what it has come to: a density has been in the prediction's covariance since the
+start, and has set the gain by which the estimate got where it is. With the derivatives of both by the densities S_i,
 
-Fitted are the elements of the velocity. Those of the position come from the same three numbers, so they tell no more,
-and their weights, which take every element for independent of the others, would make the fit worse, not better.
+    dP-_i = F dP+_i F^T + G_i,     dP+_i = A dP-_i A^T,             A = P+ P-^-1
+    dm-_i = F dm+_i,               dm+_i = A (dm-_i + dP-_i l),     l = P-^-1 dx
+
+the fit's weights are those of maximum likelihood: a reading's score and information are (Gupta and Mehra, IEEE Trans.
+Automatic Control 19(6), 1974, in terms of what is corrected instead of innovations)
+
+    score_i = (l^T dP-_i l - tr(L dP-_i)) / 2 + l^T dm-_i,          L = P-^-1 (P- - P+) P-^-1
+    M_i = tr(L dP-_i L dP-_i) / 2 + dm-_i^T L dm-_i
+
+Each density goes up or down by scoring, reading by reading (the recursive prediction error method, Ljung and
+Soderstrom, Theory and Practice of Recursive Identification, 1983, section 3.6): d log S = score / (N M + 1), with score
+and M by log S and M a mean over N readings. The score has the mean 0 where the densities are right, however roughly F
+and A are known, and densities are positive by themselves. Each axis by itself: with what the axes have in common
+solved for, one can be driven to nothing by what another explains, and a filter that has nothing there sees nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,20 +32,27 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.dynamics.white_noise import WhiteAcceleration
-from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief
-from relnav_sim.linalg import transpose
+from relnav_sim.filters.belief import Filter, Gaussian, Innovation, WrappedBelief, where_runs
+from relnav_sim.linalg import CholeskyFactor, transpose
 from relnav_sim.streams import RandomSource
 
-VELOCITY = slice(3, 6)
-ROWS, COLUMNS = np.triu_indices(3)
-STRIDE = 4.0
-"""In a reading a density changes at most by the factor 1 + STRIDE / N, in a window by about 50.
+MOTION = slice(0, 6)
+"""Position and velocity among the states."""
+GROWTH = 2
+"""The window is half of the readings so far, until it is full: a wrong start is left the sooner."""
+DAMPING = 1.0
+"""Information on log S added to that of a window: steps shrink where it tells less than a factor e (Levenberg 1944)."""
+LARGEST = 1.0
+"""Information on log S of one reading: more of it weighs no more.
 
-A window over a jump holds corrections of unlike filters, and its fit may be 0: a filter without process noise takes no
-reading more, and would find no other density for a long time.
+Where a filter has trusted its dynamics far too much, its estimate depends so much on the densities that one reading
+would tell them to a per cent, and its weight would hold them where they are for a long time.
 """
-LEAST_SHARE = 1e-12
-"""Of the predicted variance: what a reading has certainly moved less than that says nothing."""
+STRIDE = 16.0
+"""In a reading a density changes at most by the factor 1 + STRIDE / N, so that one reading can't carry it far.
+
+An error that a wrong density has let grow is seen in several readings, and each would explain it anew.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,19 +61,19 @@ class MatchedBelief(WrappedBelief):
 
     Attributes:
         inner: The filter's own belief.
-        predicted_velocity: As predicted for this epoch, (runs, 3).
-        predicted_covariance: Its covariance, (runs, 3, 3).
-        made: What a density 1 on each axis has made since the last reading that counted, (runs, 3, 6, 6).
+        predicted: Position and velocity as predicted for this epoch, (runs, 6), (runs, 6, 6).
+        made: dP, what a density 1 on each axis has made of the covariance, (runs, 3, 6, 6).
+        moved: dm, what it has made of the estimate, (runs, 3, 6).
         densities: Those in use, (runs, 3), m^2/s^3.
-        window: The velocity's elements of the matched Q and of `made` at the last readings, (runs, N, 4, 6).
+        information: A reading's on the logarithm of each density, mean over the window, (runs, 3).
         taken: How many readings have counted, (runs,).
     """
 
-    predicted_velocity: Array
-    predicted_covariance: Array
+    predicted: Gaussian
     made: Array
+    moved: Array
     densities: Array
-    window: Array
+    information: Array
     taken: Array
 
 
@@ -79,11 +96,12 @@ class CovarianceMatching:
         inner, runs = self._filter.start(prior, source), len(prior.mean)
         return MatchedBelief(
             inner,
-            *_of_velocity(inner),
-            np.zeros((runs, 3, 6, 6)),
-            np.tile(self._before_any, (runs, 1)),
-            np.zeros((runs, self._window, 1 + 3, len(ROWS))),
-            np.zeros(runs),
+            _motion(inner),
+            made=np.zeros((runs, 3, 6, 6)),
+            moved=np.zeros((runs, 3, 6)),
+            densities=np.tile(self._before_any, (runs, 1)),
+            information=np.zeros((runs, 3)),
+            taken=np.zeros(runs),
         )
 
     def predict(self, belief: MatchedBelief, step: Step) -> MatchedBelief:
@@ -91,14 +109,13 @@ class CovarianceMatching:
         belief = self._matched(belief)
         self._white.densities = belief.densities
         inner = self._filter.predict(belief.inner, step)
-        velocity, covariance = _of_velocity(inner)
         F = self._white.step_transition
         return replace(
             belief,
             inner=inner,
-            predicted_velocity=velocity,
-            predicted_covariance=covariance,
+            predicted=_motion(inner),
             made=F @ belief.made @ F.T + self._white.noises,
+            moved=belief.moved @ F.T,
         )
 
     def update(self, belief: MatchedBelief, z: Array, step: Step) -> tuple[MatchedBelief, Innovation]:
@@ -115,64 +132,51 @@ class CovarianceMatching:
 
     def _matched(self, belief: MatchedBelief) -> MatchedBelief:
         """Return the belief after the readings of an epoch have been counted as one."""
-        velocity, covariance = _of_velocity(belief.inner)
-        moved, gained = velocity - belief.predicted_velocity, belief.predicted_covariance - covariance
+        predicted, corrected = belief.predicted, _motion(belief.inner)
         # A belief that began within the epoch (a restart, between two sensors) has no process noise behind it.
-        read = (gained != 0).any(axis=(1, 2)) & belief.made.any(axis=(1, 2, 3))
+        read = (predicted.covariance != corrected.covariance).any(axis=(1, 2)) & belief.made.any(axis=(1, 2, 3))
         if not read.any():
             return belief
-        made = belief.made[:, :, VELOCITY, VELOCITY]
-        used = (belief.densities[:, :, None, None] * made).sum(axis=1)
-        Q = moved[:, :, None] * moved[:, None, :] - gained + used
-        sample = np.concatenate([Q[:, None], made], axis=1)[:, :, ROWS, COLUMNS]
-        window = belief.window.copy()
-        rows = np.flatnonzero(read)
-        window[rows, (belief.taken[rows] % self._window).astype(int)] = sample[rows]
-        taken = belief.taken + read
-        # In a window that is not full, that of a run that has read nothing yet say, there may be nothing to fit.
-        full = np.flatnonzero(read & (taken >= self._window))
-        densities = belief.densities.copy()
-        if len(full):
-            fitted = _fitted(window[full].mean(axis=1), gained[full], belief.predicted_covariance[full])
-            factor = 1 + STRIDE / self._window
-            densities[full] = np.clip(fitted, densities[full] / factor, densities[full] * factor)
-        return replace(
-            belief,
-            made=np.where(read[:, None, None, None], 0.0, belief.made),
-            densities=densities,
-            window=window,
-            taken=taken,
-        )
+        score, information, made, moved = _told(predicted, corrected, belief.made, belief.moved)
+        S, taken = belief.densities, belief.taken + read
+        score, information = S * score, S**2 * information
+        weight = np.sqrt(LARGEST / np.maximum(information, LARGEST))
+        score, information = weight * score, weight**2 * information
+        M = belief.information + (information - belief.information) / np.clip(taken, 1, self._window)[:, None]
+        N = np.minimum(taken / GROWTH, self._window)[:, None]
+        change = score / (N * M + DAMPING)
+        # Not S exp(change): its mean would grow with the noise of the change.
+        most = 1 + STRIDE / self._window
+        densities = S * np.clip(1 + change, 1 / most, most)
+        found = replace(belief, made=made, moved=moved, densities=densities, information=M, taken=taken)
+        return where_runs(read, found, belief)
 
 
-def _of_velocity(belief: Any) -> tuple[Array, Array]:
-    """Return copies of the velocity's mean (runs, 3) and covariance (runs, 3, 3)."""
-    return belief.mean[:, VELOCITY].copy(), belief.covariance[:, VELOCITY, VELOCITY].copy()
+def _motion(belief: Any) -> Gaussian:
+    """Return copies of mean (runs, 6) and covariance (runs, 6, 6) of position and velocity."""
+    return Gaussian(belief.mean[:, MOTION].copy(), belief.covariance[:, MOTION, MOTION].copy())
 
 
-def _fitted(mean: Array, gained: Array, predicted: Array) -> Array:
-    """Return the densities (runs, 3), not negative, that fit the mean of the matched Q best.
+def _told(predicted: Gaussian, corrected: Gaussian, made: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
+    """Return score and information (runs, 3) of a reading by the densities, and dP and dm after it.
 
     Args:
-        mean: Means over the window of the elements of Q and of what a density 1 makes, (runs, 4, 6).
-        gained: P- - P+ at the last reading, (runs, 3, 3).
-        predicted: P- there.
+        predicted: Position and velocity before the reading, m- and P-.
+        corrected: After it, m+ and P+.
+        made: dP-, (runs, 3, 6, 6).
+        moved: dm-, (runs, 3, 6).
     """
-    variance = np.diagonal(gained, axis1=1, axis2=2)
-    variance = np.maximum(variance, LEAST_SHARE * np.diagonal(predicted, axis1=1, axis2=2))
-    weights = 1 / (variance[:, ROWS] * variance[:, COLUMNS] + gained[:, ROWS, COLUMNS] ** 2)
-    Q, G = mean[:, 0], mean[:, 1:]
-    M = (weights[:, None] * G) @ transpose(G)
-    r = (weights[:, None] * G * Q[:, None]).sum(axis=2)
-    best, least = np.zeros_like(r), np.zeros(len(r))
-    # With three unknowns the best of all sets that may be positive is found by trying them.
-    for positive in product((False, True), repeat=3):
-        if not any(positive):
-            continue
-        among = np.flatnonzero(positive)
-        x = np.zeros_like(r)
-        x[:, among] = np.linalg.solve(M[:, among[:, None], among], r[:, among, None])[..., 0]
-        cost = -(r * x).sum(axis=1)  # at the free minimum of a set, x^T M x - 2 r^T x
-        better = (x >= 0).all(axis=1) & (cost < least)
-        best, least = np.where(better[:, None], x, best), np.where(better, cost, least)
-    return best
+    P, runs = predicted.covariance, len(made)
+    inverse = CholeskyFactor(P).solve(np.tile(np.eye(6), (runs, 1, 1)))
+    # Where P- is not positive definite by rounding, in float32 say, nothing is told and all begins anew.
+    inverse = np.where(np.isfinite(inverse), inverse, 0.0)
+    A = corrected.covariance @ inverse
+    L = inverse @ (P - corrected.covariance) @ inverse
+    l = inverse @ (corrected.mean - predicted.mean)[:, :, None]  # noqa: E741  # the name above
+    pulled = made @ l[:, None]
+    weighed = L[:, None] @ made
+    score = ((transpose(l)[:, None] @ pulled)[..., 0, 0] - np.trace(weighed, axis1=2, axis2=3)) / 2
+    score = score + (moved @ l)[..., 0]
+    information = np.trace(weighed @ weighed, axis1=2, axis2=3) / 2 + ((moved @ L) * moved).sum(axis=2)
+    made = A[:, None] @ made @ transpose(A)[:, None]
+    return score, information, made, (moved + pulled[..., 0]) @ transpose(A)

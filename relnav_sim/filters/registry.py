@@ -12,7 +12,10 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
+from relnav_sim.dynamics.clohessy_wiltshire import cw_system
 from relnav_sim.dynamics.interface import Dynamics
+from relnav_sim.dynamics.process_noise import AddedNoiseOptions, process_noise_matrix
+from relnav_sim.dynamics.white_noise import AddedNoise, WhiteAcceleration
 from relnav_sim.filters.belief import Filter, considered_states
 from relnav_sim.filters.editing_options import EditingOptions
 from relnav_sim.filters.operations import Formula
@@ -182,6 +185,7 @@ def create_filter(
     dynamics: Dynamics,
     measurement: Measurement | Mapping[str, Measurement],
     editing: Mapping[str, Any] | None = None,
+    process_noise: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Filter:
     """Return a filter of the registry.
@@ -194,12 +198,16 @@ def create_filter(
         editing: Which readings are rejected and how the filter recovers, as in a campaign: ``probability``, ``scope``,
             ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, as uncertain as at
             the start or more. None: every reading is taken.
+        process_noise: What is added to the process noise of the dynamics, position and velocity in RTN, as in a
+            campaign: ``adaptive``, ``snc_rtn``, ``acceleration_psd_m2_s3``, ``diagonal`` or ``matrix``, beside the
+            chief's ``mean_motion_rad_s`` and ``step_s``, the time between epochs (docs/process-noise.md). What
+            ``adaptive`` finds is in the history's ``extras``. None: nothing.
         **options: The filter's options, as in a campaign.
 
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is none or for
             another number of states, a sensor has no name, or the dynamics have considered states and the filter can't
-            do that, or the filter's readings can't be edited.
+            do that, or the filter's readings can't be edited, or its process noise can't be found.
 
     Examples:
         >>> import numpy as np
@@ -210,8 +218,23 @@ def create_filter(
         >>> filter = create_filter("kf", dynamics, {"radar": position, "doppler": rate}, editing={"probability": 0.999})
         >>> filter.measurement.dimension
         2
+
+        Densities that the filter finds during the run, from m^2/s^3 on each axis:
+
+        >>> from relnav_sim import dynamics, measurements, run_filter
+        >>> motion = dynamics.cw(mean_motion_rad_s=1.1e-3, step_s=10.0, acceleration_psd_m2_s3=0.0)
+        >>> gnss = measurements.relative_gnss(position_sigma_m=0.01)
+        >>> start = {"radial_psd_m2_s3": 1e-9, "along_track_psd_m2_s3": 1e-9, "normal_psd_m2_s3": 1e-9}
+        >>> noise = {"adaptive": {"start": start}, "mean_motion_rad_s": 1.1e-3, "step_s": 10.0}
+        >>> filter = create_filter("ekf", motion, gnss, process_noise=noise)
+        >>> z = np.random.default_rng(1).normal(0.0, 0.01, (1, 200, 3))
+        >>> history = run_filter(filter, z, np.zeros(6), np.eye(6), step_s=10.0)
+        >>> bool(history.extras["radial_psd_m2_s3"][0, -1] < 1e-9)  # this craft rests
+        True
     """
-    from relnav_sim.filters.editing import edited  # here because it builds on a filter, which is registered above
+    # Here because they build on filters, which are registered above.
+    from relnav_sim.filters.covariance_matching import CovarianceMatching
+    from relnav_sim.filters.editing import edited
 
     kinds = filter_kinds()
     if name not in kinds:
@@ -225,8 +248,41 @@ def create_filter(
         raise ValueError(f"filter {name!r}: {not_edited(name)}")
     if considered_states(dynamics) and not kind.considers:
         raise ValueError(f"filter {name!r} can't account for states without estimating them")
-    made = kind.factory(read_only(dynamics, ReadOnlyDynamics), _attending(measurement, dynamics.dimension), checked)
+    moving, attending = read_only(dynamics, ReadOnlyDynamics), _attending(measurement, dynamics.dimension)
+    if process_noise is None:
+        made = kind.factory(moving, attending, checked)
+    else:
+        noise = _checked(AddedNoiseOptions, f"filter {name!r}: process_noise", process_noise)
+        _check_noise(kind, dynamics, noise)
+        system = cw_system(noise.mean_motion_rad_s)
+        if noise.adaptive is None:
+            Q = process_noise_matrix(noise, system, noise.step_s)
+            made = kind.factory(AddedNoise(moving, Q), attending, checked)
+        else:
+            white = WhiteAcceleration(moving, system, noise.adaptive.start.densities, noise.step_s)
+            made = CovarianceMatching(kind.factory(white, attending, checked), white, noise.adaptive.window)
     return edited(made, edits, getattr(checked, "gate_probability", None))
+
+
+def _check_noise(kind: FilterKind, dynamics: Dynamics, noise: AddedNoiseOptions) -> None:
+    """Refuse process noise that can't be added.
+
+    Raises:
+        ValueError: The dynamics are not of six states, the form is `dmc`, or `adaptive` for another kind of filter.
+    """
+    what = f"filter {kind.name!r}: process_noise"
+    if dynamics.dimension != 6:
+        raise ValueError(f"{what} acts on position and velocity, 6 states; the dynamics have {dynamics.dimension}")
+    if noise.dmc is not None:
+        raise ValueError(
+            f"{what}.dmc: its three states are for campaigns; take snc_rtn or adaptive, or dynamics of your own with "
+            "these states"
+        )
+    if noise.adaptive is not None and not kind.matches_covariance:
+        raise ValueError(
+            f"{what}.adaptive: this filter is not a single Gaussian of position and velocity, whose corrections tell "
+            "the process noise; take another form, or a filter such as ekf or ukf"
+        )
 
 
 def not_edited(kind: str) -> str:

@@ -5,10 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from small_campaign import TEXT
 
-from relnav_sim import CampaignError, load_campaign
+from relnav_sim import CampaignError, create_filter, dynamics, load_campaign, run_filter, simulate
+from relnav_sim.dynamics.context import DynamicsContext
+from relnav_sim.sensors import sensor_measurement
 from relnav_sim.simulation.block import simulate_block
+from relnav_sim.simulation.campaign_filter import create_campaign_filter
+from relnav_sim.truth import nominal_chief
 from relnav_sim.tuning.scalars import free_scalars, with_values
 
 PAGE = Path(__file__).parents[2] / "docs" / "process-noise.md"
@@ -96,3 +101,29 @@ def test_the_example_of_the_page(tmp_path):
         position, velocity = summary["rms"][:, settled, 6:].mean(axis=0)
         means = position, velocity, summary["anees"][:, settled, 0].mean()
         assert [f"{mean:.4g}" for mean in means] == printed
+
+
+@pytest.mark.parametrize("noise", [ADAPTIVE, f"{{snc_rtn: {DENSITIES}}}", "{acceleration_psd_m2_s3: 1.0e-9}"])
+def test_a_filter_by_hand_has_the_bits_of_the_campaigns(tmp_path, noise):
+    found = campaign(tmp_path, {"x": f"kind: ekf, process_noise: {noise}"})
+    config, entry = found.cases[0].config, found.cases[0].config.filters["x"]
+    orbit, step_s = nominal_chief(config.truth), config.clock.step_s
+    theirs = create_campaign_filter(entry, config, DynamicsContext(orbit, entry.process_noise, step_s)).filter
+    own = create_filter(
+        "ekf",
+        dynamics.cw(mean_motion_rad_s=orbit.mean_motion_rad_s, step_s=step_s, acceleration_psd_m2_s3=0.0),
+        {"radar": sensor_measurement("radar", config.sensors, orbit, step_s, frame="told")},
+        process_noise={"mean_motion_rad_s": orbit.mean_motion_rad_s, "step_s": step_s, **yaml.safe_load(noise)},
+    )
+    z = {"radar": simulate(found, runs=range(2)).z["radar"]}
+    prior = np.array([0.0, -2000, 100, 0, 0, 0]), np.diag([100.0] * 3 + [1.0] * 3) ** 2
+    one, other = (run_filter(each, z, *prior, step_s=step_s) for each in (theirs, own))
+    assert np.isfinite(one.mean).all() and one.nis.any()
+    assert np.array_equal(one.mean, other.mean) and np.array_equal(one.covariance, other.covariance)
+    assert set(one.extras) == set(other.extras)
+
+
+def test_the_python_of_the_page():
+    made: dict = {}
+    exec(re.search(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[1], made)
+    assert made["history"].extras["radial_psd_m2_s3"][0, -1] < 1e-8  # of a craft at rest
