@@ -8,14 +8,17 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench scale schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow bench scale schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
 
+# Most modules of what is installed are never imported; Python compiles those that are, at their first import.
+INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile --editable
+
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python $(INSTALL) '.[dev]'
 	touch $@
 
 setup: $(VENV)/installed  ## Create .venv and install relnav with its development tools
@@ -33,21 +36,26 @@ reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each ca
 reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
 	$(BIN)/python -m replication --docs docs
 
+# The types take one core while kernels are compiled on what the other one leaves.
 test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(MAKE) --jobs=2 --no-print-directory types kernels
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
+
+types: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m relnav_sim.kernels
-	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
-check-slow: setup  ## Run the long checks
+kernels: setup
 	$(BIN)/python -m relnav_sim.kernels
+
+check-slow: kernels  ## Run the long checks
 	$(BIN)/python -m pytest -m slow
 
 $(BENCH)/installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)
-	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	$(BENCH)/bin/python $(INSTALL) '.[bench]'
 	touch $@
 
 bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 10 minutes on a quiet machine
