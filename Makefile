@@ -13,12 +13,11 @@ unexport PYTHONDONTWRITEBYTECODE
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
 
-# Most modules of what is installed are never imported; Python compiles those that are, at their first import.
-INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile --editable
-
+# Of what is installed most modules are never imported; those that relnav imports are compiled by doing so.
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python $(INSTALL) '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
+	$(BIN)/python -c 'import matplotlib.pyplot, numba, scipy.stats; from relnav_sim import *'
 	touch $@
 
 setup: $(VENV)/installed  ## Create .venv and install relnav with its development tools
@@ -36,7 +35,7 @@ reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each ca
 reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
 	$(BIN)/python -m replication --docs docs
 
-# The types take one core while kernels are compiled on what the other one leaves.
+# Types are checked while kernels are compiled, which together keeps two cores busy.
 test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -55,7 +54,7 @@ check-slow: kernels  ## Run the long checks
 
 $(BENCH)/installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)
-	$(BENCH)/bin/python $(INSTALL) '.[bench]'
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	touch $@
 
 bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in an environment of its own; 10 minutes on a quiet machine
