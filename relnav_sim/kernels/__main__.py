@@ -30,6 +30,7 @@ def main() -> int:
         return 3
     names = [name for name in kernel_names() if not is_kept(name)]
     themes = [list(theme) for _, theme in groupby(names, lambda name: name.partition(".")[0])]
+    themes.sort(key=len, reverse=True)  # so that no process is left with a large one at the end
     total_s = 0.0
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1), get_context("spawn")) as processes:
         for theme, took in zip(themes, processes.map(compile_kernels, themes), strict=True):
