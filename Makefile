@@ -8,14 +8,16 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test check-slow bench scale schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow bench scale schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
 
+# Of what is installed most modules are never imported; those that relnav imports are compiled by doing so.
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
+	$(BIN)/python -c 'import matplotlib.pyplot, numba, scipy.stats; from relnav_sim import *'
 	touch $@
 
 setup: $(VENV)/installed  ## Create .venv and install relnav with its development tools
@@ -33,16 +35,21 @@ reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each ca
 reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
 	$(BIN)/python -m replication --docs docs
 
+# Types are checked while kernels are compiled, which together keeps two cores busy.
 test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(MAKE) --jobs=2 --no-print-directory types kernels
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
+
+types: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m relnav_sim.kernels
-	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
-check-slow: setup  ## Run the long checks
+kernels: setup
 	$(BIN)/python -m relnav_sim.kernels
+
+check-slow: kernels  ## Run the long checks
 	$(BIN)/python -m pytest -m slow
 
 $(BENCH)/installed: pyproject.toml

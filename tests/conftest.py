@@ -1,6 +1,25 @@
 """What tests of several rooms use."""
 
+import gc
+from collections.abc import Iterator
+
 import pytest
+from hypothesis import HealthCheck, settings
+
+# By the wall clock; that others use the machine too is no fault of what is tested.
+settings.register_profile("shared machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("shared machine")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Have Python look for no garbage among thousands of tests and all that they import, then or later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, stdtrit
 
 from relnav_sim.arrays import Array
 from relnav_sim.budget.budget import Budget
@@ -69,6 +68,8 @@ def verdict(budget: Budget, squares: Array, settle_s: float) -> Verdict | None:
         squares: Mean square of the position error of each run from `settle_s` on, (runs,), m^2; NaN of a failed run.
         settle_s: Start of the span, s.
     """
+    from scipy.special import chdtri, stdtrit
+
     known = squares[np.isfinite(squares)]
     n = len(known)
     if n < LEAST_RUNS:

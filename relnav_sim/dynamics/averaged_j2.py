@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.linalg import expm
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
@@ -103,6 +102,8 @@ class AveragedJ2:
 
     def transition(self, times_s: Array, duration_s: float) -> Array:
         """Return the matrices (K, 6, 6) over `duration_s` from each of the times (K,), s since the orbit's epoch."""
+        from scipy.linalg import expm
+
         u = self._initial_latitude + self.latitude_rate * times_s
         F = np.zeros((len(u), 6, 6))
         F[:, _IN_PLANE[:, None], _IN_PLANE] = expm(self.in_plane * duration_s)

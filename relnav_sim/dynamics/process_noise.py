@@ -6,7 +6,6 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.linalg import expm
 
 from relnav_sim.arrays import Array
 from relnav_sim.options import AddedLater, Options, Tunable
@@ -169,6 +168,8 @@ def van_loan(A: Array, B: Array, density: Array, duration_s: float) -> tuple[Arr
         density: Power spectral density of w (p, p).
         duration_s: Step, s.
     """
+    from scipy.linalg import expm
+
     n = len(A)
     blocks = np.zeros((2 * n, 2 * n))
     blocks[:n, :n] = -A

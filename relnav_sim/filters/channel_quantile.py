@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtri
 
 from relnav_sim.arrays import Array
 from relnav_sim.measurements.interface import Measurement
@@ -19,6 +18,8 @@ class ChannelQuantile:
     """
 
     def __init__(self, measurement: Measurement, probability: float) -> None:
+        from scipy.special import chdtri
+
         self._measurement = measurement
         degrees = np.arange(1, measurement.dimension + 1)
         # Without a channel there is nothing to exceed.

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.dynamics.interface import Step
@@ -81,6 +80,8 @@ class MeasurementEditing:
     """
 
     def __init__(self, filter: Filter, options: EditingOptions, restart: Restart | None = None) -> None:
+        from scipy.special import chdtri
+
         self.dynamics, self.measurement, self.stochastic = filter.dynamics, filter.measurement, filter.stochastic
         self._filter, self._options, self._restart = filter, options, restart
         self._sensors = sensors_of(self.measurement)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.special import ndtri
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices, Mask
@@ -92,6 +91,7 @@ def fixed_normals(dimension: int, samples: int) -> Array:
     Scrambled Sobol points (Owen 1998) through the inverse normal distribution, then shifted and rotated to the
     exact first two moments. It is the same set in every run and at every epoch.
     """
+    from scipy.special import ndtri
     from scipy.stats import qmc  # scipy.stats takes longer to import than all else together
 
     sobol = qmc.Sobol(dimension, scramble=True, seed=20170906)

@@ -1,6 +1,7 @@
 """Compile all kernels for this machine, as `python -m relnav_sim.kernels`: once in an image, or before many tests.
 
-Prints the seconds of processor time that each takes; nothing of those that are compiled already.
+Prints the seconds of processor time that each takes; nothing of those that are compiled already. The kernels of a
+theme are compiled by the same process, which compiles once what they have in common.
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ import importlib
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from itertools import groupby
 from multiprocessing import get_context
 
 from relnav_sim.kernels import CompilerError
 from relnav_sim.kernels.code_folder import code_folder, is_kept, kernel_names, not_kept, not_writable
-from relnav_sim.kernels.compiling import compile_kernel
+from relnav_sim.kernels.compiling import compile_kernels
 
 
 def main() -> int:
@@ -27,11 +29,14 @@ def main() -> int:
         print(f"relnav: {error}", file=sys.stderr)
         return 3
     names = [name for name in kernel_names() if not is_kept(name)]
+    themes = [list(theme) for _, theme in groupby(names, lambda name: name.partition(".")[0])]
+    themes.sort(key=len, reverse=True)  # so that no process is left with a large one at the end
     total_s = 0.0
     with ProcessPoolExecutor(min(2, os.cpu_count() or 1), get_context("spawn")) as processes:
-        for name, took_s in zip(names, processes.map(compile_kernel, names), strict=True):
-            print(f"{took_s:6.1f} s  {name}", flush=True)
-            total_s += took_s
+        for theme, took in zip(themes, processes.map(compile_kernels, themes), strict=True):
+            for name, took_s in zip(theme, took, strict=True):
+                print(f"{took_s:6.1f} s  {name}", flush=True)
+            total_s += sum(took)
     there = len(kernel_names()) - len(names)
     print(f"compiled {len(names)} kernels in {total_s:.1f} s of processor time, {there} were there: {code_folder()}")
     return 0

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -127,9 +128,9 @@ def collect_provenance(
         sessions: The commands that computed it, where there were several.
         machines: The machines of a cluster that computed it, with the number of their blocks.
     """
-    commit, dirty = source_revision(Path(__file__).resolve().parents[1])
+    commit, dirty = _own_revision()
     return Provenance(
-        versions=_versions(),
+        versions=dict(_versions()),
         git_commit=commit,
         git_dirty=dirty,
         machine=_machine(),
@@ -152,8 +153,14 @@ def relnav_in_words() -> str:
     """Return the version of relnav, and the commit of its source where that is known: ``0.1.0 4bd0d51``."""
     from relnav_sim import __version__
 
-    commit, dirty = source_revision(Path(__file__).resolve().parents[1])
+    commit, dirty = _own_revision()
     return f"{__version__} {commit[:7]}{'+' if dirty == 1 else ''}".rstrip()
+
+
+@cache
+def _own_revision() -> tuple[str, int]:
+    """Return the revision of relnav's source as this process found it first: what it has loaded stays as it was."""
+    return source_revision(Path(__file__).resolve().parents[1])
 
 
 def source_revision(package: Path) -> tuple[str, int]:
@@ -181,6 +188,7 @@ def _git(directory: Path, *arguments: str) -> str | None:
     return done.stdout.strip()
 
 
+@cache
 def _versions() -> dict[str, str]:
     from relnav_sim import __version__
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.special import chdtri
 
 from relnav_sim.arrays import Array, Integers, Mask
 from relnav_sim.results.block import EDIT_ENDS, Editing
@@ -34,6 +33,8 @@ class EditingAccumulator:
     """
 
     def __init__(self, runs: int, rules: ScoringRules, sensors: Sequence[str], max_rejects: int) -> None:
+        from scipy.special import chdtri
+
         self._rules, self._names, self._hold = rules, tuple(sensors), HOLD * max_rejects
         self._limit = float(chdtri(6, 1 - OUTSIDE))
         s = len(self._names)

@@ -90,14 +90,14 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.splitlines()[-1] == "loaded []"
 
 
-def test_what_needs_no_kernel_does_not_import_their_compiler(here):
+def test_what_needs_no_kernel_does_not_import_their_compiler_nor_scipy(here):
     program = (
         "import sys\n"
         "from relnav_sim.cli.app import app\n"
         "for words in ['list', 'filters'], ['show', 'filter', 'ekf'], ['schema'], ['new', 'a.yaml']:\n"
         "    try: app(words)\n"
         "    except SystemExit as end: assert not end.code\n"
-        "print('loaded', sorted({'numba', 'llvmlite', 'distributed'} & set(sys.modules)))\n"
+        "print('loaded', sorted({'numba', 'llvmlite', 'distributed', 'scipy'} & set(sys.modules)))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded []"

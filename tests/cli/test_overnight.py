@@ -72,6 +72,7 @@ def test_failures_by_kind_and_the_notice(here, monkeypatch):
     assert "the command of --notify ended with exit code 3" in done.output, "and the exit code is the campaign's"
     told = dict(line.split("=", 1) for line in (here / "told").read_text().splitlines())
     assert told.pop("RELNAV_SECONDS").isdecimal()
+    told.pop("RELNAV_CACHE_DIR", None)  # where who runs the tests has set it
     assert told == {
         "RELNAV_RESULT": str(here / "results" / "night.h5"),
         "RELNAV_CAMPAIGN": "night",

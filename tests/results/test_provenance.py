@@ -4,6 +4,10 @@ import subprocess
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
+import pytest
+
+import relnav_sim
+from relnav_sim.results import provenance
 from relnav_sim.results.provenance import collect_provenance, source_revision
 
 
@@ -28,6 +32,17 @@ def test_revision_of_a_work_tree(tmp_path: Path) -> None:
     assert source_revision(package) == (commit, 0)
     (package / "__init__.py").write_text("x = 1\n")
     assert source_revision(package) == (commit, 1)
+
+
+def test_a_process_asks_once_for_its_own_revision(monkeypatch: pytest.MonkeyPatch) -> None:
+    when = datetime(2026, 5, 1, tzinfo=UTC)
+    provenance._own_revision.cache_clear()
+    commit, dirty = source_revision(Path(relnav_sim.__file__).parent)
+    first = collect_provenance(when, when, 0.0)
+    monkeypatch.setattr(provenance, "source_revision", None)
+    again = collect_provenance(when, when, 0.0)
+    assert (again.git_commit, again.git_dirty, again.versions) == (first.git_commit, first.git_dirty, first.versions)
+    assert (first.git_commit, first.git_dirty) == (commit, dirty)
 
 
 def test_times_are_utc() -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.chief_orbit import ChiefOrbit
@@ -111,6 +110,8 @@ def extension(options: Sequence[AugmentedStateOptions], sensors: Mapping[str, Se
     Raises:
         ValueError: A state is the error of a sensor that is not there, or that has no such channel.
     """
+    from scipy.linalg import block_diag
+
     motions = [option.motion(step_s) for option in options]
     modes = [option.mode for option in options for _ in option.names]
     return Extension(

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Indices
@@ -117,6 +116,8 @@ def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
     Raises:
         numpy.linalg.LinAlgError: The noise ratio is too small for these inputs.
     """
+    from scipy.linalg import solve_triangular
+
     scaled = kernel.scaled(inputs)
     L = np.linalg.cholesky(kernel.correlation(scaled) + kernel.noise_ratio * np.eye(len(scaled)))
     standardised = (outputs - kernel.output_mean) / kernel.output_scale

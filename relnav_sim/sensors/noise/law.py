@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.special import ndtr
 
 from relnav_sim.arrays import Array
 from relnav_sim.options import Options
@@ -97,6 +96,8 @@ def probability_below(parts: Sequence[Options], channels: int, channel: int, lev
 
     Every part counts: biases shift it, correlated noise widens it by its stationary variance.
     """
+    from scipy.special import ndtr
+
     law = white_law(parts, channels)
     shift, correlated = 0.0, 0.0
     for part in parts:
