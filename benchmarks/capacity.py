@@ -26,6 +26,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 from relnav_sim.campaign import Campaign, load_campaign
 from relnav_sim.runner.bound_task import Task
 from relnav_sim.runner.compute import Outcome, compute
+from relnav_sim.runner.event_log import NAME
 from relnav_sim.runner.executors.interface import LOOKED_AT_EVERY_S, Ended
 from relnav_sim.runner.executors.on_worker import Came
 from relnav_sim.runner.executors.received import receive
@@ -174,7 +175,7 @@ def simulated(places: int, tasks: Sequence[Block], costs: dict[tuple[str, ...], 
     stub = Stub(places, costs)
     watch = Watch()
     watch.expect(tasks)
-    with tempfile.TemporaryDirectory() as folder, watch.logging(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, watch.logging(Path(folder), [Path(folder) / NAME]):
         pool = Pool(1, "sequential", observer=watch)
         pool._executor = stub
         for done in pool.computed(tasks):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import platform
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from relnav_sim.results.failure_kinds import KILLED, TIMEOUT
 from relnav_sim.runner.bound_task import BoundTask, Task
-from relnav_sim.runner.event_log import NAME, EventLog, now
+from relnav_sim.runner.event_log import EventLog, now
 from relnav_sim.runner.executors.interface import Ended, Fault, Say
 from relnav_sim.runner.process_mark import process_mark
 from relnav_sim.runner.time_left import TimeLeft
@@ -121,12 +121,13 @@ class Watch:
 
     Args:
         say: Told what a user should know, a sentence at a time.
+        like: Under which name the costs of a filter are gathered, by its own name; default: that.
     """
 
-    def __init__(self, say: Say = lambda sentence: None) -> None:
+    def __init__(self, say: Say = lambda sentence: None, like: Callable[[str], str] = str) -> None:
         self._logs: dict[Path, Sequence[EventLog]] = {}
         self._say = say
-        self._time_left = TimeLeft()
+        self._time_left = TimeLeft(like)
         self._running: dict[Path, _Running] = {}
         self._counts: dict[Path, Counts] = {}
         self._places = 0.0
@@ -135,15 +136,18 @@ class Watch:
         self._log_failed = False
 
     @contextmanager
-    def logging(self, folder: Path, log: Path | None = None) -> Iterator[None]:
-        """Write what happens to a campaign into its folder of shards, and into another log if asked for.
+    def logging(self, folder: Path, logs: Sequence[Path]) -> Iterator[None]:
+        """Write what happens to the tasks of a folder.
+
+        Args:
+            folder: The folder.
+            logs: Files to write to.
 
         Raises:
             OSError: A log can't be opened for writing.
         """
-        paths = [path for path in (folder / NAME, log) if path is not None]
         with ExitStack() as opened:
-            self._logs[folder] = [opened.enter_context(EventLog(path)) for path in paths]
+            self._logs[folder] = [opened.enter_context(EventLog(path)) for path in logs]
             try:
                 yield
             finally:
@@ -154,6 +158,12 @@ class Watch:
         self._time_left.expect(tasks)
         for task in tasks:
             self.counts(task.folder).total += _pairs(task)
+
+    def spare(self, tasks: Sequence[Task]) -> None:
+        """Take note that tasks that were expected need not be computed."""
+        for task in tasks:
+            self._time_left.took(task, None)
+            self.counts(task.folder).total -= _pairs(task)
 
     def begin(self, folder: Path, **told: Any) -> None:
         """Write that a command begins to compute a campaign."""
@@ -235,7 +245,8 @@ class Watch:
         self._running.clear()
 
     def message(self, sentence: str) -> None:
-        """Write what the user is told."""
+        """Tell the user something, and write it."""
+        self._say(sentence)
         for folder in self._counts:
             self._write(folder, "message", text=sentence)
 

@@ -222,13 +222,14 @@ class DaskCluster:
         return workers
 
     def _ended_in_order(self, address: str) -> bool:
-        """Return whether a worker that is gone has taken leave: at the end of its time, or told to end."""
+        """Return whether a worker that is gone has taken leave: at the end of its time, or told to end by a signal."""
         assert self._connection is not None
         try:
             events = self._connection.client.get_events(address)
         except (OSError, TimeoutError):
             raise self._scheduler_gone() from None
-        return any(event.get("action") == "remove-worker" and event.get("expected") for _, event in events)
+        actions = [(event.get("action"), event.get("expected")) for _, event in events]
+        return any(action == "closing-worker" or (action == "remove-worker" and told) for action, told in actions)
 
     def _check_scheduler(self) -> None:
         assert self._connection is not None
@@ -342,6 +343,6 @@ class _Begun:
 
 def _lost(member: _Member, how: str) -> str:
     return (
-        f"{member} was lost with it ({how}), again and again: killed, most likely for want of memory, or its machine "
-        "or its time came to an end"
+        f"{member} was lost with it ({how}): killed, most likely for want of memory, or its machine, its link to the "
+        "scheduler or its time came to an end"
     )
