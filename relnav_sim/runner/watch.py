@@ -23,7 +23,8 @@ from relnav_sim.runner.time_left import TimeLeft
 
 HERE = "here"
 BEAT_EVERY_S = 60.0
-ETA_EVERY_S = 1.0
+ETA_EVERY_S, ETA_EACH_S = 1.0, 0.01
+"""The time left is found out at most so often, and the more seldom the more is running."""
 SLOW_TIMES, SLOW_AT_LEAST_S = 5.0, 60.0
 """A task is called slow after so many times what its like have taken, and after so long at least."""
 UNKNOWN_TIMES = 20.0
@@ -205,7 +206,6 @@ class Watch:
         outcome = ended.outcome
         kinds = outcome.kinds if outcome else {_TOLD[ended.fault]: failures} if ended.fault in _TOLD else {}
         self._time_left.took(task, outcome.seconds if outcome else None)
-        self._eta = None
         new = [kind for kind in kinds if kind not in counts.kinds]
         counts.done += _pairs(task)
         counts.failures += failures
@@ -252,8 +252,12 @@ class Watch:
 
     @property
     def left_s(self) -> float:
-        """Seconds to go, by the plan's costs corrected by those measured; of one moment to the next the same."""
-        if self._eta is None or time.monotonic() - self._eta[0] >= ETA_EVERY_S:
+        """Seconds to go, by the plan's costs corrected by those measured; of one moment to the next the same.
+
+        It looks at all that is running, so that after each block it would cost more than all else that a block does.
+        """
+        every_s = min(ETA_EACH_S * len(self._running), ETA_EVERY_S)
+        if self._eta is None or time.monotonic() - self._eta[0] >= every_s:
             running = [(running.task, running.elapsed_s) for running in self._running.values()]
             places = max(self._places, len(running))
             self._eta = (time.monotonic(), self._time_left.left_s(running, places))
