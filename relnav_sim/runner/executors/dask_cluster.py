@@ -195,6 +195,7 @@ class DaskCluster:
         came, problem = taken.came, taken.problem
         if isinstance(problem, KilledWorker | CancelledError | CommClosedError | TimeoutError):
             member.is_ready = False  # if it is still there, it is asked again
+            member.has_taken_leave |= member.is_leaving or self._ended_in_order(member.address)
             return _gone(member, task, type(problem).__name__)
         if isinstance(problem, OSError):  # a full disk there, say
             self._put_aside(member, f"{type(problem).__name__}: {problem}")
@@ -254,8 +255,12 @@ class DaskCluster:
             events = self._connection.client.get_events(address)
         except (OSError, TimeoutError):
             raise self._scheduler_gone() from None
-        actions = [(event.get("action"), event.get("expected")) for _, event in events]
-        return any(action == "closing-worker" or (action == "remove-worker" and told) for action, told in actions)
+        in_order = False
+        for _, event in events:
+            action = event.get("action")
+            in_order |= action == "closing-worker" or (action == "remove-worker" and bool(event.get("expected")))
+            in_order &= action != "add-worker"  # a former one under the same address
+        return in_order
 
     def _check_scheduler(self) -> None:
         assert self._connection is not None

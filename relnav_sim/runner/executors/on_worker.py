@@ -163,10 +163,10 @@ def compute_order(order: Order, timeout_s: float | None) -> Came:
 
 
 def _end_in_order_by_signal() -> None:
-    """Let SIGTERM end this worker in order, as it does where no nanny has started it.
+    """Let SIGTERM end this worker in order.
 
-    A batch system sends it to all processes of a job. By default a nanny's worker would die of it at once, and nobody
-    would know that it was no fault of its block.
+    A batch system sends it to all processes of a job. By itself a worker would go without a word, and nobody would know
+    that it was no fault of its block.
     """
     from distributed import get_worker
 
@@ -177,7 +177,8 @@ def _end_in_order_by_signal() -> None:
 
     def heed() -> None:
         with suppress(ValueError):  # the worker is not in the main thread of its process, so that this is another's
-            if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            before = signal.getsignal(signal.SIGTERM)
+            if before is signal.SIG_DFL or getattr(before, "__module__", "") == "distributed._signals":
                 signal.signal(signal.SIGTERM, leave)
 
     worker.loop.add_callback(heed)
