@@ -1,5 +1,6 @@
 """A campaign on a Dask cluster has the same bits, whatever workers die, come late, go or are of another relnav."""
 
+import gc
 import os
 import re
 import signal
@@ -14,6 +15,8 @@ from small_campaign import assert_same_bits
 
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.results.block import RefusedError
+from relnav_sim.runner.executors import dask_client
+from relnav_sim.runner.executors.interface import WorkersError
 from relnav_sim.runner.executors.on_worker import end_idle
 from relnav_sim.runner.machines import machines_of
 
@@ -108,6 +111,7 @@ def test_without_the_package_a_sentence_names_the_extra(relnav, tmp_path, monkey
         (("--backend", "dask", "--workers", "1", "--local-cluster", "3"), "leave out --workers"),
         (("--backend", "dask", "--scheduler", "myhost"), "a Dask scheduler's address is like tcp://host:8786"),
         (("--backend", "dask", "--scheduler", "tcp://myhost"), "a Dask scheduler's address is like tcp://host:8786"),
+        (("--backend", "dask", "--scheduler", "tcp://a:99999"), "a Dask scheduler's address is like tcp://host:8786"),
     ],
 )
 def test_options_that_do_not_fit_together(relnav, monkeypatch, options, sentence):
@@ -122,6 +126,18 @@ def test_options_that_do_not_fit_together(relnav, monkeypatch, options, sentence
         if "address" not in sentence or words[0] == "run":
             assert done.exit_code == 2, done.output
             assert sentence in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_who_accepts_a_connection_and_says_nothing_is_no_scheduler(monkeypatch, recwarn):
+    monkeypatch.setattr(dask_client, "LONGEST_CONNECTION_S", 0.5)
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(WorkersError, match=f"no Dask scheduler answers at {address}"):
+            dask_client.Connection(address, 1)
+        gc.collect()  # its client would try to say good-bye, and raise that it can't
+    assert not recwarn.list
 
 
 @pytest.mark.slow
