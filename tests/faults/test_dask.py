@@ -15,6 +15,7 @@ from small_campaign import assert_same_bits
 
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.results.block import RefusedError
+from relnav_sim.runner.event_log import read_events
 from relnav_sim.runner.executors import dask_client
 from relnav_sim.runner.executors.interface import WorkersError
 from relnav_sim.runner.executors.on_worker import end_idle
@@ -276,4 +277,22 @@ def test_workers_whose_time_ends_cost_nobody_a_run(relnav, reference, scheduler)
         scheduler.worker("--lifetime", f"{seconds}s", "--lifetime-restart")
     code, _, stderr = here.run("run", "small.yaml", *scheduler.options)
     assert code == 0, stderr
+    assert_same_bits(reference, here.out)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [(), ("--no-nanny",)], ids=["nanny", "no nanny"])
+def test_all_processes_of_a_worker_are_told_to_end_and_nobody_is_to_blame(relnav, reference, scheduler, options):
+    here = relnav(*LONGER)
+    scheduler.begin()
+    worker = scheduler.worker(*options)
+    process = here.start("run", "small.yaml", *scheduler.options, "--log", "night.jsonl")
+    assert wait_until(lambda: len(list(here.shards.glob("*.h5"))) >= 2 or process.poll() is not None)
+    scheduler.worker(*options)
+    for pid in [*members(worker.pid), worker.pid]:
+        os.kill(pid, signal.SIGTERM)
+    _, stderr = process.communicate(timeout=240)
+    assert process.returncode == 0, stderr
+    faults = [event["fault"] for event in read_events(here.folder / "night.jsonl") if event["event"] == "retry"]
+    assert set(faults) <= {"sent back"}, faults
     assert_same_bits(reference, here.out)
