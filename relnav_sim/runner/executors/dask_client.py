@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
+import threading
 import warnings
+from concurrent.futures import Future
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -64,11 +66,21 @@ class Connection:
     def _connected(self, address: str) -> Client:
         from distributed import Client
 
-        client = Client.__new__(Client)
+        client, connected = Client.__new__(Client), Future[None]()
+
+        def connect() -> None:
+            try:
+                Client.__init__(client, address, timeout=LONGEST_CONNECTION_S, set_as_default=False, name="relnav")
+                connected.set_result(None)
+            except BaseException as error:
+                connected.set_exception(error)
+
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of versions, which are looked at where they matter
-                Client.__init__(client, address, timeout=LONGEST_CONNECTION_S, set_as_default=False, name="relnav")
+                # For a server of another kind, which accepts the connection and says nothing, Dask waits for ever.
+                threading.Thread(target=connect, name="relnav-connect", daemon=True).start()
+                connected.result(LONGEST_CONNECTION_S + 1)
             return client
         except (OSError, TimeoutError) as error:
             client.status = "closed"  # or it tries for long to say good-bye, and tells on standard error that it can't
