@@ -3,32 +3,38 @@
 The blocks of `campaigns/alpha_kf_gaussian.yaml` (12 km apart, 6000 s at 5 Hz, 15 filters) are computed once each, and
 their CPU time and the size of their shards taken. Then relnav's own pool hands tasks of these lengths to a stub of an
 executor with a thousand places, whose clock is a simulated one: it goes on by the CPU time that the command itself
-needs, by what it needs to take and verify a shard, and to the end of the next task where nothing is left to do.
+needs, by what of taking a shard leaves other threads no turn, and to the next end of a task or of taking its result.
 
     python benchmarks/capacity.py [--quick]
 """
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import os
 import random
+import socket
+import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from relnav_sim.campaign import Campaign, load_campaign
+from relnav_sim.results.atomic import written_whole
 from relnav_sim.runner.bound_task import Task
 from relnav_sim.runner.compute import Outcome, compute
-from relnav_sim.runner.executors.interface import LOOKED_AT_EVERY_S, Ended
+from relnav_sim.runner.event_log import NAME
+from relnav_sim.runner.executors.interface import Ended
 from relnav_sim.runner.executors.on_worker import Came
-from relnav_sim.runner.executors.received import receive
+from relnav_sim.runner.executors.received import MOST_TAKEN, receive
 from relnav_sim.runner.pool import Pool
 from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import Block, blocks_left
@@ -41,19 +47,31 @@ SHORTER = 25 if not QUICK else 50
 """The blocks are computed over this share of their time, with as many stored epochs, and their CPU time multiplied."""
 TASKS_EACH = 6 if not QUICK else 4
 """Simulated tasks of each place."""
+SENT, REPEATED = (100, 20) if not QUICK else (5, 2)
+"""How often sending and taking a shard are repeated."""
 SPREAD = 0.2
 """Tasks take so much more or less than measured, at random, so that places do not stay in step."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A kind of block: its filters, CPU time s, size of its shard, and CPU time to take and verify that, s."""
+    """A kind of block.
+
+    Attributes:
+        filters: Its filters.
+        runs: Its runs.
+        block_s: CPU time, s.
+        shard_bytes: Size of its shard.
+        receive_s: CPU time to write and verify that, s.
+        shared_s: How much of this leaves other threads a turn, s: hashing, writing.
+    """
 
     filters: tuple[str, ...]
     runs: int
     block_s: float
     shard_bytes: int
     receive_s: float
+    shared_s: float
 
 
 def measured(whole: Campaign, folder: Path) -> list[Measured]:
@@ -72,28 +90,73 @@ def measured(whole: Campaign, folder: Path) -> list[Measured]:
         compute(short, Learned())
         block_s = (time.process_time() - before) * SHORTER
         shard = short.path.read_bytes()
-        before = time.process_time()
-        for _ in range(5):
-            receive(short, Came(Outcome(0, {}), shard=shard))
-        receive_s = (time.process_time() - before) / 5
-        found.append(Measured(tuple(block.case.config.filters), len(block.runs), block_s, len(shard), receive_s))
+        receive_s = _cpu_of(partial(receive, short, Came(Outcome(0, {}), shard=shard)))
+        shared_s = _cpu_of(partial(_hash_and_write, shard, short.path))
+        names = tuple(block.case.config.filters)
+        found.append(Measured(names, len(block.runs), block_s, len(shard), receive_s, shared_s))
     return found
 
 
-def dask_task_s() -> float:
-    """Return the CPU time of scheduler, client and worker together for a task that does nothing, s."""
-    from distributed import Client, LocalCluster
+def _cpu_of(function: Callable[[], object]) -> float:
+    function()
+    before = time.process_time()
+    for _ in range(REPEATED):
+        function()
+    return (time.process_time() - before) / REPEATED
 
-    count = 100 if QUICK else 1000
-    with (
-        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
-        client.submit(abs, -1).result()
-        before = time.process_time()
-        for future in [client.submit(abs, -number, pure=False) for number in range(count)]:
-            future.result()
-        return (time.process_time() - before) / count
+
+def _hash_and_write(shard: bytes, path: Path) -> None:
+    hashlib.sha256(shard)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(shard)
+
+
+@dataclass(frozen=True)
+class Sent:
+    """CPU time of sending a result of a block here: of this process, s, and of the scheduler, s."""
+
+    here_s: float
+    scheduler_s: float
+
+
+def sent(size: int) -> Sent:
+    """Return what a task costs that does nothing but return so many bytes; scheduler and worker are other processes."""
+    from distributed import Client
+
+    dask = [sys.executable, "-m", "distributed.cli."]
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    scheduler = subprocess.Popen([*dask[:2], f"{dask[2]}dask_scheduler", "--no-dashboard", "--host", address], **quiet)
+    worker = subprocess.Popen([*dask[:2], f"{dask[2]}dask_worker", "--no-nanny", "--no-dashboard", address], **quiet)
+    try:
+        with Client(address, timeout=60) as client:
+            client.submit(random.randbytes, size).result()
+            before = time.process_time(), _cpu_s(scheduler.pid)
+            for _ in range(SENT):
+                client.submit(random.randbytes, size, pure=False).result()
+            here_s, scheduler_s = time.process_time() - before[0], _cpu_s(scheduler.pid) - before[1]
+    finally:
+        for process in (worker, scheduler):
+            process.kill()
+            process.wait()
+    return Sent(here_s / SENT, scheduler_s / SENT)
+
+
+def _cpu_s(pid: int) -> float:
+    """Return the CPU time of a process so far, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a block costs: its own time, s; that of a thread that takes its result, s; and of the interpreter, s."""
+
+    block_s: float
+    taking_s: float
+    held_s: float
 
 
 class Stub:
@@ -101,12 +164,14 @@ class Stub:
 
     Args:
         places: How many.
-        costs: By filters: time of a task, and what the command needs to take its shard, s.
+        costs: By filters.
     """
 
-    def __init__(self, places: int, costs: dict[tuple[str, ...], tuple[float, float]]) -> None:
+    def __init__(self, places: int, costs: dict[tuple[str, ...], Cost]) -> None:
         self._free, self._costs = places, costs
-        self._running: list[tuple[float, int, Task]] = []
+        self._running: list[tuple[float, int, Task, float]] = []
+        self._taken: list[tuple[float, int, Task, float]] = []
+        self._takers = [0.0] * MOST_TAKEN
         self._number = 0
         self._random = random.Random(1)
         self.ends: list[float] = []
@@ -141,24 +206,32 @@ class Stub:
         self._tick()
         self._free -= 1
         self._number += 1
-        seconds = self._costs[tuple(task.case.config.filters)][0] * self._random.uniform(1 - SPREAD, 1 + SPREAD)
+        seconds = self._cost(task).block_s * self._random.uniform(1 - SPREAD, 1 + SPREAD)
         self.worked_s += seconds
-        heapq.heappush(self._running, (self.now + seconds, self._number, task))
+        heapq.heappush(self._running, (self.now + seconds, self._number, task, seconds))
+
+    def _cost(self, task: Task) -> Cost:
+        return self._costs[tuple(task.case.config.filters)]
 
     def as_completed(self) -> list[Ended]:
-        """Go on to the end of the next task; return those that have ended."""
+        """Go on until a result has been taken; return those that have been."""
         self._tick()
-        self.now = max(self.now, self._running[0][0])
-        ended = []
-        began = self.now
-        while self._running and self._running[0][0] <= self.now < began + LOOKED_AT_EVERY_S:
-            _, _, task = heapq.heappop(self._running)
-            seconds, taking = self._costs[tuple(task.case.config.filters)]
-            self.now += taking
-            self.busy_s += taking
-            self._free += 1
-            self.ends.append(self.now)
-            ended.append(Ended(task, Outcome(0, {}, seconds=seconds)))
+        ended: list[Ended] = []
+        while not ended:
+            self.now = max(self.now, min(one[0][0] for one in (self._running, self._taken) if one))
+            while self._running and self._running[0][0] <= self.now:
+                end, number, task, seconds = heapq.heappop(self._running)
+                self._free += 1
+                taken = max(end, heapq.heappop(self._takers)) + self._cost(task).taking_s
+                heapq.heappush(self._takers, taken)
+                heapq.heappush(self._taken, (taken, number, task, seconds))
+            while self._taken and self._taken[0][0] <= self.now:
+                _, _, task, seconds = heapq.heappop(self._taken)
+                held_s = self._cost(task).held_s
+                self.now += held_s
+                self.busy_s += held_s
+                self.ends.append(self.now)
+                ended.append(Ended(task, Outcome(0, {}, seconds=seconds)))
         self._cpu = time.process_time()
         return ended
 
@@ -169,12 +242,12 @@ class Stub:
         """Do nothing."""
 
 
-def simulated(places: int, tasks: Sequence[Block], costs: dict[tuple[str, ...], tuple[float, float]]) -> Stub:
+def simulated(places: int, tasks: Sequence[Block], costs: dict[tuple[str, ...], Cost]) -> Stub:
     """Have relnav's own pool compute tasks on a stub; return it."""
     stub = Stub(places, costs)
     watch = Watch()
     watch.expect(tasks)
-    with tempfile.TemporaryDirectory() as folder, watch.logging(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, watch.logging(Path(folder), [Path(folder) / NAME]):
         pool = Pool(1, "sequential", observer=watch)
         pool._executor = stub
         for done in pool.computed(tasks):
@@ -187,19 +260,23 @@ def main() -> None:
     whole = load_campaign(ROOT / "campaigns" / "alpha_kf_gaussian.yaml", [f"runs={RUNS}"])
     with tempfile.TemporaryDirectory() as place:
         kinds = measured(whole, Path(place))
-        task_s = dask_task_s()
         rounds = RUNS / whole.block_runs
-        print("filters of a block | runs | CPU s | shard kB | take and verify, ms")
+        print("filters of a block | runs | CPU s | shard kB | take and verify, ms | of it shared, ms")
         for kind in kinds:
             print(
                 f"{', '.join(kind.filters)} | {kind.runs} | {kind.block_s:.1f} | {kind.shard_bytes / 1e3:.0f} | "
-                f"{1e3 * kind.receive_s:.1f}"
+                f"{1e3 * kind.receive_s:.1f} | {1e3 * kind.shared_s:.1f}"
             )
         cpu_s, size = (rounds * sum(getattr(kind, name) for kind in kinds) for name in ("block_s", "shard_bytes"))
         blocks = rounds * len(kinds)
-        print(f"dask: {1e3 * task_s:.2f} ms CPU for a task that does nothing (scheduler, client and worker together)")
+        travels, news = sent(round(size / blocks)), sent(300)
+        for name, one in (("a shard that travels", travels), ("news alone", news)):
+            print(f"{name}: {1e3 * one.here_s:.1f} ms CPU of the command, {1e3 * one.scheduler_s:.1f} of the scheduler")
         print(f"{RUNS} runs: {cpu_s / 3600:.0f} core hours, {blocks:.0f} blocks, {size / 1e9:.1f} GB of shards")
-        costs = {kind.filters: (kind.block_s, kind.receive_s + task_s) for kind in kinds}
+        costs = {
+            kind.filters: Cost(kind.block_s, kind.receive_s, kind.receive_s - kind.shared_s + travels.here_s)
+            for kind in kinds
+        }
         print("places | simulated blocks | command, ms a block | blocks/s | places at work | hours in all | MB/s")
         for places in WORKERS:
             count = -(-places * TASKS_EACH // len(kinds))

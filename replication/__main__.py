@@ -11,6 +11,7 @@ from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOptio
 from relnav_sim.cli.failures import UserError, guarded
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import print_table, say
+from relnav_sim.cli.watched import TimeoutOption, check_timeout
 
 if TYPE_CHECKING:
     from replication.plan import Size
@@ -50,6 +51,7 @@ def reproduce(
     backend: BackendOption = BackendName.LOKY,
     scheduler: SchedulerOption = None,
     local_cluster: LocalClusterOption = None,
+    timeout_s: TimeoutOption = None,
 ) -> None:
     """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
 
@@ -64,6 +66,7 @@ def reproduce(
     if not campaigns.is_dir():
         raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
     place = where(backend, workers, scheduler, local_cluster)
+    check_timeout(timeout_s, backend)
     size: Size = "full" if full else "trial" if trial else "usual"
     folder = out or Path("results") / ("reproduce" if size == "usual" else f"reproduce-{size}")
     if folder.exists() and not folder.is_dir():
@@ -74,7 +77,7 @@ def reproduce(
 
         larger = (in_full or Path("results/reproduce-full")) if size == "usual" else None
         summary = reproduce(
-            size, campaigns, folder, place.workers, docs, larger, True, _say, place.backend, place.scheduler
+            size, campaigns, folder, place.workers, docs, larger, True, _say, place.backend, place.scheduler, timeout_s
         )
         print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
         say(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")

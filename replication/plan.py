@@ -151,6 +151,7 @@ def run_plan(
     say: Say,
     backend: Backend = "loky",
     scheduler: str | None = None,
+    timeout_s: float | None = None,
 ) -> dict[str, Path]:
     """Run every campaign of the plan; what is finished is taken as it is. Return the results files by name.
 
@@ -163,6 +164,7 @@ def run_plan(
         say: Told what a user should know, a sentence at a time.
         backend: As in `run_campaign`.
         scheduler: As in `run_campaign`.
+        timeout_s: As in `run_campaign`.
 
     Raises:
         CampaignError: A campaign file is missing or wrong.
@@ -173,5 +175,6 @@ def run_plan(
     for number, (name, campaign) in enumerate(loaded, start=1):
         cases = "1 case" if len(campaign.cases) == 1 else f"{len(campaign.cases)} cases"
         say(f"campaign {number} of {len(loaded)}: {name}, {cases} of {campaign.runs} runs")
-    run_campaigns([(campaign, paths[name]) for name, campaign in loaded], workers, progress, say, backend, scheduler)
+    jobs = [(campaign, paths[name]) for name, campaign in loaded]
+    run_campaigns(jobs, workers, progress, say, backend, scheduler, timeout_s)
     return paths

@@ -29,6 +29,7 @@ def reproduce(
     say: Callable[[str], None] = lambda sentence: None,
     backend: Backend = "loky",
     scheduler: str | None = None,
+    timeout_s: float | None = None,
 ) -> Summary:
     """Replicate the papers; return the summary. What an earlier call has finished is taken as it is.
 
@@ -47,13 +48,14 @@ def reproduce(
         say: Told what a user should know, a sentence at a time.
         backend: Where the campaigns are computed; the summary does not depend on it.
         scheduler: As in `run_campaign`.
+        timeout_s: As in `run_campaign`.
 
     Raises:
         CampaignError: A campaign file is missing or wrong.
         OSError: The output can't be written.
     """
     (out / "campaigns").mkdir(parents=True, exist_ok=True)
-    paths = run_plan(size, campaigns, out / "campaigns", workers, progress, say, backend, scheduler)
+    paths = run_plan(size, campaigns, out / "campaigns", workers, progress, say, backend, scheduler, timeout_s)
     with Measured(paths) as measured:
         summary = as_stored(summarised(measured, size, out / "figures"))
         for line in timing_lines(measured):

@@ -46,6 +46,8 @@ def divergence_summary(results: Results) -> list[str]:
     pairs = [(header, name) for header in results.headers for name in header.filters]
     found = []
     for header, name in pairs if len(pairs) <= MOST_COUNTED else ():
+        if not len(results.case_runs(header.id, name)):  # all its runs lacked memory, say
+            continue
         failed = results.statistic(header.id, name, "failed") == 1
         lost = diverged(failed, results.statistic(header.id, name, "outside_late")) & ~failed
         runs = results.case_runs(header.id, name)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.failures import Exit, UserError, guarded
 from relnav_sim.cli.files import CAMPAIGNS, existing
 from relnav_sim.cli.interrupts import ending_promptly
-from relnav_sim.cli.output import command, print_table, say
+from relnav_sim.cli.notify import Notice, notifying
+from relnav_sim.cli.output import command, count_in_words, print_table, say
+from relnav_sim.cli.watched import LogOption, NotifyOption, check_log
 
 if TYPE_CHECKING:
     from relnav_sim.report.replay import FilterFigures
@@ -78,56 +81,71 @@ def replay(
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="The folder to write to.", show_default="results/NAME.replay")
     ] = None,
+    log: LogOption = None,
+    notify: NotifyOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")] = False,
 ) -> None:
     """Run a campaign's filters on recorded readings, and say whether their residuals bear them out.
 
     With a truth the estimates are scored too, into a result that relnav report opens.
     """
-    with ending_promptly("interrupted; nothing was written"):
-        existing(file, CAMPAIGNS)
-        files = [existing(path, _READINGS) for path in (*measurements, *(more or []))]
+    notice = Notice(notify)
 
-        from relnav_sim.campaign import load_campaign
+    @guarded
+    def compute() -> None:
+        with ending_promptly("interrupted; nothing was written", notice.send):
+            check_log(log)
+            existing(file, CAMPAIGNS)
+            files = [existing(path, _READINGS) for path in (*measurements, *(more or []))]
 
-        campaign = load_campaign(file, changes or [])
-        folder = out if out is not None else Path("results") / f"{campaign.name}.replay"
-        if folder.exists() and not folder.is_dir():
-            raise UserError(f"{folder} is a file; give --out the name of a folder")
-        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-            raise UserError(f"{folder} holds something already; give another --out, or --overwrite to replace it")
+            from relnav_sim.campaign import load_campaign
 
-        from relnav_sim.recorded import EphemerisError
-        from relnav_sim.recorded.readings import ReadingsError
-        from relnav_sim.report.replay import figures_of, shared_findings, verdict, write_replay
-        from relnav_sim.runner.replay import replay_campaign, write_result
-        from relnav_sim.simulation.own_readings import ReplayError
+            campaign = load_campaign(file, changes or [])
+            folder = out if out is not None else Path("results") / f"{campaign.name}.replay"
+            if folder.exists() and not folder.is_dir():
+                raise UserError(f"{folder} is a file; give --out the name of a folder")
+            if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+                raise UserError(f"{folder} holds something already; give another --out, or --overwrite to replace it")
 
-        try:
-            done = replay_campaign(
-                campaign, files, case, filters or (), runs or (), sort, truth.value, _sensors(participants or [])
-            )
-        except (ReadingsError, EphemerisError, ReplayError) as error:
-            raise UserError(str(error)) from None
-        for sentence in (*done.notes, *done.block.warnings):
-            say(f"warning: {sentence}", err=True)
-        found = figures_of(done)
-        for one in found:
-            say(f"{one.name} is {verdict(one, len(done.recorded))}")
-        for name, why in done.block.broken.items():
-            say(f"{name} broke: {why.reason}", err=True)
-        if shared := shared_findings(found):
-            say(shared)
-        say("")
-        _print(found, done)
-        (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
-        page = write_replay(done, found, folder)
-        say(f"wrote {page}")
-        if done.truth and found:
-            result = write_result(done, folder / RESULT)
-            say(f"wrote {result}; next: {command('relnav', 'report', result)}")
-    if done.block.broken or any(one.replayed.failures for one in found):
-        raise typer.Exit(Exit.SOME_RUNS_FAILED)
+            notice.campaign, notice.result = campaign.name, os.path.abspath(folder)
+
+            from relnav_sim.recorded import EphemerisError
+            from relnav_sim.recorded.readings import ReadingsError
+            from relnav_sim.report.replay import figures_of, shared_findings, verdict, write_replay
+            from relnav_sim.runner.replay import replay_campaign, write_result
+            from relnav_sim.simulation.own_readings import ReplayError
+
+            try:
+                sensors = _sensors(participants or [])
+                done = replay_campaign(
+                    campaign, files, case, filters or (), runs or (), sort, truth.value, sensors, log
+                )
+            except (ReadingsError, EphemerisError, ReplayError) as error:
+                raise UserError(str(error)) from None
+            for sentence in (*done.notes, *done.block.warnings):
+                say(f"warning: {sentence}", err=True)
+            found = figures_of(done)
+            for one in found:
+                say(f"{one.name} is {verdict(one, len(done.recorded))}")
+            for name, why in done.block.broken.items():
+                say(f"{name} broke: {why.reason}", err=True)
+            if shared := shared_findings(found):
+                say(shared)
+            say("")
+            _print(found, done)
+            (folder / RESULT).unlink(missing_ok=True)  # an earlier one would pass for this replay's
+            page = write_replay(done, found, folder)
+            say(f"wrote {page}")
+            if done.truth and found:
+                result = write_result(done, folder / RESULT)
+                say(f"wrote {result}; next: {command('relnav', 'report', result)}")
+        notice.failed = len(done.block.broken) * len(done.recorded) + sum(len(one.replayed.failures) for one in found)
+        notice.summary = f"{campaign.name}: {count_in_words(len(done.recorded), 'recorded run')} replayed"
+        if notice.failed:
+            raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+    with notifying(notice):
+        compute()
 
 
 def _sensors(participants: list[str]) -> dict[str, str]:

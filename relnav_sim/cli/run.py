@@ -18,6 +18,7 @@ from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.notify import Notice, notifying
 from relnav_sim.cli.output import command, count_in_words, say
 from relnav_sim.cli.part import part_of
+from relnav_sim.cli.watched import LogOption, NotifyOption, TimeoutOption, check_log, check_timeout
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -62,14 +63,7 @@ def run(
     max_failures: Annotated[
         int | None, typer.Option(metavar="N", min=0, help="Stop once more than N runs of filters have failed.")
     ] = None,
-    timeout_s: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            min=0.1,
-            help="Most seconds for a block of runs; a run that takes longer fails. Not with --backend sequential.",
-        ),
-    ] = None,
+    timeout_s: TimeoutOption = None,
     shard: Annotated[
         str | None,
         typer.Option(
@@ -83,14 +77,8 @@ def run(
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print a line for every block that is done.")
     ] = False,
-    log: Annotated[
-        Path | None,
-        typer.Option("--log", metavar="FILE", help="Add a line of JSON to this file for everything that happens."),
-    ] = None,
-    notify: Annotated[
-        str | None,
-        typer.Option(metavar="COMMAND", help="Run this once at the end, also after a failure or Ctrl-C."),
-    ] = None,
+    log: LogOption = None,
+    notify: NotifyOption = None,
     only: Annotated[
         str | None,
         typer.Option(metavar="CASE:RUN", help="Only one run of one case, as 0:17, into a file of its own."),
@@ -111,10 +99,7 @@ def run(
         with ending_promptly(_going_on(), notice.send):
             _check_options(only, trace, shard, fresh, fail_fast, max_failures, log, quiet, verbose)
             place = where(backend, workers, scheduler, local_cluster)
-            if backend is BackendName.SEQUENTIAL and timeout_s is not None:
-                raise UserError(
-                    "--timeout-s needs worker processes, which can be ended; leave out --backend sequential"
-                )
+            check_timeout(timeout_s, backend)
             part = part_of(shard, os.environ)
             case, number = _case_and_run(only)
 
@@ -248,8 +233,7 @@ def _check_options(
         raise UserError("--only computes one run into a file of its own; it takes neither --shard nor --fresh")
     if only is not None and log is not None:
         raise UserError("--log is of a campaign; leave it out with --only")
-    if log is not None and log.is_dir():
-        raise UserError(f"--log {log} is a directory; give a file's name")
+    check_log(log)
     if fail_fast and max_failures is not None:
         raise UserError("--fail-fast means --max-failures 0; give one of them")
 

@@ -25,14 +25,17 @@ def status(
     results: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="RESULT...", help="Result files, which need not exist yet.", show_default="the newest in results/"
+            metavar="RESULT...",
+            help="Result files, which need not exist yet, or logs that --log has written.",
+            show_default="the newest in results/",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a line of JSON for each result.")] = False,
 ) -> None:
-    """Show what a campaign is at: what runs, since when, what failed, how long to go.
+    """Show what a command is at: what runs, since when, what failed, how long to go.
 
-    It only reads. Several results, as the parts of a campaign on several machines, get a row each.
+    It only reads. Of relnav tune and relnav replay it needs the file of their --log. Several results, as the parts of
+    a campaign on several machines, get a row each.
     """
     paths = [_result(path) for path in results or [newest_result(Path("results"))]]
     found = {path: _status(path) for path in paths}
@@ -54,8 +57,12 @@ def _result(path: Path) -> Path:
 def _status(path: Path) -> Status:
     from relnav_sim.runner.event_log import NAME
     from relnav_sim.runner.shard_folder import shard_folder
-    from relnav_sim.runner.status import status_of
+    from relnav_sim.runner.status import is_log, status_of
 
+    if is_log(path):
+        if (logged := status_of(path)) is None:
+            raise UserError(f"'{path}' is neither a result file nor a log that --log has written")
+        return logged
     folder = shard_folder(path)
     if not folder.exists():
         existing(path, RESULTS)
@@ -76,7 +83,10 @@ def _code(one: Status) -> int:
 
 
 def _show(path: Path, one: Status) -> None:
-    rows = [("result", str(path)), ("state", _state_in_words(one)), ("done", _done_in_words(one))]
+    from relnav_sim.runner.status import is_log
+
+    what, again = ("log", "") if is_log(path) else ("result", "; the same command goes on")
+    rows = [(what, str(path)), ("state", _state_in_words(one, again)), ("done", _done_in_words(one))]
     if one.left_s is not None:
         rows.append(("time left", f"about {in_words(one.left_s)}"))
     if one.memory_mb is not None:
@@ -118,18 +128,17 @@ def _show_rows(found: dict[Path, Status]) -> None:
     )
 
 
-def _state_in_words(one: Status) -> str:
+def _state_in_words(one: Status, again: str) -> str:
     from relnav_sim.runner.status import State
 
     where = f"on {one.host}, process {one.pid}, since {_local(one.began)}"
-    again = "the same command goes on"
     return {
         State.RUNNING: f"running {where}",
         State.FINISHED: f"finished {_local(one.last_word)}",
         State.STOPPED: f"stopped {_local(one.last_word)}: too many failures",
-        State.INTERRUPTED: f"interrupted {_local(one.last_word)}; {again}",
+        State.INTERRUPTED: f"interrupted {_local(one.last_word)}{again}",
         State.FAILED: f"failed {_local(one.last_word)}: {one.reason}",
-        State.KILLED: f"killed: its process is gone; last word {_local(one.last_word)}; {again}",
+        State.KILLED: f"killed: its process is gone; last word {_local(one.last_word)}{again}",
         State.SILENT: f"no word since {_local(one.last_word)} of process {one.pid} on {one.host}: look there",
     }[one.state]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
-from relnav_sim.cli.failures import Exit, UserError
+from relnav_sim.cli.failures import Exit, UserError, guarded
 from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
 from relnav_sim.cli.interrupts import ending_promptly
-from relnav_sim.cli.output import command, new_file, print_table, say
+from relnav_sim.cli.notify import Notice, notifying
+from relnav_sim.cli.output import command, count_in_words, new_file, print_table, say
 from relnav_sim.cli.validate import check_tuning
+from relnav_sim.cli.watched import LogOption, NotifyOption, TimeoutOption, check_log, check_timeout
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -105,6 +108,9 @@ def tune(
     backend: BackendOption = BackendName.LOKY,
     scheduler: SchedulerOption = None,
     local_cluster: LocalClusterOption = None,
+    timeout_s: TimeoutOption = None,
+    log: LogOption = None,
+    notify: NotifyOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
 ) -> None:
     """Find the free numbers of the filters, such as process noise, on random numbers that the campaign never uses.
@@ -112,84 +118,97 @@ def tune(
     Every filter gets the same number of candidates on the same runs. The campaign is written with the numbers found
     and is otherwise left as it is. The options not given here come from the campaign's `tune:` section.
     """
-    with ending_promptly("interrupted; nothing was written"):
-        place = where(backend, workers, scheduler, local_cluster)
-        existing(file, CAMPAIGNS)
-        name = f"{file.stem}_tuned.yaml"
-        target = target_file(out, name) if out is not None else file.with_name(name)
-        if target.exists() and file.exists() and target.samefile(file):
-            raise UserError(f"--out {target} is the campaign itself; give another name")
-        table, picture, page = (target.with_name(f"{target.stem}_tuning{end}") for end in (".csv", ".png", ".pdf"))
-        for path in (target, table, picture, page):
-            new_file(path, overwrite)
-        if not target.parent.is_dir():
-            raise UserError(f"{target.parent} is no directory")
-        if set_on_filters := [text for text in changes or [] if text.strip().startswith("filters")]:
-            raise UserError(
-                f"--set {set_on_filters[0]}: change the filters in the file, where the tuned ones are written"
-            )
+    notice = Notice(notify)
 
-        from relnav_sim.campaign import load_campaign
-        from relnav_sim.runner.single import case_number
+    @guarded
+    def compute() -> None:
+        with ending_promptly("interrupted; nothing was written", notice.send):
+            place = where(backend, workers, scheduler, local_cluster)
+            check_timeout(timeout_s, backend)
+            check_log(log)
+            existing(file, CAMPAIGNS)
+            name = f"{file.stem}_tuned.yaml"
+            target = target_file(out, name) if out is not None else file.with_name(name)
+            if target.exists() and file.exists() and target.samefile(file):
+                raise UserError(f"--out {target} is the campaign itself; give another name")
+            table, picture, page = (target.with_name(f"{target.stem}_tuning{end}") for end in (".csv", ".png", ".pdf"))
+            for path in (target, table, picture, page):
+                new_file(path, overwrite)
+            if not target.parent.is_dir():
+                raise UserError(f"{target.parent} is no directory")
+            if set_on_filters := [text for text in changes or [] if text.strip().startswith("filters")]:
+                raise UserError(
+                    f"--set {set_on_filters[0]}: change the filters in the file, where the tuned ones are written"
+                )
 
-        campaign = load_campaign(file, changes or [])
-        check_tuning(campaign)
-        numbers = tuple(dict.fromkeys(case_number(campaign, case) for case in cases or []))
-        options = _options(
-            campaign,
-            {
-                "objective": None if objective is None else objective.value,
-                "budget": budget,
-                "runs": runs,
-                "check_runs": check_runs,
-                "span": None if span is None else span.value,
-            },
-            free or [],
-            filters or [],
-        )
+            from relnav_sim.campaign import load_campaign
+            from relnav_sim.runner.single import case_number
 
-        from relnav_sim.campaign.shared_field import shared_field_warnings
-        from relnav_sim.plots.style import pdf, png
-        from relnav_sim.results.atomic import written_whole
-        from relnav_sim.tuning import TuningError, tune_campaign
-        from relnav_sim.tuning.curve import curve_csv, curve_figure
-        from relnav_sim.tuning.edit import edited, with_header
-        from relnav_sim.tuning.words import FIGURES, NUMBERS, figure_rows, header_lines, number_rows, sentences
-
-        for sentence in shared_field_warnings(campaign):
-            say(f"warning: {sentence}", err=True)
-        try:
-            tuning = tune_campaign(
+            campaign = load_campaign(file, changes or [])
+            notice.campaign, notice.result = campaign.name, os.path.abspath(target)
+            check_tuning(campaign)
+            numbers = tuple(dict.fromkeys(case_number(campaign, case) for case in cases or []))
+            options = _options(
                 campaign,
-                options,
-                tuple(dict.fromkeys(filters or [])),
-                numbers,
-                place.workers,
-                backend=place.backend,
-                scheduler=place.scheduler,
-                progress=True,
-                say=lambda sentence: say(sentence, err=True),
+                {
+                    "objective": None if objective is None else objective.value,
+                    "budget": budget,
+                    "runs": runs,
+                    "check_runs": check_runs,
+                    "span": None if span is None else span.value,
+                },
+                free or [],
+                filters or [],
             )
-        except TuningError as error:
-            raise UserError(str(error)) from None
-        text = with_header(
-            edited(campaign.text, tuning.changes(), campaign.path), header_lines(tuning, changes or [], numbers)
-        )
-        figure = curve_figure(tuning)
-        contents = (text.encode(), curve_csv(tuning).encode(), png(figure), pdf(figure))
-        for path, content in zip((target, table, picture, page), contents, strict=True):
-            with written_whole(path) as temporary:
-                temporary.write_bytes(content)
-    print_table(number_rows(tuning), NUMBERS)
-    say("")
-    print_table(figure_rows(tuning), FIGURES)
-    say("")
-    for sentence in sentences(tuning):
-        say(sentence)
-    say(f"wrote {target}; the curve is in {table}, {picture.name} and {page.name}")
-    say(f"next: {command('relnav', 'run', target, '--out', f'results/{target.stem}.h5')}")
-    if not all(found.found for found in tuning.filters.values()):
-        raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+            from relnav_sim.campaign.shared_field import shared_field_warnings
+            from relnav_sim.plots.style import pdf, png
+            from relnav_sim.results.atomic import written_whole
+            from relnav_sim.tuning import TuningError, tune_campaign
+            from relnav_sim.tuning.curve import curve_csv, curve_figure
+            from relnav_sim.tuning.edit import edited, with_header
+            from relnav_sim.tuning.words import FIGURES, NUMBERS, figure_rows, header_lines, number_rows, sentences
+
+            for sentence in shared_field_warnings(campaign):
+                say(f"warning: {sentence}", err=True)
+            try:
+                tuning = tune_campaign(
+                    campaign,
+                    options,
+                    tuple(dict.fromkeys(filters or [])),
+                    numbers,
+                    place.workers,
+                    backend=place.backend,
+                    scheduler=place.scheduler,
+                    log=log,
+                    timeout_s=timeout_s,
+                    progress=True,
+                    say=lambda sentence: say(sentence, err=True),
+                )
+            except TuningError as error:
+                raise UserError(str(error)) from None
+            text = with_header(
+                edited(campaign.text, tuning.changes(), campaign.path), header_lines(tuning, changes or [], numbers)
+            )
+            figure = curve_figure(tuning)
+            contents = (text.encode(), curve_csv(tuning).encode(), png(figure), pdf(figure))
+            for path, content in zip((target, table, picture, page), contents, strict=True):
+                with written_whole(path) as temporary:
+                    temporary.write_bytes(content)
+        print_table(number_rows(tuning), NUMBERS)
+        say("")
+        print_table(figure_rows(tuning), FIGURES)
+        say("")
+        for sentence in sentences(tuning):
+            say(sentence)
+        say(f"wrote {target}; the curve is in {table}, {picture.name} and {page.name}")
+        say(f"next: {command('relnav', 'run', target, '--out', f'results/{target.stem}.h5')}")
+        notice.summary = f"{campaign.name}: {count_in_words(len(tuning.filters), 'filter')} tuned"
+        if not all(found.found for found in tuning.filters.values()):
+            raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+    with notifying(notice):
+        compute()
 
 
 def _options(campaign: Campaign, given: dict[str, Any], free: list[str], filters: list[str]) -> TuneOptions:

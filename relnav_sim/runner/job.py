@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
@@ -16,6 +17,8 @@ from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
 from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
+from relnav_sim.runner.event_log import NAME
+from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.pool import Done
 from relnav_sim.runner.sessions import begin_session, end_session, other_versions, past_sessions, provenance_of
@@ -89,6 +92,30 @@ class Job:
         if self.loose > MOST_LOOSE:
             pack(self.folder)
             self.loose = 0
+
+    @property
+    def found(self) -> int:
+        """How many pairs of a run and a filter earlier commands have computed of the campaign."""
+        wanted = {(case.id, *item) for case in self.campaign.cases for item in case.filter_ids.items()}
+        runs = (runs for key, runs in self.finished.runs.items() if key in wanted)
+        return sum(sum(run < self.campaign.runs for run in each) for each in runs)
+
+    def about(self, tasks: Sequence[Task], workers: int, backend: Backend) -> dict[str, Any]:
+        """Return what a log says of the campaign as its computation begins."""
+        return {
+            "campaign": self.campaign.name,
+            "runs": self.campaign.runs,
+            "cases": len(self.campaign.cases),
+            "part": list(self.part),
+            "backend": backend,
+            "workers": workers,
+            "blocks": len(tasks),
+            "found": self.found,
+        }
+
+    def logs(self, log: Path | None = None) -> list[Path]:
+        """Return the files to log to: that in the folder of shards, and another one if asked for."""
+        return [self.folder / NAME, *([] if log is None else [log])]
 
     def figures(self) -> dict[tuple[str, str], dict[int, float]]:
         """Return the headline figures of the finished runs by case id and filter name."""

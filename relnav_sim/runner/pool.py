@@ -12,7 +12,7 @@ from typing import Self
 from relnav_sim.crlb.case_bound import failed_bound
 from relnav_sim.results.bound import write_bound
 from relnav_sim.results.shards import write_shard
-from relnav_sim.runner.blame import TaskQueue
+from relnav_sim.runner.blame import TIMES_LOST, TaskQueue
 from relnav_sim.runner.bound_task import BoundTask, Task
 from relnav_sim.runner.executors.choice import executor_of
 from relnav_sim.runner.executors.interface import Backend, Ended, Fault, Say
@@ -148,7 +148,8 @@ def _judged(ended: Ended, alone: bool, queue: TaskQueue) -> Done | None:
             return failed_task(task, ended.reason, retry=False) if queue.killed(task, alone) else None
         case Fault.LOST:
             # It may have been the worker's time, or its machine: no evidence against a run, which is tried again.
-            return failed_task(task, ended.reason, retry=True) if queue.lost(task) else None
+            again = f"{TIMES_LOST} workers were lost with it; of the last: {ended.reason}"
+            return failed_task(task, again, retry=True) if queue.lost(task) else None
         case Fault.TOO_LONG:
             return failed_task(task, ended.reason, retry=False) if queue.too_long(task) else None
         case Fault.NO_MEMORY:

@@ -83,13 +83,13 @@ class Bar:
         from rich.text import Text
 
         tally = self._tally
-        left = f"{_clock(tally.left_s)} left" if math.isfinite(tally.left_s) else ""
+        left = f"{clock(tally.left_s)} left" if math.isfinite(tally.left_s) else ""
         trouble = [Text(tally.trouble, style="yellow")] if tally.trouble else []
         head = Table.grid(padding=(0, 1))
         head.add_row(
             Text("simulating", style="bold"),
             ProgressBar(total=tally.total, completed=tally.done, width=40),
-            Text(f"{tally.done}/{tally.total} runs  {_clock(tally.elapsed_s)}  {left}"),
+            Text(f"{tally.done}/{tally.total} runs  {clock(tally.elapsed_s)}  {left}"),
         )
         rows = tally.cases_under_way()
         cases = Table.grid(padding=(0, 2))
@@ -120,7 +120,8 @@ def progress_of(tally: Tally, show: bool) -> Iterator[Progress]:
             yield bar
 
 
-def _clock(seconds: float) -> str:
+def clock(seconds: float) -> str:
+    """Return seconds as hours, minutes and seconds."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}"

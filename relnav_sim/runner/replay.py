@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -19,18 +21,24 @@ from relnav_sim.named_files import digest_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.results.block import ReplayHeader
+from relnav_sim.results.failure_kinds import kind_of
 from relnav_sim.results.merge import merge_shards, run_ranges
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.shards import write_shard
+from relnav_sim.runner.compute import Outcome
+from relnav_sim.runner.executors.interface import Ended
 from relnav_sim.runner.job import result_header
+from relnav_sim.runner.peak_memory import peak_memory
+from relnav_sim.runner.session_log import session_of
 from relnav_sim.runner.single import case_number
-from relnav_sim.runner.work import with_filters
+from relnav_sim.runner.watch import HERE, Watch
+from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.sensors import readings_layout
 from relnav_sim.simulation.origin import difference_from_campaign
 from relnav_sim.simulation.own_readings import ReplayError
 from relnav_sim.simulation.recorded_chunks import last_epoch
-from relnav_sim.simulation.replay import replay_block
-from relnav_sim.simulation.replayed import RecordedFile, Replay, joined
+from relnav_sim.simulation.replay import replay_block, shortened
+from relnav_sim.simulation.replayed import RecordedFile, Replay, ReplayedBlock, joined
 from relnav_sim.truth import EphemerisTruthOptions
 
 TruthChoice = Literal["auto", "campaign", "none"]
@@ -47,6 +55,7 @@ def replay_campaign(
     sort: bool = False,
     truth: TruthChoice = "auto",
     participants: Mapping[str, str] = MappingProxyType({}),
+    log: Path | None = None,
 ) -> Replay:
     """Run a campaign's filters on recorded readings.
 
@@ -60,17 +69,17 @@ def replay_campaign(
         truth: ``auto``: score where the campaign's truth is recorded orbits, or where the readings are those that the
             campaign itself simulates; ``campaign``: score against the campaign's truth, whatever it is; ``none``.
         participants: Which sensor a participant of a TDM stands for, by the participant's name.
+        log: A file to add a line of JSON to for everything that happens, see docs/overnight.md.
 
     Raises:
         ReadingsError: A file can't be used.
         ReplayError: The readings do not fit the campaign, or a participant's sensor is none of it.
         RefusedError: There is no such case.
-        OSError: A file can't be read.
+        OSError: A file can't be read, or the log can't be written.
     """
-    from threadpoolctl import threadpool_limits
-
     started, clock = datetime.now(UTC), time.monotonic()
-    chosen = _chosen(campaign.cases[case_number(campaign, case)], filters)
+    number = case_number(campaign, case)
+    chosen = _chosen(campaign.cases[number], filters)
     config = chosen.config
     layout = readings_layout(config.sensors)
     for sensor in participants.values():
@@ -82,12 +91,17 @@ def replay_campaign(
     at_once = max(1, _MOST_NUMBERS // numbers)
     epochs = last_epoch(config, recorded) + 1
     own_errors = bool(against) and _errors_are_of_campaign(campaign, chosen, recorded)
-    # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
-    with threadpool_limits(1):
-        parts = [
-            replay_block(chosen, campaign.seed, recorded[first : first + at_once], bool(against), epochs, own_errors)
-            for first in range(0, len(recorded), at_once)
-        ]
+    together = [recorded[first : first + at_once] for first in range(0, len(recorded), at_once)]
+    as_replayed = replace(chosen, config=shortened(config, epochs))
+    blocks = [Block(campaign.seed, number, as_replayed, tuple(one.run for one in some), Path()) for some in together]
+    watch = Watch()
+    with session_of(Path(), watch, [] if log is None else [log]) as session:
+        about = {"campaign": campaign.name, "runs": len(recorded), "cases": 1, "backend": "sequential", "workers": 1}
+        session.expect(blocks, **about, blocks=len(blocks), found=0)
+        parts = []
+        for block, some in zip(blocks, together, strict=True):
+            replayed = partial(replay_block, chosen, campaign.seed, some, bool(against), epochs, own_errors)
+            parts.append(_watched(watch, block, replayed))
     return Replay(
         campaign=_alone(campaign, chosen),
         case=chosen,
@@ -100,6 +114,22 @@ def replay_campaign(
         wall_time_s=time.monotonic() - clock,
         notes=tuple(note for one in recorded for note in one.notes),
     )
+
+
+def _watched(watch: Watch, block: Block, replayed: Callable[[], ReplayedBlock]) -> ReplayedBlock:
+    """Return what filters make of the readings of some runs, watched over as a block of a campaign is."""
+    from threadpoolctl import threadpool_limits
+
+    watch.began(block, HERE)
+    began = time.monotonic()
+    # As in a campaign: the last bits of what is learned depend on the number of BLAS threads.
+    with threadpool_limits(1):
+        found = replayed()
+    reasons = [run.reason for one in found.filters.values() for run in one.failures]
+    reasons += [why.reason for why in found.broken.values() for _ in block.runs]
+    outcome = Outcome(len(reasons), {}, Counter(map(kind_of, reasons)), time.monotonic() - began, peak_memory())
+    watch.ended(Ended(block, outcome), len(reasons))
+    return found
 
 
 def write_result(replay: Replay, out: Path) -> Path:

@@ -72,12 +72,12 @@ def run_campaign(
     out = Path(out) if out is not None else default_out(campaign, part)
     watch = Watch(say, detail)
     # What it refuses is refused before anything is moved or written.
-    pool = Pool(workers, backend, timeout_s, scheduler, _told_twice(say, watch.message), watch)
+    pool = Pool(workers, backend, timeout_s, scheduler, watch.message, watch)
     if fresh:
         move_aside(out, say)
     with (
         job_of(campaign, out, say, part) as job,
-        session_of(job, watch, None if log is None else Path(log)) as session,
+        session_of(job.folder, watch, job.logs(None if log is None else Path(log))) as session,
         pool,
     ):
         job.take_stock()
@@ -91,7 +91,7 @@ def run_campaign(
             blocks = [task for task in tasks if isinstance(task, Block)]
             if goes_on and blocks:
                 say(f"{goes_on} finished blocks found; {len(blocks)} left to compute")
-            session.expect(tasks, workers, backend)
+            session.expect(tasks, **job.about(tasks, workers, backend))
             pool.make_ready(tasks, say)
             tally = Tally(blocks, job.figures(), watch)
             with progress_of(tally, progress) as bar, closing(pool.computed(tasks)) as done_tasks:
@@ -115,16 +115,6 @@ def run_campaign(
         job.write()
     say(f"the shards stay in {shard_folder(out)}, so that runs, filters and cases can be added")
     return out
-
-
-def _told_twice(*listeners: Say) -> Say:
-    """Return what tells all listeners."""
-
-    def say(sentence: str) -> None:
-        for listener in listeners:
-            listener(sentence)
-
-    return say
 
 
 def default_out(campaign: Campaign, part: tuple[int, int] = (1, 1)) -> Path:

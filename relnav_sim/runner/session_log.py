@@ -1,15 +1,15 @@
-"""A campaign's session under watch: its logs opened, its beginning and its end written, whatever ends it."""
+"""A command's work under watch: its logs opened, its beginning and its end written, whatever ends it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from relnav_sim.printable import message_of
 from relnav_sim.results.provenance import command_line, relnav_in_words
 from relnav_sim.runner.bound_task import Task
-from relnav_sim.runner.job import Job
 from relnav_sim.runner.watch import Watch
 
 
@@ -17,60 +17,52 @@ class Session:
     """One command's work on a campaign.
 
     Args:
-        job: The campaign.
-        watch: Watches over its tasks.
+        folder: The folder of its tasks.
+        watch: Watches over these.
 
     Attributes:
         state: What is written at the end.
     """
 
-    def __init__(self, job: Job, watch: Watch) -> None:
+    def __init__(self, folder: Path, watch: Watch) -> None:
         self.state = "finished"
-        self._job = job
+        self._folder = folder
         self._watch = watch
         self._has_begun = False
 
-    def expect(self, tasks: Sequence[Task], workers: int, backend: str) -> None:
-        """Take note of what is to be computed now; the first time, write that the session begins."""
+    def expect(self, tasks: Sequence[Task], **about: Any) -> None:
+        """Take note of what is to be computed; the first time, write that the work begins.
+
+        Args:
+            tasks: What is to be computed in addition to what was expected before.
+            about: What the log says of the work besides, see docs/overnight.md.
+        """
         self._watch.expect(tasks)
         if self._has_begun or not tasks:
             return
         self._has_begun = True
-        job = self._job
-        self._watch.begin(
-            job.folder,
-            command=command_line(),
-            relnav=relnav_in_words(),
-            campaign=job.campaign.name,
-            runs=job.campaign.runs,
-            cases=len(job.campaign.cases),
-            part=list(job.part),
-            backend=backend,
-            workers=workers,
-            blocks=len(tasks),
-            found=_found(job),
-        )
+        self._watch.begin(self._folder, command=command_line(), relnav=relnav_in_words(), **about)
 
     def end(self, state: str, reason: str = "") -> None:
-        """Write how the session has ended, if it has begun."""
+        """Write how the work has ended, if it has begun."""
         if self._has_begun:
-            self._watch.end(self._job.folder, state, reason)
+            self._watch.end(self._folder, state, reason)
 
 
 @contextmanager
-def session_of(job: Job, watch: Watch, log: Path | None = None) -> Iterator[Session]:
+def session_of(folder: Path, watch: Watch, logs: Sequence[Path]) -> Iterator[Session]:
     """Give the session of a command; its end is written whatever it is.
 
     Args:
-        job: The campaign.
-        watch: Watches over its tasks.
-        log: A log besides that in the folder of shards.
+        folder: The folder of its tasks.
+        watch: Watches over these.
+        logs: Files to write to.
 
     Raises:
         OSError: A log can't be opened for writing.
     """
-    with watch.logging(job.folder, log):
-        session = Session(job, watch)
+    with watch.logging(folder, logs):
+        session = Session(folder, watch)
         try:
             yield session
         except KeyboardInterrupt:
@@ -80,10 +72,3 @@ def session_of(job: Job, watch: Watch, log: Path | None = None) -> Iterator[Sess
             session.end("failed", message_of(error))
             raise
         session.end(session.state)
-
-
-def _found(job: Job) -> int:
-    """Return how many pairs of a run and a filter earlier commands have computed of a campaign."""
-    wanted = {(case.id, *item) for case in job.campaign.cases for item in case.filter_ids.items()}
-    runs = (runs for key, runs in job.finished.runs.items() if key in wanted)
-    return sum(sum(run < job.campaign.runs for run in each) for each in runs)

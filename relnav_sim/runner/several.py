@@ -48,6 +48,7 @@ def run_campaigns(
     say: Say = lambda sentence: None,
     backend: Backend = "loky",
     scheduler: str | None = None,
+    timeout_s: float | None = None,
 ) -> None:
     """Simulate, filter and store campaigns, in this order; as `run_campaign` does one after the other, but sooner.
 
@@ -61,6 +62,7 @@ def run_campaigns(
         say: Told what a user should know, a sentence at a time.
         backend: Where the work is done; the results do not depend on it.
         scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
+        timeout_s: Most seconds for a block of runs, as in `run_campaign`.
 
     Raises:
         RefusedError: A results file belongs to another campaign, or to other settings of this one.
@@ -75,13 +77,14 @@ def run_campaigns(
             for (campaign, out), hold in zip(jobs, holds, strict=True)
         ]
         watch = Watch(say)
-        sessions = [hold.enter_context(session_of(job, watch)) for job, hold in zip(found, holds, strict=True)]
-        pool = held.enter_context(Pool(workers, backend, None, scheduler, say, watch))
+        watched = [session_of(job.folder, watch, job.logs()) for job in found]
+        sessions = [hold.enter_context(session) for session, hold in zip(watched, holds, strict=True)]
+        pool = held.enter_context(Pool(workers, backend, timeout_s, scheduler, watch.message, watch))
         shares, tasks = {}, []
         for job, session, hold in zip(found, sessions, holds, strict=True):
             job.take_stock()
             left = job.tasks(job.campaign.runs)
-            session.expect(left, workers, backend)
+            session.expect(left, **job.about(left, workers, backend))
             tasks += left
             shares[job.folder] = _Share(job, hold, {unit for task in left for unit in _units(task)})
             if not left:

@@ -14,6 +14,7 @@ from relnav_sim.runner.event_log import NAME, read_events
 from relnav_sim.runner.process_mark import is_alive
 from relnav_sim.runner.shard_folder import shard_folder
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 SILENT_S = 300.0
 """A command on another machine is thought to be gone after so long without a word; it has one a minute."""
 
@@ -104,17 +105,29 @@ class Status:
     running: tuple[RunningBlock, ...] = ()
 
 
-def status_of(out: Path, moment: datetime | None = None) -> Status | None:
-    """Return how the campaign of a results file stands; None where its folder has no log.
+def is_log(path: Path) -> bool:
+    """Return whether a file is no results file, so that it can only be a log.
+
+    Raises:
+        OSError: It can't be read.
+    """
+    if not path.is_file() or shard_folder(path).exists():
+        return False
+    with open(path, "rb") as file:
+        return file.read(len(_HDF5)) != _HDF5
+
+
+def status_of(path: Path, moment: datetime | None = None) -> Status | None:
+    """Return how a campaign or another command stands; None where there is no log, or no command in it.
 
     Args:
-        out: The results file; it need not exist yet.
+        path: The results file, which need not exist yet, or a log, see `is_log`.
         moment: The time to compare with; default: now.
 
     Raises:
         OSError: The log can't be read.
     """
-    log = shard_folder(out) / NAME
+    log = path if is_log(path) else shard_folder(path) / NAME
     if not log.exists():
         return None
     return status_from(read_events(log), moment or datetime.now(UTC))
@@ -139,6 +152,8 @@ def status_from(events: Iterable[Mapping[str, Any]], moment: datetime) -> Status
     for event in events:
         last, name, block = event, event["event"], str(event.get("block"))
         if name == "begin":
+            if not event.get("found") or (begin is not None and begin.get("campaign") != event.get("campaign")):
+                kinds_of = {}
             begin, end, counted = event, None, event
             running, slow, memory_mb, foretold = {}, set(), None, None
         elif name == "start":

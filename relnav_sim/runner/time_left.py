@@ -6,7 +6,7 @@ Counting runs would say little: one filter may cost a thousand times another, an
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from relnav_sim.campaign.blocks import STATISTICS_US, filter_cost_us
@@ -40,8 +40,13 @@ class _Cost:
 
 @dataclass
 class TimeLeft:
-    """Estimates durations; told of tasks before they begin and when they are done."""
+    """Estimates durations; told of tasks before they begin and when they are done.
 
+    Attributes:
+        like: Under which name the costs of a filter are gathered: candidates of a search are many, filters few.
+    """
+
+    like: Callable[[str], str] = str
     _left_s: dict[Key, float] = field(default_factory=dict)
     _plans: dict[Hashable, Mapping[Key, float]] = field(default_factory=dict)
     _of_case: dict[Key, _Cost] = field(default_factory=dict)
@@ -109,13 +114,15 @@ class TimeLeft:
         names = tuple(task.case.config.filters)
         kind = (task.folder, task.case.id, names, len(task.runs))
         if kind not in self._plans:
-            self._plans[kind] = _shares(task, names)
+            self._plans[kind] = self._shares(task, names)
         return self._plans[kind]
 
-
-def _shares(block: Block, names: tuple[str, ...]) -> Mapping[Key, float]:
-    """Return what each filter of a block costs, s; what they have in common is shared out by their own costs."""
-    config = block.case.config
-    costs = {name: STATISTICS_US + filter_cost_us(config.filters[name]) for name in names}
-    whole = block_seconds(config, names, len(block.runs))
-    return {(block.case.id, name): whole * cost / sum(costs.values()) for name, cost in costs.items()}
+    def _shares(self, block: Block, names: tuple[str, ...]) -> Mapping[Key, float]:
+        """Return what each filter of a block costs, s; what they have in common is shared out by their own costs."""
+        config = block.case.config
+        costs: dict[str, float] = {}
+        for name in names:
+            like = self.like(name)
+            costs[like] = costs.get(like, 0.0) + STATISTICS_US + filter_cost_us(config.filters[name])
+        whole = block_seconds(config, names, len(block.runs))
+        return {(block.case.id, like): whole * cost / sum(costs.values()) for like, cost in costs.items()}

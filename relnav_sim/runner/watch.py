@@ -8,7 +8,7 @@ from __future__ import annotations
 import platform
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,14 +16,15 @@ from typing import Any, Protocol
 
 from relnav_sim.results.failure_kinds import KILLED, TIMEOUT
 from relnav_sim.runner.bound_task import BoundTask, Task
-from relnav_sim.runner.event_log import NAME, EventLog, now
+from relnav_sim.runner.event_log import EventLog, now
 from relnav_sim.runner.executors.interface import Ended, Fault, Say
 from relnav_sim.runner.process_mark import process_mark
 from relnav_sim.runner.time_left import TimeLeft
 
 HERE = "here"
 BEAT_EVERY_S = 60.0
-ETA_EVERY_S = 1.0
+ETA_EVERY_S, ETA_EACH_S = 1.0, 0.01
+"""The time left is found out at most so often, and the more seldom the more is running."""
 SLOW_TIMES, SLOW_AT_LEAST_S = 5.0, 60.0
 """A task is called slow after so many times what its like have taken, and after so long at least."""
 UNKNOWN_TIMES = 20.0
@@ -122,13 +123,19 @@ class Watch:
     Args:
         say: Told what a user should know, a sentence at a time.
         detail: Told of every task that is done, a sentence at a time.
+        like: Under which name the costs of a filter are gathered, by its own name; default: that.
     """
 
-    def __init__(self, say: Say = lambda sentence: None, detail: Say | None = None) -> None:
+    def __init__(
+        self,
+        say: Say = lambda sentence: None,
+        detail: Say | None = None,
+        like: Callable[[str], str] = str,
+    ) -> None:
         self._logs: dict[Path, Sequence[EventLog]] = {}
         self._say = say
         self._detail = detail
-        self._time_left = TimeLeft()
+        self._time_left = TimeLeft(like)
         self._running: dict[Path, _Running] = {}
         self._counts: dict[Path, Counts] = {}
         self._places = 0.0
@@ -137,15 +144,18 @@ class Watch:
         self._log_failed = False
 
     @contextmanager
-    def logging(self, folder: Path, log: Path | None = None) -> Iterator[None]:
-        """Write what happens to a campaign into its folder of shards, and into another log if asked for.
+    def logging(self, folder: Path, logs: Sequence[Path]) -> Iterator[None]:
+        """Write what happens to the tasks of a folder.
+
+        Args:
+            folder: The folder.
+            logs: Files to write to.
 
         Raises:
             OSError: A log can't be opened for writing.
         """
-        paths = [path for path in (folder / NAME, log) if path is not None]
         with ExitStack() as opened:
-            self._logs[folder] = [opened.enter_context(EventLog(path)) for path in paths]
+            self._logs[folder] = [opened.enter_context(EventLog(path)) for path in logs]
             try:
                 yield
             finally:
@@ -156,6 +166,12 @@ class Watch:
         self._time_left.expect(tasks)
         for task in tasks:
             self.counts(task.folder).total += _pairs(task)
+
+    def spare(self, tasks: Sequence[Task]) -> None:
+        """Take note that tasks that were expected need not be computed."""
+        for task in tasks:
+            self._time_left.took(task, None)
+            self.counts(task.folder).total -= _pairs(task)
 
     def begin(self, folder: Path, **told: Any) -> None:
         """Write that a command begins to compute a campaign."""
@@ -197,7 +213,6 @@ class Watch:
         outcome = ended.outcome
         kinds = outcome.kinds if outcome else {_TOLD[ended.fault]: failures} if ended.fault in _TOLD else {}
         self._time_left.took(task, outcome.seconds if outcome else None)
-        self._eta = None
         new = [kind for kind in kinds if kind not in counts.kinds]
         counts.done += _pairs(task)
         counts.failures += failures
@@ -240,14 +255,19 @@ class Watch:
         self._running.clear()
 
     def message(self, sentence: str) -> None:
-        """Write what the user is told."""
+        """Tell the user something, and write it."""
+        self._say(sentence)
         for folder in self._counts:
             self._write(folder, "message", text=sentence)
 
     @property
     def left_s(self) -> float:
-        """Seconds to go, by the plan's costs corrected by those measured; of one moment to the next the same."""
-        if self._eta is None or time.monotonic() - self._eta[0] >= ETA_EVERY_S:
+        """Seconds to go, by the plan's costs corrected by those measured; of one moment to the next the same.
+
+        It looks at all that is running, so that after each block it would cost more than all else that a block does.
+        """
+        every_s = min(ETA_EACH_S * len(self._running), ETA_EVERY_S)
+        if self._eta is None or time.monotonic() - self._eta[0] >= every_s:
             running = [(running.task, running.elapsed_s) for running in self._running.values()]
             places = max(self._places, len(running))
             self._eta = (time.monotonic(), self._time_left.left_s(running, places))

@@ -71,7 +71,7 @@ def replay_block(
     duration_s = case.config.clock.duration_s
     epochs = last_epoch(case.config, recorded) + 1 if epochs is None else epochs
     readings = on_clock(case.config, recorded, epochs)
-    config = _shortened(case.config, epochs)
+    config = shortened(case.config, epochs)
     prior = _prior(config, recorded, readings.z, with_truth)
     trajectory = truth_trajectory(config.truth, duration_s, source) if with_truth else None
     watch = _Collector(config.clock.step_s, nominal_chief(config.truth).mean_motion_rad_s)
@@ -297,7 +297,7 @@ def _never_settled(config: CaseConfig) -> Iterator[str]:
         )
 
 
-def _shortened(config: CaseConfig, epochs: int) -> CaseConfig:
+def shortened(config: CaseConfig, epochs: int) -> CaseConfig:
     """Return the case with so many epochs."""
     if epochs == config.clock.epochs:
         return config

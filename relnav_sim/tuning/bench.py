@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,29 @@ from relnav_sim.tuning.objective import Figures
 
 _R, _V = layout.QUANTITIES.index("r"), layout.QUANTITIES.index("v")
 _FULL = layout.BLOCKS.index("full")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Numbers that are tried.
+
+    Attributes:
+        filter: Name of the filter whose they are.
+        entries: The filter with these numbers in every case.
+    """
+
+    filter: str
+    entries: Sequence[FilterEntry]
+
+
+def filter_of(name: str) -> str:
+    """Return the filter of a candidate, by the name that it has in a round: the filter's with a number."""
+    return name.rpartition(" ")[0]
+
+
+def number_of(name: str) -> int:
+    """Return the number of a candidate in its round."""
+    return int(name.rpartition(" ")[2])
 
 
 class Bench:
@@ -56,22 +79,22 @@ class Bench:
         self._folder = folder
         self._tell = tell
 
-    def figures(self, candidates: Sequence[Sequence[FilterEntry]]) -> list[Figures]:
-        """Return what each candidate gave.
+    def blocks(self, candidates: Sequence[Candidate]) -> list[Block]:
+        """Return the work on candidates."""
+        cases = [self._with(case, place, candidates) for place, case in enumerate(self._cases)]
+        return [block for place, case in enumerate(cases) for block in self._blocks(place, case)]
 
-        Args:
-            candidates: For each candidate its filter entry in every case.
-        """
-        cases = [self._with(case, [entries[place] for entries in candidates]) for place, case in enumerate(self._cases)]
-        blocks = [block for place, case in enumerate(cases) for block in self._blocks(place, case)]
-        shape = (len(candidates), len(cases), self._runs)
+    def figures(self, candidates: Sequence[Candidate]) -> list[Figures]:
+        """Return what each candidate gave."""
+        blocks = self.blocks(candidates)
+        shape = (len(candidates), len(self._cases), self._runs)
         position, velocity, anees = (np.full(shape, np.nan) for _ in range(3))
         failed = np.ones(shape, dtype=bool)
         for done in self._pool.computed(blocks):
             info, block = read_shard(done.block.path)
             done.block.path.unlink()
             for name, result in block.filters.items():
-                at = (int(name), info.case_index, list(info.runs))
+                at = (number_of(name), info.case_index, list(info.runs))
                 position[at] = result.summary["rms"][:, self._span, _R]
                 velocity[at] = result.summary["rms"][:, self._span, _V]
                 anees[at] = result.summary["anees"][:, self._span, _FULL]
@@ -93,11 +116,11 @@ class Bench:
                 for group in filter_groups(case.config, names[worker :: self._workers], len(runs)):
                     yield Block(self._seed, place, with_filters(case, group), runs, self._folder)
 
-    def _with(self, case: Case, entries: Sequence[FilterEntry]) -> Case:
-        """Return the case with the candidates as its filters, by their numbers; next to nothing of it is stored."""
+    def _with(self, case: Case, place: int, candidates: Sequence[Candidate]) -> Case:
+        """Return the case with the candidates as its filters; next to nothing of it is stored."""
         clock = case.config.clock
         update = {
-            "filters": {str(number): entry for number, entry in enumerate(entries)},
+            "filters": {f"{of.filter} {number}": of.entries[place] for number, of in enumerate(candidates)},
             "clock": clock.model_copy(update={"store_every_s": clock.duration_s}),
         }
         return replace(case, config=case.config.model_copy(update=update))

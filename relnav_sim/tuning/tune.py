@@ -12,14 +12,15 @@ import numpy as np
 
 from relnav_sim.arrays import Mask
 from relnav_sim.campaign import Campaign, Case
-from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import LARGEST_SEED, TuneObjective, TuneOptions
 from relnav_sim.campaign.problems import Path as ValuePath
 from relnav_sim.runner.executors.interface import Backend
 from relnav_sim.runner.pool import Pool
+from relnav_sim.runner.session_log import session_of
+from relnav_sim.runner.watch import Watch
 from relnav_sim.runner.work import Block, with_filters
 from relnav_sim.statistics.intervals import paired_difference
-from relnav_sim.tuning.bench import Bench
+from relnav_sim.tuning.bench import Bench, Candidate, filter_of
 from relnav_sim.tuning.objective import Figures, Score, objective
 from relnav_sim.tuning.progress import progress_of
 from relnav_sim.tuning.result import Check, Evaluation, FilterTuning, Tuning
@@ -47,6 +48,8 @@ def tune_campaign(
     say: Callable[[str], None] = lambda sentence: None,
     backend: Backend = "loky",
     scheduler: str | None = None,
+    log: Path | None = None,
+    timeout_s: float | None = None,
 ) -> Tuning:
     """Return the tuned free numbers of a campaign's filters, with everything that was tried.
 
@@ -60,9 +63,12 @@ def tune_campaign(
         say: Told what a user should know, a sentence at a time.
         backend: Where the work is done; the result does not depend on it.
         scheduler: With ``dask``, the scheduler's address; None: a cluster of so many workers on this machine.
+        log: A file to add a line of JSON to for everything that happens, see docs/overnight.md.
+        timeout_s: Most seconds for a block of runs, as in `run_campaign`; a candidate fails in runs that take longer.
 
     Raises:
         TuningError: The campaign cannot be tuned as asked.
+        OSError: The log can't be written, or as in `run_campaign`.
     """
     options = options or campaign.tune or TuneOptions()
     chosen = [campaign.cases[number] for number in cases] or list(campaign.cases)
@@ -75,24 +81,40 @@ def tune_campaign(
     seed, check_seed = derived_seed(campaign.seed, SEARCH_WORD), derived_seed(campaign.seed, CHECK_WORD)
     planned = len(plans) * len(chosen) * (options.budget * options.runs + 2 * options.check_runs)
     for_tuning = [with_filters(case, list(free)) for case in chosen]
+    watch = Watch(say, like=filter_of)
+    if backend == "loky" and workers == 1 and timeout_s is None:
+        backend = "sequential"  # one worker is this process: a second one would only cost its start
     with (
-        TemporaryDirectory(prefix="relnav_tune_") as folder,
-        # One worker is this process: a second one would only cost its start.
-        Pool(workers, "sequential" if backend == "loky" and workers == 1 else backend, None, scheduler, say) as pool,
-        progress_of(planned, progress) as tell,
+        TemporaryDirectory(prefix="relnav_tune_") as name,
+        session_of(folder := Path(name), watch, [] if log is None else [log]) as session,
+        Pool(workers, backend, timeout_s, scheduler, watch.message, watch) as pool,
+        progress_of(planned, progress, lambda: watch.left_s) as tell,
     ):
-        pool.make_ready([Block(seed, place, case, (0,), Path()) for place, case in enumerate(for_tuning)], say)
 
         def bench(seed: int, runs: int) -> Bench:
-            return Bench(chosen, seed, runs, options.span, pool, workers, Path(folder), tell)
+            return Bench(chosen, seed, runs, options.span, pool, workers, folder, tell)
 
-        lost = _search_all(plans, bench(seed, options.runs))
-        unused = sum(options.budget - len(plan.evaluations) for plan in plans)
+        searching, checking = bench(seed, options.runs), bench(check_seed, options.check_runs)
+        first = {plan.name: plan.candidate(plan.own) for plan in plans}
+        tasks = searching.blocks([*first.values()] * options.budget) + checking.blocks([*first.values()] * 2)
+        session.expect(
+            tasks,
+            campaign=campaign.name,
+            runs=options.runs,
+            cases=len(chosen),
+            backend=backend,
+            workers=workers,
+            found=0,
+        )
+        pool.make_ready([Block(seed, place, case, (0,), Path()) for place, case in enumerate(for_tuning)], say)
+        lost = _search_all(plans, searching)
+        unused = [first[plan.name] for plan in plans for _ in range(options.budget - len(plan.evaluations))]
         if unused:
-            tell(unused * options.runs * len(chosen))
+            watch.spare(searching.blocks(unused))
+            tell(len(unused) * options.runs * len(chosen))
         found = {plan.name: FilterTuning(plan.name, plan.scalars, tuple(plan.evaluations)) for plan in plans}
         if options.check_runs:
-            found = _checked(found, plans, options, bench(check_seed, options.check_runs))
+            found = _checked(found, plans, options, checking)
     return Tuning(campaign, options, seed, check_seed, lost, found)
 
 
@@ -117,10 +139,10 @@ class _Plan:
         self._search: Search = search(self._places, self.options.budget, alike(self.scalars))
         self.waiting = self._values(next(self._search))
 
-    def entries(self, values: Sequence[float]) -> list[FilterEntry]:
-        """Return the filter's entry in every case with other numbers."""
+    def candidate(self, values: Sequence[float]) -> Candidate:
+        """Return the filter with other numbers."""
         changed: Mapping[ValuePath, float] = {s.path: v for s, v in zip(self.scalars, values, strict=True)}
-        return [with_values(case.config.filters[self.name], changed) for case in self.cases]
+        return Candidate(self.name, [with_values(case.config.filters[self.name], changed) for case in self.cases])
 
     def take(self, round: int, figures: Sequence[Figures]) -> None:
         """Take what the waiting candidates gave, and ask the search for more."""
@@ -150,7 +172,7 @@ def _search_all(plans: Sequence[_Plan], bench: Bench) -> tuple[int, ...]:
     counted: Mask | None = None
     round = 0
     while active := [plan for plan in plans if plan.waiting]:
-        found = bench.figures([plan.entries(values) for plan in active for values in plan.waiting])
+        found = bench.figures([plan.candidate(values) for plan in active for values in plan.waiting])
         if counted is None:
             counted = ~np.all([figures.broken for figures in found], axis=0)
             if counted.sum() < 2:
@@ -168,8 +190,8 @@ def _checked(
     found: Mapping[str, FilterTuning], plans: Sequence[_Plan], options: TuneOptions, bench: Bench
 ) -> dict[str, FilterTuning]:
     """Return the results with start and tuned filter compared on runs that the search has not seen."""
-    pairs = [(plan.entries(plan.own), plan.entries(found[plan.name].best.values)) for plan in plans]
-    figures = bench.figures([entries for pair in pairs for entries in pair])
+    pairs = [(plan.candidate(plan.own), plan.candidate(found[plan.name].best.values)) for plan in plans]
+    figures = bench.figures([candidate for pair in pairs for candidate in pair])
     return {
         plan.name: replace(found[plan.name], check=_check(start, tuned, options))
         for plan, start, tuned in zip(plans, figures[::2], figures[1::2], strict=True)

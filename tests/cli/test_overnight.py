@@ -1,6 +1,8 @@
 """What a night's command tells at its end: failures by kind with a command for one, and a command of the user's own."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -122,6 +124,62 @@ def test_a_notice_is_sent_however_it_ends(tmp_path, end, told):
     notice.send(0)
     assert notice.process.wait(20) == 0
     assert (tmp_path / "told").read_text() == f"{told}\n"
+
+
+def events_of(path):
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def test_a_search_is_logged_and_noticed_and_status_reads_its_log(here):
+    words = ["--budget", "6", "--runs", "2", "--check-runs", "2", "--workers", "1", "--filter", "kf"]
+    tell = "echo $RELNAV_STATE $RELNAV_RESULT $RELNAV_SUMMARY > told"
+    done = invoke("tune", "night.yaml", *words, "--log", "search.jsonl", "--notify", tell)
+    assert done.exit_code == 0, done.output
+    assert (here / "told").read_text() == f"finished {here}/night_tuned.yaml night: 1 filter tuned\n"
+    begin, *between, end = events_of(here / "search.jsonl")
+    assert begin["event"] == "begin" and begin["campaign"] == "night" and begin["runs"] == 2
+    assert begin["total"] == 6 * 2 + 2 * 2, "candidates on tuning runs, and two on those of the check"
+    assert end["event"] == "end" and end["state"] == "finished" and end["done"] == end["total"]
+    blocks = [event for event in between if event["event"] == "done"]
+    assert {name for event in blocks for name in event["filters"]} >= {"kf 0", "kf 1"}
+    assert sum(len(event["filters"]) * 2 for event in blocks) == end["done"]
+    left = [event["eta_s"] for event in blocks]
+    assert begin["eta_s"] > left[-1]
+    status = invoke("status", "search.jsonl")
+    assert status.exit_code == 0 and re.search(r"^log +search.jsonl$", status.output, re.MULTILINE)
+    assert f"{end['done']} of {end['total']} runs of filters (100 %)" in status.output
+
+
+def test_a_search_that_fails_says_so_in_its_log(here, monkeypatch):
+    monkeypatch.setattr(fault_isolation, "simulate_block", lambda *given: 1 / 0)
+    words = ["--budget", "6", "--runs", "2", "--check-runs", "0", "--workers", "1", "--log", "search.jsonl"]
+    done = invoke("tune", "night.yaml", *words)
+    assert done.exit_code == 2 and "no filter gets through" in done.output
+    *_, last, end = events_of(here / "search.jsonl")
+    assert last["failed"] > 0 and any(kind.startswith("ZeroDivisionError") for kind in last["kinds"])
+    assert end["state"] == "failed" and "no filter gets through" in end["reason"]
+    status = invoke("status", "search.jsonl")
+    assert status.exit_code == 6 and "ZeroDivisionError" in status.output
+    assert "the same command goes on" not in status.output, "a search begins anew"
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "sentence"),
+    [
+        (["tune", "night.yaml", "--log", "."], 2, "--log . is a directory; give a file's name"),
+        (["tune", "night.yaml", "--log", "nowhere/a"], 3, "nowhere/a: No such file or directory"),
+        (
+            ["tune", "night.yaml", "--timeout-s", "9", "--backend", "sequential"],
+            2,
+            "--timeout-s needs worker processes",
+        ),
+        (["replay", "night.yaml", "-m", "night.yaml", "--log", "."], 2, "--log . is a directory; give a file's name"),
+        (["status", "night.yaml"], 2, "'night.yaml' is neither a result file nor a log that --log has written"),
+    ],
+)
+def test_mistakes_of_other_commands(here, words, code, sentence):
+    done = invoke(*words)
+    assert done.exit_code == code and sentence in done.output, done.output
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """`relnav replay` as a user types it: export, replay, report; and every mistake in one sentence."""
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -83,6 +84,19 @@ def test_exported_readings_give_the_campaigns_own_numbers(relnav, tmp_path):
     shown = relnav("inspect", "results/pass.replay/result.h5").output
     assert "run0.csv  SHA-256" in shown and "not finished" not in shown
     assert relnav("report", "results/pass.replay/result.h5").exit_code == 0
+
+
+def test_a_replay_is_logged_and_noticed(relnav, tmp_path):
+    tell = "echo $RELNAV_STATE $RELNAV_FAILED $RELNAV_SUMMARY > told"
+    words = ("replay", "pass.yaml", "-m", "run0.csv", "run2.csv", "--log", "night.jsonl", "--notify", tell)
+    assert relnav(*words).exit_code == 0
+    assert (tmp_path / "told").read_text() == "finished 0 pass: 2 recorded runs replayed\n"
+    begin, start, done, end = map(json.loads, (tmp_path / "night.jsonl").read_text().splitlines())
+    assert [begin["event"], start["event"], done["event"], end["event"]] == ["begin", "start", "done", "end"]
+    assert begin["total"] == end["done"] == 2 * 2 and end["state"] == "finished"
+    assert start["runs"] == [0, 2] and start["filters"] == ["ekf", "hasty"] and done["memory_mb"] > 10
+    status = relnav("status", "night.jsonl")
+    assert status.exit_code == 0 and "4 of 4 runs of filters (100 %)" in status.output
 
 
 def test_without_a_truth_nothing_is_called_accuracy(relnav, tmp_path):

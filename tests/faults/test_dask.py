@@ -1,5 +1,6 @@
 """A campaign on a Dask cluster has the same bits, whatever workers die, come late, go or are of another relnav."""
 
+import gc
 import os
 import re
 import signal
@@ -14,6 +15,9 @@ from small_campaign import assert_same_bits
 
 from relnav_sim import load_campaign, open_results, run_campaign
 from relnav_sim.results.block import RefusedError
+from relnav_sim.runner.event_log import read_events
+from relnav_sim.runner.executors import dask_client
+from relnav_sim.runner.executors.interface import WorkersError
 from relnav_sim.runner.executors.on_worker import end_idle
 from relnav_sim.runner.machines import machines_of
 
@@ -108,6 +112,7 @@ def test_without_the_package_a_sentence_names_the_extra(relnav, tmp_path, monkey
         (("--backend", "dask", "--workers", "1", "--local-cluster", "3"), "leave out --workers"),
         (("--backend", "dask", "--scheduler", "myhost"), "a Dask scheduler's address is like tcp://host:8786"),
         (("--backend", "dask", "--scheduler", "tcp://myhost"), "a Dask scheduler's address is like tcp://host:8786"),
+        (("--backend", "dask", "--scheduler", "tcp://a:99999"), "a Dask scheduler's address is like tcp://host:8786"),
     ],
 )
 def test_options_that_do_not_fit_together(relnav, monkeypatch, options, sentence):
@@ -122,6 +127,18 @@ def test_options_that_do_not_fit_together(relnav, monkeypatch, options, sentence
         if "address" not in sentence or words[0] == "run":
             assert done.exit_code == 2, done.output
             assert sentence in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_who_accepts_a_connection_and_says_nothing_is_no_scheduler(monkeypatch, recwarn):
+    monkeypatch.setattr(dask_client, "LONGEST_CONNECTION_S", 0.5)
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        address = f"tcp://127.0.0.1:{mute.getsockname()[1]}"
+        with pytest.raises(WorkersError, match=f"no Dask scheduler answers at {address}"):
+            dask_client.Connection(address, 1)
+        gc.collect()  # its client would try to say good-bye, and raise that it can't
+    assert not recwarn.list
 
 
 @pytest.mark.slow
@@ -260,4 +277,22 @@ def test_workers_whose_time_ends_cost_nobody_a_run(relnav, reference, scheduler)
         scheduler.worker("--lifetime", f"{seconds}s", "--lifetime-restart")
     code, _, stderr = here.run("run", "small.yaml", *scheduler.options)
     assert code == 0, stderr
+    assert_same_bits(reference, here.out)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [(), ("--no-nanny",)], ids=["nanny", "no nanny"])
+def test_all_processes_of_a_worker_are_told_to_end_and_nobody_is_to_blame(relnav, reference, scheduler, options):
+    here = relnav(*LONGER)
+    scheduler.begin()
+    worker = scheduler.worker(*options)
+    process = here.start("run", "small.yaml", *scheduler.options, "--log", "night.jsonl")
+    assert wait_until(lambda: len(list(here.shards.glob("*.h5"))) >= 2 or process.poll() is not None)
+    scheduler.worker(*options)
+    for pid in [*members(worker.pid), worker.pid]:
+        os.kill(pid, signal.SIGTERM)
+    _, stderr = process.communicate(timeout=240)
+    assert process.returncode == 0, stderr
+    faults = [event["fault"] for event in read_events(here.folder / "night.jsonl") if event["event"] == "retry"]
+    assert set(faults) <= {"sent back"}, faults
     assert_same_bits(reference, here.out)

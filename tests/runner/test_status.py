@@ -121,7 +121,7 @@ def watched(campaign, tmp_path, monkeypatch):
     blocks = list(blocks_left(campaign("block_runs=2"), {}, tmp_path))
     watch = Watch(said.append)
     watch.expect(blocks)
-    with watch.logging(tmp_path):
+    with watch.logging(tmp_path, [tmp_path / "log.jsonl"]):
         yield SimpleNamespace(watch=watch, blocks=blocks, clock=clock, said=said, log=tmp_path / "log.jsonl")
 
 

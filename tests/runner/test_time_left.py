@@ -56,6 +56,26 @@ def test_a_dear_filter_that_is_left_counts_by_its_cost_and_not_by_its_runs(campa
     assert 0.9 * whole < time_left.left_s([], places=1) < whole
 
 
+def test_candidates_of_a_search_count_as_what_they_are_candidates_of(blocks):
+    """What `kf 0` has taken tells of `kf 1`, and nothing of it is told by `ekf 0`."""
+
+    def as_candidates(block, number):
+        config = block.case.config
+        filters = {f"{name} {number}": entry for name, entry in config.filters.items()}
+        return replace(block, case=replace(block.case, config=config.model_copy(update={"filters": filters})))
+
+    first, second = as_candidates(blocks[0], 0), as_candidates(blocks[1], 1)
+    time_left = TimeLeft(lambda name: name.rpartition(" ")[0])
+    time_left.expect([first, second])
+    assert time_left.left_s([], places=1) == pytest.approx(planned(first) + planned(second))
+    time_left.took(first, 10.0)
+    assert time_left.is_measured(second) and time_left.left_s([], places=1) == pytest.approx(10.0)
+    alone = TimeLeft()
+    alone.expect([first, second])
+    alone.took(first, 10.0)
+    assert not alone.is_measured(second)
+
+
 def test_running_blocks_shorten_it_and_the_longest_bounds_it(blocks):
     time_left = expecting(blocks)
     time_left.took(blocks[0], 10.0)

@@ -137,9 +137,13 @@ def fake_bench(monkeypatch):
             def __init__(self, cases, seed, runs, *rest):
                 self.runs = runs
 
+            def blocks(self, candidates):
+                return []
+
             def figures(self, candidates):
                 found = []
-                for entry, *_ in candidates:
+                for candidate in candidates:
+                    entry = candidate.entries[0]
                     rows = [figure(entry, run) for run in range(self.runs)]
                     values = np.array([[np.nan if row is None else row for row in rows]])
                     found.append(Figures(values, values, np.ones_like(values), np.isnan(values)))
@@ -192,8 +196,11 @@ def test_in_a_band_the_least_error_that_is_consistent_is_taken(make_campaign, mo
         def __init__(self, cases, seed, runs, *rest):
             self.runs = runs
 
+        def blocks(self, candidates):
+            return []
+
         def figures(self, candidates):
-            psds = [psd_of(entry) for entry, *_ in candidates]
+            psds = [psd_of(candidate.entries[0]) for candidate in candidates]
             ones, failed = np.ones((1, self.runs)), np.zeros((1, self.runs), dtype=bool)
             return [Figures(ones * np.exp(-psd), ones, ones * 10 ** (-(psd + 7) / 4), failed) for psd in psds]
 

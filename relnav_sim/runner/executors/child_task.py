@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 from relnav_sim.runner.compute import Outcome, compute
@@ -18,6 +19,8 @@ _KNOWN: dict[str, Content] = {}
 
 def learn(told: tuple[str, bytes]) -> None:
     """Keep a content by its digest, and have the kernels compiled that it needs, where this machine has not."""
+    # Whoever ends a batch job sends it to all its processes; this one ends with its worker, which first takes leave.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     digest, packed = told
     _KNOWN[digest] = Content.unpacked(packed)
     for old in list(_KNOWN)[:-KEPT]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
+import threading
 import warnings
+from concurrent.futures import Future
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +51,7 @@ class Connection:
     """
 
     def __init__(self, scheduler: str | None, workers: int) -> None:
-        if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        if scheduler is not None and not _is_address(scheduler):
             raise RefusedError(f"a Dask scheduler's address is like tcp://host:8786, not {scheduler!r}")
         self._cluster: Any = None
         self.address = scheduler or "a cluster of this machine"
@@ -64,11 +66,24 @@ class Connection:
     def _connected(self, address: str) -> Client:
         from distributed import Client
 
+        client, connected = Client.__new__(Client), Future[None]()
+
+        def connect() -> None:
+            try:
+                Client.__init__(client, address, timeout=LONGEST_CONNECTION_S, set_as_default=False, name="relnav")
+                connected.set_result(None)
+            except BaseException as error:
+                connected.set_exception(error)
+
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of versions, which are looked at where they matter
-                return Client(address, timeout=LONGEST_CONNECTION_S, set_as_default=False, name="relnav")
+                # For a server of another kind, which accepts the connection and says nothing, Dask waits for ever.
+                threading.Thread(target=connect, name="relnav-connect", daemon=True).start()
+                connected.result(LONGEST_CONNECTION_S + 1)
+            return client
         except (OSError, TimeoutError) as error:
+            client.status = "closed"  # or it tries for long to say good-bye, and tells on standard error that it can't
             self.close()
             why = f"{type(error).__name__}: {error}".rstrip(": ")
             raise WorkersError(f"no Dask scheduler answers at {address}; is it running there? ({why})") from None
@@ -92,6 +107,10 @@ class Connection:
             with suppress(Exception):
                 self._cluster.close(LONGEST_CLOSING_S)
             self._cluster = None
+
+
+def _is_address(text: str) -> bool:
+    return _ADDRESS.fullmatch(text) is not None and int(text.rpartition(":")[2]) < 2**16
 
 
 def _local_cluster(workers: int) -> Any:

@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import Future as ThreadFuture
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +22,7 @@ from relnav_sim.runner.executors.content import Content, digest_of_content
 from relnav_sim.runner.executors.dask_client import Connection, check_installed
 from relnav_sim.runner.executors.identity import identity
 from relnav_sim.runner.executors.interface import LOOKED_AT_EVERY_S, Ended, Fault, Say, WorkersError
-from relnav_sim.runner.executors.received import receive
+from relnav_sim.runner.executors.received import MOST_TAKEN, Taken, take
 from relnav_sim.runner.executors.shared_folder import Token, leave_token
 from relnav_sim.runner.machines import note_machine
 from relnav_sim.runner.rehearsal import compile_kernels
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 WORKERS_LOOKED_AT_EVERY_S = 1.0
 POLLED_EVERY_S = 0.02
 LONGEST_TRANSFER_S = 60.0
+LONGEST_STOP_S = 0.5
 LONGEST_WITHOUT_WORKERS_S = 120.0
 """For a cluster of our own; others may have to wait for a queue."""
 
@@ -45,6 +49,7 @@ class _Member:
         admission: The asking whether it can work, while that goes on.
         is_ready: Whether it can.
         is_leaving: Whether it is told to end.
+        has_taken_leave: Whether it is gone, and in order.
         host: Name of its machine, as it says itself.
         processor: Its processor.
         tasks: What it is at, by future.
@@ -56,6 +61,7 @@ class _Member:
     admission: Future | None = None
     is_ready: bool = False
     is_leaving: bool = False
+    has_taken_leave: bool = False
     host: str = ""
     processor: str = ""
     tasks: dict[Future, Task] = field(default_factory=dict)
@@ -66,6 +72,16 @@ class _Member:
 
     def __str__(self) -> str:
         return f"the worker {self.address} on {self.host or self.machine}"
+
+
+@dataclass(frozen=True)
+class _Taking:
+    """A result that is being sent here: of which worker and task, there and here."""
+
+    member: _Member
+    task: Task
+    future: Future
+    taken: ThreadFuture[Taken]
 
 
 class DaskCluster:
@@ -95,6 +111,7 @@ class DaskCluster:
         self._waits = False
         self._begun: _Begun | None = None
         self._news: Any = None
+        self._taking: list[_Taking] = []
 
     def make_ready(self, tasks: Sequence[Task], say: Say) -> None:
         """Have the kernels compiled where this machine computes; other workers do it when they are admitted."""
@@ -141,48 +158,55 @@ class DaskCluster:
     def as_completed(self) -> list[Ended]:
         """Wait a moment; return the tasks that have ended, or whose workers have gone."""
         ended = self._look_at_workers()
-        before = time.monotonic()
-        while not ended and time.monotonic() - before < LOOKED_AT_EVERY_S and not self._news.has_ready():
-            time.sleep(POLLED_EVERY_S)
-        # Not all that are ready: while they are received, the places that they have left have nothing to do.
         began = time.monotonic()
-        while self._news.has_ready() and time.monotonic() - began < LOOKED_AT_EVERY_S:
-            ended += self._ended(next(self._news))
-        return ended
+        while True:
+            while self._news.has_ready() and len(self._taking) < MOST_TAKEN:
+                self._take(next(self._news))
+            for taking in [taking for taking in self._taking if taking.taken.done()]:
+                self._taking.remove(taking)
+                ended.append(self._received(taking))
+            if ended or time.monotonic() - began >= LOOKED_AT_EVERY_S:
+                return ended
+            wait([taking.taken for taking in self._taking], POLLED_EVERY_S, FIRST_COMPLETED)
+            if not self._taking:
+                time.sleep(POLLED_EVERY_S)
 
-    def _ended(self, future: Future) -> Iterator[Ended]:
+    def _take(self, future: Future) -> None:
+        """Have what came of a task sent here; its place is free meanwhile."""
         for member in self._members.values():
             if future is member.admission:
                 self._admitted(member, future)
-            elif (task := member.tasks.pop(future, None)) is not None:
-                try:
-                    yield self._received(member, task, future)
-                finally:
-                    future.release()
+                return
+            if (task := member.tasks.pop(future, None)) is not None:
+                self._taking.append(_Taking(member, task, future, take(task, future, LONGEST_TRANSFER_S)))
                 return
 
-    def _received(self, member: _Member, task: Task, future: Future) -> Ended:
+    def _received(self, taking: _Taking) -> Ended:
         """Return what came of a task, its file written; whatever goes wrong on the way is a lost worker."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 
         self._check_scheduler()
+        member, task = taking.member, taking.task
         try:
-            came = future.result(timeout=LONGEST_TRANSFER_S)
-        except (KilledWorker, CancelledError, CommClosedError, TimeoutError) as error:
+            taken = taking.taken.result()
+        except ResultsError as error:
+            return Ended(task, None, Fault.LOST, f"{member} returned a file that does not verify: {error}")
+        came, problem = taken.came, taken.problem
+        if isinstance(problem, KilledWorker | CancelledError | CommClosedError | TimeoutError):
             member.is_ready = False  # if it is still there, it is asked again
-            return Ended(task, None, Fault.LOST, _lost(member, type(error).__name__))
-        except OSError as error:  # a full disk there, say
-            self._put_aside(member, f"{type(error).__name__}: {error}")
-            return Ended(task, None, Fault.SENT_BACK, f"{member} did not compute it: {error}")
+            member.has_taken_leave |= member.is_leaving or self._ended_in_order(member.address)
+            return _gone(member, task, type(problem).__name__)
+        if isinstance(problem, OSError):  # a full disk there, say
+            self._put_aside(member, f"{type(problem).__name__}: {problem}")
+            return Ended(task, None, Fault.SENT_BACK, f"{member} did not compute it: {problem}")
+        if came is None:
+            assert problem is not None
+            raise problem
         if came.fault is Fault.SENT_BACK:
             member.is_ready = False  # it has begun anew under the same address, or ends
         if came.outcome is None:
             return Ended(task, None, came.fault, came.reason)
-        try:
-            receive(task, came)
-        except ResultsError as error:
-            return Ended(task, None, Fault.LOST, f"{member} returned a file that does not verify: {error}")
         note_machine(task.path, member.host, member.processor)
         return Ended(task, came.outcome)
 
@@ -196,10 +220,13 @@ class DaskCluster:
         ended = []
         for address in [address for address in self._members if address not in there]:
             member = self._members.pop(address)
-            in_order = bool(member.tasks) and (member.is_leaving or self._ended_in_order(address))
+            taking = [taking.future for taking in self._taking if taking.member is member]
+            at_work = bool(member.tasks or taking)
+            member.has_taken_leave = at_work and (member.is_leaving or self._ended_in_order(address))
+            for future in taking:
+                _give_up(future)  # what it has not sent by now, it never will
             for future, task in member.tasks.items():
-                fault = Fault.SENT_BACK if in_order else Fault.LOST
-                ended.append(Ended(task, None, fault, _lost(member, "it is gone")))
+                ended.append(_gone(member, task, "it is gone"))
                 future.release()
             if member.admission is not None:
                 member.admission.release()
@@ -222,13 +249,18 @@ class DaskCluster:
         return workers
 
     def _ended_in_order(self, address: str) -> bool:
-        """Return whether a worker that is gone has taken leave: at the end of its time, or told to end."""
+        """Return whether a worker that is gone has taken leave: at the end of its time, or told to end by a signal."""
         assert self._connection is not None
         try:
             events = self._connection.client.get_events(address)
         except (OSError, TimeoutError):
             raise self._scheduler_gone() from None
-        return any(event.get("action") == "remove-worker" and event.get("expected") for _, event in events)
+        in_order = False
+        for _, event in events:
+            action = event.get("action")
+            in_order |= action == "closing-worker" or (action == "remove-worker" and bool(event.get("expected")))
+            in_order &= action != "add-worker"  # a former one under the same address
+        return in_order
 
     def _check_scheduler(self) -> None:
         assert self._connection is not None
@@ -306,6 +338,10 @@ class DaskCluster:
             for future in [*member.tasks, *([member.admission] if member.admission is not None else [])]:
                 future.release()
         self._members.clear()
+        for taking in self._taking:
+            _give_up(taking.future)
+        wait([taking.taken for taking in self._taking], LONGEST_STOP_S)
+        self._taking.clear()
         if self._begun is not None:
             self._begun.forget()
         self._begun = None
@@ -340,8 +376,20 @@ class _Begun:
             token.path.unlink(missing_ok=True)
 
 
-def _lost(member: _Member, how: str) -> str:
-    return (
-        f"{member} was lost with it ({how}), again and again: killed, most likely for want of memory, or its machine "
-        "or its time came to an end"
+def _give_up(future: Future) -> None:
+    """Have whoever waits for a future stop waiting; there may be no scheduler any more to tell it to."""
+    with suppress(Exception):
+        future.cancel()
+
+
+def _gone(member: _Member, task: Task, how: str) -> Ended:
+    """Return a task whose worker is gone."""
+    if member.has_taken_leave:
+        return Ended(task, None, Fault.SENT_BACK, f"{member} was told to end, or its time was over")
+    return Ended(
+        task,
+        None,
+        Fault.LOST,
+        f"{member} was lost with it ({how}): killed, most likely for want of memory, or its machine, its link to the "
+        "scheduler or its time came to an end",
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import tempfile
 import threading
 import time
@@ -106,6 +107,7 @@ def admit(
             return Admitted(f"it can't read a file that the campaign names: {error}")
         if found != expected:
             return Admitted(f"its {name}, which the campaign names, has other content than the one here")
+    _end_in_order_by_signal()
     with _lock:
         _contents[digest] = packed, tuple(tokens)
         for old in list(_contents)[:-KEPT]:
@@ -158,6 +160,28 @@ def compute_order(order: Order, timeout_s: float | None) -> Came:
         return Came(fault=Fault.KILLED, reason=KILLED, log=log)
     assert error is not None
     raise error
+
+
+def _end_in_order_by_signal() -> None:
+    """Let SIGTERM end this worker in order.
+
+    A batch system sends it to all processes of a job. By itself a worker would go without a word, and nobody would know
+    that it was no fault of its block.
+    """
+    from distributed import get_worker
+
+    worker = get_worker()
+
+    def leave(number: int, frame: object) -> None:
+        worker.loop.add_callback(worker.close_gracefully, restart=True, reason="told to end by a signal")
+
+    def heed() -> None:
+        with suppress(ValueError):  # the worker is not in the main thread of its process, so that this is another's
+            before = signal.getsignal(signal.SIGTERM)
+            if before is signal.SIG_DFL or getattr(before, "__module__", "") == "distributed._signals":
+                signal.signal(signal.SIGTERM, leave)
+
+    worker.loop.add_callback(heed)
 
 
 def end_idle() -> None:
