@@ -163,7 +163,7 @@ class Results:
                     found |= dict.fromkeys(self._filter_part(index, name).columns().sensors)
         return tuple(found)
 
-    @property
+    @cached_property
     def nominal(self) -> tuple[int, ...]:
         """Numbers of the cases without a stress; all where no other is held, as by a single run of a stressed case."""
         everything = range(len(self.headers))
@@ -171,8 +171,16 @@ class Results:
 
     def stressed(self, case: int | str) -> dict[str, int]:
         """Return the numbers of the stressed cases of a case, by the name of the stress."""
-        own = self.headers[self.case_index(case)].id
-        return {header.stress: index for index, header in enumerate(self.headers) if header.nominal == own}
+        return dict(self._stressed.get(self.headers[self.case_index(case)].id, {}))
+
+    @cached_property
+    def _stressed(self) -> dict[str, dict[str, int]]:
+        """Numbers of the stressed cases by id of the nominal case and name of the stress."""
+        found: dict[str, dict[str, int]] = {}
+        for index, header in enumerate(self.headers):
+            if header.nominal:
+                found.setdefault(header.nominal, {})[header.stress] = index
+        return found
 
     def variables(self, case: int | str) -> dict[str, Any]:
         """Return the swept values of a case, by their path in the campaign."""
