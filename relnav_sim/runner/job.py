@@ -14,7 +14,7 @@ from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
 from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
+from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, is_packed, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.pool import Done
@@ -105,6 +105,8 @@ class Job:
         """
         if self.in_session:
             end_session(self.folder)
+            if is_packed(self.folder):
+                pack(self.folder, most_loose=0)  # to open a file for each of the last takes longer than all the others
         self._say_what_is_left_out()
         tasks = bound_tasks(self.campaign, self.folder)
         shards, bounds = held_shards(self.folder)[0], held_bounds(self.folder)[0]
