@@ -9,7 +9,8 @@ from pathlib import Path
 
 from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
-from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
 from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
