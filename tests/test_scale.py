@@ -1,5 +1,6 @@
 """The tables of large campaigns: their slopes, their page, and the campaigns that are timed."""
 
+import dataclasses
 import importlib
 import sys
 from pathlib import Path
@@ -16,7 +17,9 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 def scale():
     sys.path.insert(0, str(BENCHMARKS))
     try:
-        yield {name: importlib.import_module(f"scale.{name}") for name in ("campaigns", "measure", "tables")}
+        yield {
+            name: importlib.import_module(f"scale.{name}") for name in ("campaigns", "measure", "tables", "__main__")
+        }
     finally:
         sys.path.remove(str(BENCHMARKS))
 
@@ -52,3 +55,27 @@ def test_the_page_holds_the_tables_of_the_timings_that_are_kept(scale):
     page = scale["tables"].PAGE.read_text(encoding="utf-8")
     begin, end = scale["tables"].MARKS
     assert page.partition(begin)[2].partition(end)[0].strip() == scale["tables"].tables(scale["tables"].known()).strip()
+
+
+def test_a_measurement_goes_on_where_it_was_interrupted(scale, monkeypatch, tmp_path):
+    """Each size is kept once it is measured, and a known one is not measured again."""
+    timing = scale["measure"].Timing("cases", 100, "run", 5.0, 6.0, 120.0, 1000, 4)
+    monkeypatch.setattr(scale["tables"], "RAW", tmp_path / "timings.csv")
+    scale["tables"].keep([timing])
+    asked = []
+
+    def timings(axis, values, longest_s):
+        for value in values:
+            asked.append(value)
+            if value == 1000:
+                raise KeyboardInterrupt
+            yield [dataclasses.replace(timing, value=value)]
+
+    monkeypatch.setattr(scale["__main__"], "timings", timings)
+    monkeypatch.setattr(sys, "argv", ["scale", "cases", "--most", "1000", "--no-docs"])
+    for expected in ([10, 1000], [1000]):
+        with pytest.raises(KeyboardInterrupt):
+            scale["__main__"].main()
+        assert asked == expected
+        asked.clear()
+    assert [one.value for one in scale["tables"].known()] == [10, 100]

@@ -16,6 +16,8 @@ class Size:
     cases: int = 1
     filters: int = 1
     epochs: int = 31
+    stored: int = 0
+    """Stored points beside the first; 0: every third epoch, of more than 1000 epochs a hundred."""
 
     def along(self, axis: str, value: int) -> Size:
         """Return the size with another value along an axis."""
@@ -24,20 +26,21 @@ class Size:
 
 AXES = {
     "runs": (Size(), (10, 100, 1000, 10_000, 100_000)),
-    "cases": (Size(), (10, 100, 1000, 5000)),
+    "cases": (Size(), (10, 100, 1000, 5000, 10_000)),
     "filters": (Size(), (1, 10, 50, 200)),
     "epochs": (Size(runs=1), (1000, 10_000, 100_000, 1_000_000)),
+    "stored": (Size(epochs=10_001), (10, 100, 1000, 10_000)),
 }
 """The size from which each axis is varied, and its values."""
 
 
 def text(size: Size) -> str:
-    """Return the campaign file. Beyond 1000 epochs a hundred are stored, below every third."""
+    """Return the campaign file."""
     columns = next(n for n in range(isqrt(size.cases), 0, -1) if size.cases % n == 0)
     ranges = [round(1 + 0.01 * i, 4) for i in range(columns)]
     angles = [round(0.01 + 0.001 * i, 5) for i in range(size.cases // columns)]
     steps = size.epochs - 1
-    store = 3 if steps <= 1000 else steps // 100
+    store = steps // size.stored if size.stored else 3 if steps <= 1000 else steps // 100
     filters = "\n".join(f"  ekf_{i}: {FILTER % (1e-6 * (1 + i))}" for i in range(size.filters))
     grid = f"grid:\n  sensors.radar.range_sigma_m: {ranges}\n  sensors.radar.angle_sigma_deg: {angles}\n"
     return f"""name: scale

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,17 +20,31 @@ COMMANDS = {
     "run": ("run", "scale.yaml", "--out", "scale.h5"),
     "run again": ("run", "scale.yaml", "--out", "scale.h5"),
     "inspect": ("inspect", "scale.h5"),
+    "report": ("report", "scale.h5"),
     "merge": ("merge", "merged.h5", "scale.h5.shards"),
     "inspect unfinished": ("inspect", "unfinished.h5"),
     "export": ("export", "scale.h5", "--out", "scale.csv"),
     "compare": ("compare", "scale.h5", "merged.h5"),
-    "report": ("report", "scale.h5"),
 }
+OF_THE_LARGEST = ("validate", "run", "run again", "inspect", "report")
+"""The commands that are measured beyond 5000 cases."""
+_LOOK_S = 0.1
 
 
 @dataclass(frozen=True)
 class Timing:
-    """One command on one campaign."""
+    """One command on one campaign.
+
+    Attributes:
+        axis: Along what the campaign grows.
+        value: Its size there.
+        command: The command.
+        cpu_s: User and system time of the command and its workers, s.
+        wall_s: Time by the clock on the wall, s.
+        memory_mb: Peak of the command's own process, workers left out, MB; NaN where only the largest of all is known.
+        result_bytes: Size of the results file.
+        shard_files: Files in the folder of shards.
+    """
 
     axis: str
     value: int
@@ -42,36 +56,45 @@ class Timing:
     shard_files: int
 
 
-def timings(axis: str, most: int, longest_s: float) -> Iterator[Timing]:
-    """Yield the timings along an axis, values ascending, up to the first of which `run` takes longer than allowed."""
-    base, values = AXES[axis]
+def timings(axis: str, values: Collection[int], longest_s: float) -> Iterator[list[Timing]]:
+    """Yield the timings of each size along an axis.
+
+    Args:
+        axis: The axis.
+        values: The sizes.
+        longest_s: Seconds that a command may take by the clock on the wall; the first that takes longer ends the size.
+    """
     for value in values:
-        if value > most:
-            return
+        wanted = [name for name in COMMANDS if axis != "cases" or value <= 5000 or name in OF_THE_LARGEST]
         with tempfile.TemporaryDirectory(prefix="relnav_scale_") as place:
-            folder = Path(place)
-            (folder / "scale.yaml").write_text(text(base.along(axis, value)), encoding="utf-8")
-            for name, arguments in COMMANDS.items():
+            folder, found = Path(place), list[Timing]()
+            (folder / "scale.yaml").write_text(text(AXES[axis][0].along(axis, value)), encoding="utf-8")
+            for name in wanted:
                 if name == "inspect unfinished":
                     shutil.copytree(folder / "scale.h5.shards", folder / "unfinished.h5.shards")
-                found = _timed(axis, value, name, arguments, folder, longest_s)
-                if found is None:
-                    return
-                yield found
+                timing = _timed(axis, value, name, folder, longest_s)
+                if timing is None:
+                    break
+                found.append(timing)
+            yield found
 
 
-def _timed(
-    axis: str, value: int, name: str, arguments: tuple[str, ...], folder: Path, longest_s: float
-) -> Timing | None:
-    before = time.monotonic()
+def _timed(axis: str, value: int, name: str, folder: Path, longest_s: float) -> Timing | None:
+    """Return what a command takes; None where that is too long."""
+    before, memory_kb = time.monotonic(), 0
     with (folder / "log").open("w") as log:
-        process = subprocess.Popen([*RELNAV, *arguments], cwd=folder, stdout=log, stderr=log)
-        timer = _killed_after(process, longest_s)
-        _, status, used = os.wait4(process.pid, 0)
-        timer.cancel()
+        process = subprocess.Popen([*RELNAV, *COMMANDS[name]], cwd=folder, stdout=log, stderr=log)
+        while True:
+            found, status, used = os.wait4(process.pid, os.WNOHANG)
+            if found:
+                break
+            memory_kb = max(memory_kb, _peak_kb(process.pid))
+            if time.monotonic() - before > longest_s:
+                process.kill()
+                process.wait()
+                return None
+            time.sleep(_LOOK_S)
     process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode < 0:
-        return None
     if process.returncode not in (0, 1):
         raise SystemExit(f"{name} of {value} {axis}: {(folder / 'log').read_text()}")
     out, shards = folder / "scale.h5", folder / "scale.h5.shards"
@@ -81,15 +104,16 @@ def _timed(
         name,
         round(used.ru_utime + used.ru_stime, 2),
         round(time.monotonic() - before, 2),
-        round(used.ru_maxrss / 1024),
+        round(memory_kb / 1024),
         out.stat().st_size if out.exists() else 0,
         len(list(shards.iterdir())) if shards.exists() else 0,
     )
 
 
-def _killed_after(process: subprocess.Popen[bytes], seconds: float):
-    import threading
-
-    timer = threading.Timer(seconds, process.kill)
-    timer.start()
-    return timer
+def _peak_kb(pid: int) -> int:
+    """Return the largest memory that a process has had so far, kB; 0 where it has just ended."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM:")), 0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import t as student
 
+from scale.campaigns import AXES
 from scale.measure import Timing
 
 RAW = Path(__file__).with_name("timings.csv")
@@ -18,10 +19,15 @@ PAGE = Path(__file__).parents[2] / "docs" / "clusters.md"
 MARKS = ("<!-- scale: written by make scale -->", "<!-- end of scale -->")
 
 
+WITH_MEMORY = ("run", "report", "export", "compare")
+"""Commands whose memory is shown."""
+
+
 def keep(found: Sequence[Timing]) -> None:
-    """Write raw timings beside those of other axes."""
-    axes = {timing.axis for timing in found}
-    rows = [timing for timing in known() if timing.axis not in axes] + list(found)
+    """Write raw timings beside those of other sizes, in the order of axes and sizes."""
+    sizes = {(timing.axis, timing.value) for timing in found}
+    rows = [timing for timing in known() if (timing.axis, timing.value) not in sizes] + list(found)
+    rows.sort(key=lambda timing: (list(AXES).index(timing.axis), timing.value))
     with RAW.open("w", newline="") as file:
         writer = csv.DictWriter(file, [field.name for field in fields(Timing)], lineterminator="\n")
         writer.writeheader()
@@ -38,7 +44,7 @@ def known() -> list[Timing]:
 
 
 def slope(values: Sequence[int], seconds: Sequence[float]) -> tuple[float, float]:
-    """Return CPU seconds per unit of size and the half width of its 95 % interval.
+    """Return CPU seconds, or what else was measured, per unit of size and the half width of its 95 % interval.
 
     A line through the points, weighted by 1/s: the scatter of a time is taken to be in proportion to it. What every
     command takes at any size is the line's constant. Infinite half width below three points.
@@ -68,18 +74,30 @@ def tables(found: Sequence[Timing]) -> str:
 
 
 def _table(axis: str, values: Sequence[int], found: Sequence[Timing]) -> str:
-    heading = [axis, *(f"{value:,}".replace(",", " ") for value in values), f"ms a unit of {axis}"]
+    heading = [axis, *(f"{value:,}".replace(",", " ") for value in values), f"a unit of {axis}"]
     rows = [heading, [":--"] + ["--:"] * (len(heading) - 1)]
-    for command in dict.fromkeys(timing.command for timing in found):
-        own = {timing.value: timing for timing in found if timing.command == command}
-        each, half = slope(list(own), [timing.cpu_s for timing in own.values()])
-        interval = f"{1e3 * each:.3g} ± {1e3 * half:.2g}" if math.isfinite(half) else "-"
-        rows.append([f"`{command}`, CPU s", *(f"{own[v].cpu_s:g}" if v in own else "-" for v in values), interval])
-    runs = {timing.value: timing for timing in found if timing.command == "run"}
-    rows.append(["memory of `run`, MB", *(f"{runs[v].memory_mb:.0f}" if v in runs else "-" for v in values), ""])
-    rows.append(["result, MB", *(f"{runs[v].result_bytes / 1e6:.2g}" if v in runs else "-" for v in values), ""])
-    rows.append(["files of shards", *(f"{runs[v].shard_files}" if v in runs else "-" for v in values), ""])
+    commands = list(dict.fromkeys(timing.command for timing in found))
+    own = {name: {timing.value: timing for timing in found if timing.command == name} for name in commands}
+    for name in commands:
+        seconds = {value: timing.cpu_s for value, timing in own[name].items()}
+        rows.append(_row(f"`{name}`, CPU s", values, seconds, "{:g}", 1e3, "ms"))
+    for name in WITH_MEMORY:
+        memory = {value: t.memory_mb for value, t in own.get(name, {}).items() if math.isfinite(t.memory_mb)}
+        rows.append(_row(f"memory of `{name}`, MB", values, memory, "{:.0f}", 1e3, "kB"))
+    runs = own.get("run", {})
+    size = {value: timing.result_bytes / 1e6 for value, timing in runs.items()}
+    rows.append(_row("result, MB", values, size, "{:.3g}", 1e3, "kB"))
+    files = {value: timing.shard_files for value, timing in runs.items()}
+    rows.append(["files of shards", *(f"{files[v]}" if v in files else "-" for v in values), ""])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _row(name: str, values: Sequence[int], found: Mapping[int, float], form: str, scale: float, unit: str) -> list[str]:
+    """Return a row of numbers with their slope."""
+    each, half = slope(list(found), list(found.values()))
+    each, half = (0.0 if abs(x) < 1e-9 else scale * x for x in (each, half))  # of rounding alone
+    interval = f"{each:.3g} ± {half:.2g} {unit}" if math.isfinite(half) else "-"
+    return [name, *(form.format(found[value]) if value in found else "-" for value in values), interval]
 
 
 def write_page() -> None:

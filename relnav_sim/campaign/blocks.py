@@ -19,6 +19,8 @@ BLOCK_SECONDS = 20.0
 """What a block should take, CPU seconds: this is what a kill may cost."""
 LONGEST_BLOCK_SECONDS = 40.0
 """What it may take where the campaign gives the runs of a block, or a run takes long; beyond, its filters are split."""
+CALLS_SHARE = 0.25
+"""Share of a block's time that may go into what a step costs however few the runs."""
 SIMULATION_US = 5.0
 """Truth and sensors for one run and step, us."""
 STATISTICS_US = 2.0
@@ -48,14 +50,24 @@ def block_size(runs: int, cases: Sequence[CaseConfig]) -> int:
     """Return how many runs are computed together.
 
     About 20 s of work, at least 1 and at most 200 runs, fewer where the filters carry many samples, and at least two
-    blocks in all.
+    blocks in all. Where many filters together would leave so few runs that much of the time goes into calls, as many as
+    make calls a quarter of it, unless a filter then takes more than 20 s alone: `filter_groups` parts the filters.
     """
-    longest = max(run_seconds(case) for case in cases)
     samples = max(sample_count(entry) for case in cases for entry in case.filters.values())
-    most = min(BLOCK_SECONDS / longest, MOST_SAMPLES / samples)
+    most = min(min(map(_most_runs, cases)), MOST_SAMPLES / samples)
     if len(cases) == 1:
         most = min(most, ceil(runs / 2))
     return max(size for size in SIZES if size <= max(most, 1))
+
+
+def _most_runs(config: CaseConfig) -> float:
+    """Return how many runs of a case are worth a block."""
+    together = BLOCK_SECONDS / run_seconds(config)
+    calls_us = sum(filter_kinds()[e.kind].overhead_us + e.dynamics.step_overhead_us for e in config.filters.values())
+    runs_beside_calls = calls_us / cost_us(config) * (1 - CALLS_SHARE) / CALLS_SHARE
+    alone_us = SIMULATION_US + STATISTICS_US + max(map(filter_cost_us, config.filters.values()))
+    alone = BLOCK_SECONDS / (1e-6 * alone_us * (config.clock.epochs - 1))
+    return max(together, min(runs_beside_calls, alone))
 
 
 def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[tuple[str, ...]]:

@@ -81,7 +81,7 @@ class Settings(Options):
     block_runs: int | None = Field(
         default=None,
         ge=1,
-        description="Runs that are computed together; default: from the cost of the filters, about 20 s a block. "
+        description="Runs that are computed together; default: from the cost of the filters, 20 to 40 s a block. "
         "Changes no result",
     )
     stop: StopOptions | None = Field(

@@ -13,10 +13,16 @@ from relnav_sim.cli.files import regular
 from relnav_sim.printable import visible
 
 _PIPED_WIDTH = 120
+_MOST_WRAPPED = 500
+"""Rows of a table that is broken to fit; of longer ones, which nobody reads on a screen, each row is a line."""
 
 
 def print_table(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> None:
-    """Print rows in aligned columns; the last column wraps."""
+    """Print rows in aligned columns, broken to fit the width; each in one line where there are very many."""
+    rows = [list(row) for row in rows]
+    if len(rows) > _MOST_WRAPPED:
+        _print_lines([list(headings), *rows] if headings else rows)
+        return
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -36,6 +42,19 @@ def print_table(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> 
         console.print(table)
     for line in text.get().splitlines():
         typer.echo(line.rstrip())
+
+
+def _print_lines(rows: Sequence[Sequence[str]]) -> None:
+    from rich.cells import cell_len
+
+    cells = [[visible(cell) for cell in row] for row in rows]
+    lengths = [[cell_len(cell) for cell in row] for row in cells]
+    widths = [max(column) for column in zip(*lengths, strict=True)]
+    lines = []
+    for row, taken in zip(cells, lengths, strict=True):
+        padded = (cell + " " * (width - length) for cell, width, length in zip(row, widths, taken, strict=True))
+        lines.append("  ".join(padded).rstrip())
+    typer.echo("\n".join(lines))
 
 
 def say(text: str, err: bool = False, nl: bool = True) -> None:

@@ -15,8 +15,9 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import run_command
-from relnav_sim.plots.filter_facts import FilterFacts, Span, filter_facts
+from relnav_sim.plots.filter_facts import FilterFacts, filter_facts
 from relnav_sim.plots.manoeuvres import manoeuvre_times
+from relnav_sim.plots.run_figures import Span, headline_span
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.settings import case_setting
 from relnav_sim.statistics.convergence_seen import seen_until_s
@@ -101,8 +102,7 @@ class CaseFacts:
     @property
     def span(self) -> Span:
         """The span that headline figures are taken over: settled, unless nothing lies after settling."""
-        settled = any(np.isfinite(item.errors("rms", "settled", "r")[item.ok]).any() for item in self.filters)
-        return "settled" if settled else "whole"
+        return headline_span(self.filters)
 
     @property
     def shows_convergence(self) -> bool:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Indices, Integers, Mask
 from relnav_sim.filters.operations import Operations
-from relnav_sim.plots.axes import COMPONENTS, Axes, source_component
+from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.in_full import InFull, covariances_in_full
+from relnav_sim.plots.run_figures import RunFigures, Span, run_figures, span_index
 from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
 from relnav_sim.results.afterwards import known_when
@@ -23,28 +24,17 @@ from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.statistics.bound_ratio import ratio_to_bound
 from relnav_sim.statistics.correlation import integrated_time
 from relnav_sim.statistics.divergence import diverged_runs
-from relnav_sim.statistics.intervals import Interval, mean_interval
+from relnav_sim.statistics.intervals import Interval
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-Statistic = Literal["mean", "std", "rms"]
-Span = Literal["whole", "settled"]
-
-_SPANS: dict[Span, int] = {"whole": 0, "settled": 1}
-
 
 @dataclass(frozen=True)
-class FilterFacts:
+class FilterFacts(RunFigures):
     """One filter in one case; every array has its computed runs as the leading axis.
 
     Attributes:
-        name: The filter's name in the campaign.
-        runs: Numbers of the runs (n,).
-        ok: Which of them did not fail (n,).
-        statistics: ``mean``, ``std`` and ``rms`` of the error over time (n, 2 spans, 8 components), in the
-            order of ``COMPONENTS``, in the axes of the report; m and m/s.
-        convergence_s: Time from which the position error stays small (n,), s; NaN where it never does.
         anees: NEES / 6 over time (n, 2 spans).
         nis: Mean NIS over time (n, 2 spans).
         nis_sum: Sum of the NIS over the updates (n, 2 spans).
@@ -72,11 +62,6 @@ class FilterFacts:
         in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
-    name: str
-    runs: Integers
-    ok: Mask
-    statistics: Mapping[Statistic, Array]
-    convergence_s: Array
     anees: Array
     nis: Array
     nis_sum: Array
@@ -128,21 +113,6 @@ class FilterFacts:
         return sizes | set(np.unique(found[found > 0]).tolist())
 
     @property
-    def failed(self) -> int:
-        """Number of failed runs."""
-        return int((~self.ok).sum())
-
-    @property
-    def completed(self) -> int:
-        """Number of runs that did not fail."""
-        return int(self.ok.sum())
-
-    @property
-    def never_converged(self) -> int:
-        """Number of completed runs that never converged."""
-        return int((self.ok & np.isnan(self.convergence_s)).sum())
-
-    @property
     def diverged_completed(self) -> int:
         """Number of runs that diverged without failing, and so count in every mean."""
         return int((self.ok & self.diverged).sum())
@@ -152,32 +122,24 @@ class FilterFacts:
         """Whether at least half of the completed runs diverged: how good the filter is cannot be read from them."""
         return self.completed > 0 and 2 * self.diverged_completed >= self.completed
 
-    def errors(self, statistic: Statistic, span: Span, component: str) -> Array:
-        """Return a statistic of one component, one figure for each computed run (n,)."""
-        return self.statistics[statistic][:, _SPANS[span], COMPONENTS.index(component)]
-
     def consistency(self, which: Literal["anees", "nis"], span: Span) -> Array:
         """Return ANEES or mean NIS over a span, one figure for each computed run (n,)."""
-        return (self.anees if which == "anees" else self.nis)[:, _SPANS[span]]
+        return (self.anees if which == "anees" else self.nis)[:, span_index(span)]
 
     def per_run(self, name: str, *place: int) -> Array:
         """Return one figure per completed run of a stored dataset, for example ``per_run("coverage", 1, 0, 2)``."""
         return np.asarray(self.stored[name][(self.ok, *place)], dtype=float)
 
-    def mean_rms(self, span: Span, component: str = "r") -> float:
-        """Return the RMS of one component, mean over the completed runs that have one; NaN where none has."""
-        return mean_interval(self.errors("rms", span, component)[self.ok]).estimate
-
     def nis_per_dof(self, span: Span) -> Array:
         """Return the NIS per degree of freedom over a span, 1 when consistent, for each computed run (n,)."""
-        total, dof = self.nis_sum[:, _SPANS[span]], self.dof[:, _SPANS[span]]
+        total, dof = self.nis_sum[:, span_index(span)], self.dof[:, span_index(span)]
         return np.asarray(total / np.where(dof > 0, dof, np.nan))
 
     def of_sensor(self, sensor: str, name: str, span: Span) -> Array:
         """Return one of the statistics of `BySensor` over a span, for each completed run; NaN without the sensor."""
         if self.by_sensor is None or sensor not in self.sensors:
             return np.full(self.completed, np.nan)
-        values = getattr(self.by_sensor, name)[self.ok, _SPANS[span], self.sensors.index(sensor)]
+        values = getattr(self.by_sensor, name)[self.ok, span_index(span), self.sensors.index(sensor)]
         return np.asarray(values, dtype=float)
 
     def worst_rows(self, span: Span, count: int) -> Indices:
@@ -204,11 +166,6 @@ class FilterFacts:
         return int(self.runs[self.ok][self.median_row(span)])
 
 
-def span_index(span: Span) -> int:
-    """Return where a span stands along the layout's dimension of that name."""
-    return _SPANS[span]
-
-
 def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: Mask) -> FilterFacts:
     """Return the facts of one filter.
 
@@ -224,24 +181,16 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
     def statistic(which: str) -> Array:
         return np.asarray(stored[which], dtype=float)
 
+    figures = run_figures(results, index, name, axes)
     times_s, by_sensor = results.time_s(index), results.by_sensor(index, name)
     whole_state = layout.BLOCKS.index("full")
-    ok = statistic("failed") == 0
     bounds = results.perfect_bound(index, name), results.bound(index, name)
-    r = np.full((int(ok.sum()), len(times_s)), np.nan)
+    r = np.full((figures.completed, len(times_s)), np.nan)
     if any(bound is not None for bound in bounds):
-        r = np.linalg.norm(results.error(index, name)[ok][..., :3], axis=-1)
+        r = np.linalg.norm(results.error(index, name)[figures.ok][..., :3], axis=-1)
     spans: dict[Span, Mask] = {"whole": times_s > 0, "settled": (times_s > 0) & settled}
     facts = FilterFacts(
-        name=name,
-        runs=results.case_runs(index, name),
-        ok=ok,
-        statistics={
-            "mean": _in_axes(statistic("mean"), axes, signed=True),
-            "std": _in_axes(statistic("std"), axes, signed=False),
-            "rms": _in_axes(statistic("rms"), axes, signed=False),
-        },
-        convergence_s=statistic("convergence"),
+        **vars(figures),
         anees=statistic("anees")[..., whole_state],
         nis=statistic("nis_mean"),
         nis_sum=results.nis_sum(index, name),
@@ -303,12 +252,3 @@ def _ratios_to_bound(r: Array, bound: Array | None, spans: Mapping[Span, Mask]) 
 def _correlation_time(nees: Array, times_s: Array, settled: Mask) -> float:
     chosen = settled if settled.sum() > 1 else np.arange(len(times_s)) > 0
     return integrated_time(nees[:, chosen], float(times_s[1] - times_s[0])) if chosen.sum() > 1 else np.nan
-
-
-def _in_axes(stored: Array, axes: Axes, signed: bool) -> Array:
-    """Return figures (n, spans, quantities of the layout) in the axes and order of the report."""
-    columns = []
-    for component in COMPONENTS:
-        source, sign = source_component(component, axes)
-        columns.append(stored[..., layout.QUANTITIES.index(source)] * (sign if signed else 1.0))
-    return np.stack(columns, axis=-1)

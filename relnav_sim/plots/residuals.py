@@ -11,8 +11,9 @@ import numpy as np
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.data import Case, FigureError, facts_of, leading_filter
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.filter_facts import FilterFacts, span_index
+from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, say, time_axis, time_unit
+from relnav_sim.plots.run_figures import span_index
 from relnav_sim.plots.style import BAND, FORMAL, INK, PALETTE, house_style, margins, new_figure, shown_name
 from relnav_sim.plots.words import FigureWords
 from relnav_sim.statistics.channel_whiteness import campaign_checks

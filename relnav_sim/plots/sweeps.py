@@ -19,8 +19,8 @@ from relnav_sim.plots.data import (
     speed_unit,
 )
 from relnav_sim.plots.facts import CaseFacts, case_facts
-from relnav_sim.plots.filter_facts import Statistic
 from relnav_sim.plots.panels import log_axis, say, upright_boxes
+from relnav_sim.plots.run_figures import Statistic
 from relnav_sim.plots.style import (
     BOUND,
     FORMAL,

@@ -14,7 +14,7 @@ from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
-    from relnav_sim.results.block import ReplayHeader
+    from relnav_sim.results.campaign_header import ReplayHeader
     from relnav_sim.results.read import Results
 
 _SECTIONS = ("clock", "truth", "sensors", "start", "statistics")

@@ -11,7 +11,8 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.filter_facts import FilterFacts, span_index
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import span_index
 from relnav_sim.report.augmented_table import augmented_table
 from relnav_sim.report.comparison_table import comparison_table
 from relnav_sim.report.editing_table import editing_table

@@ -6,19 +6,28 @@ even where the two were computed on different days. What cannot be paired is nam
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.plots.facts import CaseFacts, case_facts
-from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import RunFigures, Span, headline_span, run_figures
 from relnav_sim.report.comparison_table import decided_at, fewest_in_words, p_number, verdict_in_words
-from relnav_sim.report.metrics import CONVERGENCE, POSITION_RMS, VELOCITY_RMS, Metric, numbers
+from relnav_sim.report.metrics import (
+    CONVERGENCE,
+    POSITION_RMS,
+    VELOCITY_RMS,
+    Metric,
+    convergence_s,
+    numbers,
+    position_rms,
+    velocity_rms,
+)
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.results.afterwards import known_when
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.comparable import different_code, same_numbers
 from relnav_sim.results.seal import NO_SEAL
@@ -28,7 +37,13 @@ from relnav_sim.wording import short_labels
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
-_COMPARED = (POSITION_RMS, VELOCITY_RMS, CONVERGENCE)
+PerRun = Callable[[RunFigures, Span], Array]
+_COMPARED: tuple[tuple[Metric, PerRun], ...] = (
+    (POSITION_RMS, position_rms),
+    (VELOCITY_RMS, velocity_rms),
+    (CONVERGENCE, convergence_s),
+)
+"""Each with its value for a run."""
 
 
 @dataclass(frozen=True)
@@ -94,14 +109,16 @@ def compare(first: Side, second: Side) -> Compared:
         if header.id not in places:
             reasons.append(f"case {labels[index]}: only in {first.name}, with these settings")
             continue
-        one, other = case_facts(a, index), case_facts(b, places[header.id])
-        for names in _filters(first, second, one, other, reasons, labels[index]):
-            notes += _other_settings(a, b, index, places[header.id], names)
-            known = (one.filter(names[0]).known_when, other.filter(names[1]).known_when)
+        place = places[header.id]
+        one, other = _figures(a, index), _figures(b, place)
+        span = headline_span(one.values())
+        for names in _filters(first, second, list(one), list(other), reasons, labels[index]):
+            notes += _other_settings(a, b, index, place, names)
+            known = (known_when(a, index, names[0]), known_when(b, place, names[1]))
             later += _known_apart((first, second), names, known)
             runs = 0
-            for metric in _COMPARED:
-                values = _paired(one.filter(names[0]), other.filter(names[1]), one, metric)
+            for metric, of_runs in _COMPARED:
+                values = _paired(one[names[0]], other[names[1]], span, of_runs)
                 runs = max(runs, len(values[0]))
                 if len(values[0]):
                     found[_Row(labels[index], names, known, metric)] = values
@@ -125,22 +142,28 @@ def compare(first: Side, second: Side) -> Compared:
     return Compared(table, tuple(reasons), (*later, *dict.fromkeys(notes)))
 
 
+def _figures(results: Results, index: int) -> dict[str, RunFigures]:
+    """Return what is known of each run of a case's filters, of those that have runs, by their names."""
+    names = results.headers[index].filters
+    return {name: run_figures(results, index, name) for name in names if len(results.case_runs(index, name))}
+
+
 def _filters(
-    first: Side, second: Side, one: CaseFacts, other: CaseFacts, reasons: list[str], label: str
+    first: Side, second: Side, one: Sequence[str], other: Sequence[str], reasons: list[str], label: str
 ) -> list[tuple[str, str]]:
     """Return the pairs of filters to compare in a case: those named, else those of the same name."""
     here, there = first.filter or second.filter, second.filter or first.filter
     if here is not None and there is not None:
         wanted = [(here, there)]
     else:
-        wanted = [(name, name) for name in one.names if name in other.names]
+        wanted = [(name, name) for name in one if name in other]
         reasons += [] if wanted else [f"case {label}: {first.name} and {second.name} have no filter in common"]
     held: list[tuple[str, str]] = []
     for pair in wanted:
         absent = [
             f"case {label}: {side.name} has no run of {name}"
-            for side, name, case in zip((first, second), pair, (one, other), strict=True)
-            if name not in case.names
+            for side, name, held_there in zip((first, second), pair, (one, other), strict=True)
+            if name not in held_there
         ]
         reasons += absent
         held += [] if absent else [pair]
@@ -166,10 +189,10 @@ def _known_apart(sides: tuple[Side, Side], names: tuple[str, str], known: tuple[
     ]
 
 
-def _paired(one: FilterFacts, other: FilterFacts, case: CaseFacts, metric: Metric) -> tuple[Array, Array]:
+def _paired(one: RunFigures, other: RunFigures, span: Span, of_runs: PerRun) -> tuple[Array, Array]:
     """Return a metric of both filters on their common runs."""
     _, here, there = np.intersect1d(one.runs, other.runs, return_indices=True)
-    first, second = (np.where(item.ok, metric.per_run(item, case.span), np.nan) for item in (one, other))
+    first, second = (np.where(item.ok, of_runs(item, span), np.nan) for item in (one, other))
     both = np.isfinite(first[here]) & np.isfinite(second[there])
     return first[here][both], second[there][both]
 

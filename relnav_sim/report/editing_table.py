@@ -8,7 +8,8 @@ import numpy as np
 
 from relnav_sim.arrays import Mask
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.filter_facts import FilterFacts, span_index
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import span_index
 from relnav_sim.report.layouts import INTERVALS
 from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent

@@ -8,7 +8,7 @@ import numpy as np
 
 from relnav_sim.plots.axes import COMPONENTS, describe_axes
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.filter_facts import Span
+from relnav_sim.plots.run_figures import Span
 from relnav_sim.report.metrics import ANEES, CONVERGENCE, CPU, FAILED, nis_metric, numbers
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.statistics.intervals import mean_interval

@@ -14,7 +14,8 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.plots.facts import CaseFacts
-from relnav_sim.plots.filter_facts import FilterFacts, Span, span_index
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import RunFigures, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, bootstrap_interval, mean_interval
 from relnav_sim.statistics.verdicts import ratio_of_means
@@ -23,6 +24,21 @@ from relnav_sim.wording import counted, with_prefix
 NOT_JUDGED = "cannot be judged"
 Cells = Callable[[CaseFacts, Sequence[Interval], int], tuple[Cell, ...]]
 PerRun = Callable[[FilterFacts, Span], Array]
+
+
+def position_rms(item: RunFigures, span: Span) -> Array:
+    """Return the RMS of the position error over a span, one figure for each computed run (n,), m."""
+    return item.errors("rms", span, "r")
+
+
+def velocity_rms(item: RunFigures, span: Span) -> Array:
+    """Return the RMS of the velocity error over a span, one figure for each computed run (n,), m/s."""
+    return item.errors("rms", span, "v")
+
+
+def convergence_s(item: RunFigures, span: Span) -> Array:
+    """Return the convergence time, one for each computed run (n,), s; it is of the whole run."""
+    return item.convergence_s
 
 
 def _no_run_by_itself(item: FilterFacts, span: Span) -> Array:
@@ -170,10 +186,10 @@ def _failed_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tu
     )
 
 
-POSITION_RMS = _over_runs("position RMS", "m", lambda item, span: item.errors("rms", span, "r"))
-VELOCITY_RMS = _over_runs("velocity RMS", "m/s", lambda item, span: item.errors("rms", span, "v"))
+POSITION_RMS = _over_runs("position RMS", "m", position_rms)
+VELOCITY_RMS = _over_runs("velocity RMS", "m/s", velocity_rms)
 TIMES_BOUND = Metric("position RMS / bound", "", lambda item, span: item.times_bound[span], ratio_cells)
-CONVERGENCE = _over_runs("convergence time", "s", lambda item, span: item.convergence_s, _convergence_cells)
+CONVERGENCE = _over_runs("convergence time", "s", convergence_s, _convergence_cells)
 ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
 NIS = Metric("mean NIS", "", _nis_mean, _numbers, lambda item, span: item.consistency("nis", span))
 NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from relnav_sim.campaign.warnings import together
-from relnav_sim.plots.filter_facts import FilterFacts, Span
+from relnav_sim.plots.filter_facts import FilterFacts
+from relnav_sim.plots.run_figures import Span
 from relnav_sim.report.layouts import WORST_RUNS
 from relnav_sim.report.metrics import ANEES, CPU, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing

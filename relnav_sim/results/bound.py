@@ -14,8 +14,9 @@ import numpy as np
 
 from relnav_sim.printable import printable
 from relnav_sim.results import layout, stacks, store
-from relnav_sim.results.block import AnyArray, CaseHeader, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.block import AnyArray, RefusedError, ResultsError
 from relnav_sim.results.bundle import Bundle, open_bundle, read_bundle, write_bundle, written
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.header import read_header
 from relnav_sim.results.observability import Observability, course_of
 from relnav_sim.results.shards import checksum

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from relnav_sim.results import layout
-from relnav_sim.results.block import CaseHeader, RefusedError
+from relnav_sim.results.block import RefusedError
 from relnav_sim.results.bound import BoundResult, CaseLimits, case_limits
+from relnav_sim.results.campaign_header import CaseHeader
 from relnav_sim.results.pieces import Piece
 
 

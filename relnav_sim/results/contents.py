@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from relnav_sim.results.block import Failure, ResultHeader
+from relnav_sim.results.block import Failure
+from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import Results
 

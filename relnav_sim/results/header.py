@@ -13,7 +13,8 @@ import h5py
 
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, stacks, store
-from relnav_sim.results.block import CaseHeader, ReplayHeader, ResultHeader, ResultsError
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.campaign_header import CaseHeader, ReplayHeader, ResultHeader
 from relnav_sim.results.provenance import Provenance, Session, checked_moment, stored_session
 from relnav_sim.results.sound import odd_header
 

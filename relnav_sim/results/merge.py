@@ -13,12 +13,9 @@ import h5py
 from relnav_sim.conventions import RESERVED_NAMES
 from relnav_sim.results import layout, seal, stacks, store
 from relnav_sim.results.atomic import written_whole
-from relnav_sim.results.block import (
-    RefusedError,
-    ResultHeader,
-    ResultsError,
-)
+from relnav_sim.results.block import RefusedError, ResultsError
 from relnav_sim.results.bound import BoundResult, bound_digest, bounds_of
+from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.case_rows import CaseRows, groups_alike
 from relnav_sim.results.header import write_header
 from relnav_sim.results.pieces import Piece, shard_piece

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import AnyArray, BlockResult, CaseHeader, FilterResult, ResultsError
+from relnav_sim.results.block import AnyArray, BlockResult, FilterResult, ResultsError
 from relnav_sim.results.bundle import Bundle
+from relnav_sim.results.campaign_header import CaseHeader
 from relnav_sim.results.header import read_header
 from relnav_sim.results.shards import ShardInfo, epochs_of, open_shard, shard_block, shard_info
 from relnav_sim.results.stored_cases import StoredCases, StoredPart

@@ -1,14 +1,10 @@
-"""Reading a results file: labelled columns and series, nothing to know about HDF5."""
+"""The numbers of a results file: statistics, series and bounds, nothing to know about HDF5."""
 
 from __future__ import annotations
 
 import importlib.util
-import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,15 +12,15 @@ from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
-from relnav_sim.results import layout, store
-from relnav_sim.results.block import AugmentedStates, BySensor, Editing, Failure, RefusedError, ResultsError
+from relnav_sim.results import layout
+from relnav_sim.results.block import AugmentedStates, BySensor, Editing, ResultsError
 from relnav_sim.results.by_channel import ByChannel
 from relnav_sim.results.covariance_root import covariances
-from relnav_sim.results.editing_columns import editing_columns
-from relnav_sim.results.header import read_header
+from relnav_sim.results.held import HeldResult
 from relnav_sim.results.observability import Observability
+from relnav_sim.results.series import Series as Series
 from relnav_sim.results.settings import filter_settings
-from relnav_sim.results.stored_cases import StoredCases, StoredPart
+from relnav_sim.results.summary_columns import summary_columns
 
 if TYPE_CHECKING:
     import xarray
@@ -33,187 +29,12 @@ _SERIES = {spec.name: spec for spec in layout.SERIES}
 _BY_SENSOR = {spec.name: spec for spec in layout.BY_SENSOR}
 
 
-@dataclass(frozen=True)
-class Series:
-    """One run of one filter at the stored epochs.
-
-    Attributes:
-        case: Label of the case.
-        filter: Name of the filter.
-        run: Number of the run.
-        time_s: Stored epochs (K,), s.
-        error: Estimate minus truth, RTN, (K, 6), m and m/s; NaN once the filter failed.
-        sigma: Standard deviations that the filter states, (K, 6).
-        nis: Normalised innovation squared (K,); NaN without a measurement.
-        nees: Normalised estimation error squared (K,).
-        truth: True relative state, RTN, (K, 6).
-        covariance: Formal covariance of position and velocity, RTN, (K, 6, 6); None where the file holds none.
-        nis_by: NIS of each sensor's readings (K,), by its name; empty where the file does not tell them apart.
-        dof_by: Its degrees of freedom (K,); 0 without a reading.
-    """
-
-    case: str
-    filter: str
-    run: int
-    time_s: Array
-    error: Array
-    sigma: Array
-    nis: Array
-    nees: Array
-    truth: Array
-    nis_by: Mapping[str, Array] = field(default_factory=dict)
-    dof_by: Mapping[str, Array] = field(default_factory=dict)
-    covariance: Array | None = None
-
-
-class Results:
-    """An open results file; close it, or use it in a ``with`` statement.
+class Results(HeldResult):
+    """The numbers of an open results file; close it, or use it in a ``with`` statement.
 
     Wherever a case is asked for, its number, its label or its id will do. Arrays hold one row per run, in the
-    order of `case_runs`.
-
-    Attributes:
-        path: The file.
-        header: What the file says of its campaign, in one piece; the attributes below are its parts.
-        campaign_name: Name of the campaign.
-        campaign_text: The campaign file, word for word.
-        campaign_content: Its validated content with all defaults.
-        campaign_hash: Hash of the content.
-        seed: Seed of the campaign.
-        planned_runs: Number of runs the campaign asked for.
-        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``; of recorded readings
-            those of the recorded runs.
-        replay: Where the readings were recorded: their ``files`` with SHA-256, and the ``truth`` that estimates are
-            scored against; None: they were simulated.
-        stopping: The rule of adaptive stopping (``metric``, ``half_width``, ``at``, ``filter``) with the number of
-            runs ``reached`` and whether the rule was ``met``; empty without one.
-        headers: The cases with id, label, swept variables and filter names.
-        cases: Labels of the cases, in order.
-        filters: Names of all filters, in order.
-        constants: Constants of the models by name.
-        provenance: Versions, source revision, machine, times, command.
-        sealed: Whether the file has a checksum over all its bytes, which then agrees; files of relnav before 0.1.1
-            have none.
+    order of `case_runs`. What the file says of its campaign, and what it holds, is told by `HeldResult`.
     """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._file = store.open_checked(path, layout.FORMAT, whole=True)
-        try:
-            header, self.provenance = read_header(self._file)
-            self.sealed = store.is_sealed(self._file)
-            self._stored = StoredCases(self._file)
-        except ResultsError:
-            self._file.close()
-            raise
-        self.header = header
-        self.campaign_name = header.campaign_name
-        self.campaign_text = header.text
-        self.campaign_content = dict(header.content)
-        self.campaign_hash = header.hash
-        self.seed = header.seed
-        self.planned_runs = len(header.planned)
-        self.planned = header.planned
-        self.stopping = dict(header.stopping)
-        self.replay = header.replay
-        self.constants = dict(header.constants)
-        self.headers = header.cases
-        self.cases = tuple(case.label for case in header.cases)
-        self._places: dict[int | str, int] = {index: index for index in range(len(self.headers))}
-        for index, one in enumerate(self.headers):
-            self._places.setdefault(one.label, index)
-            self._places.setdefault(one.id, index)
-        self.filters = tuple(dict.fromkeys(name for case in header.cases for name in case.filters))
-
-    def __enter__(self) -> Results:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    @property
-    def runs(self) -> tuple[int, ...]:
-        """Numbers of the runs that any case and filter holds."""
-        held = {run for i, case in enumerate(self.headers) for name in case.filters for run in self.case_runs(i, name)}
-        return tuple(sorted(held))
-
-    @cached_property
-    def holds_covariances(self) -> bool:
-        """Whether `covariance` returns any: the campaign asked for them (``clock.store_covariance``)."""
-        return any(
-            bool(self._filter_part(index, name).columns().factor)
-            for index, case in enumerate(self.headers)
-            for name in case.filters
-            if len(self.case_runs(index, name))
-        )
-
-    @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the sensors that any filter's statistics are told by, in order; none in files of relnav 0.1."""
-        found: dict[str, None] = {}
-        for index, case in enumerate(self.headers):
-            for name in case.filters:
-                if len(self.case_runs(index, name)):
-                    found |= dict.fromkeys(self._filter_part(index, name).columns().sensors)
-        return tuple(found)
-
-    @property
-    def nominal(self) -> tuple[int, ...]:
-        """Numbers of the cases without a stress; all where no other is held, as by a single run of a stressed case."""
-        everything = range(len(self.headers))
-        return tuple(index for index in everything if not self.headers[index].stress) or tuple(everything)
-
-    def stressed(self, case: int | str) -> dict[str, int]:
-        """Return the numbers of the stressed cases of a case, by the name of the stress."""
-        own = self.headers[self.case_index(case)].id
-        return {header.stress: index for index, header in enumerate(self.headers) if header.nominal == own}
-
-    def variables(self, case: int | str) -> dict[str, Any]:
-        """Return the swept values of a case, by their path in the campaign."""
-        return dict(self.headers[self.case_index(case)].variables)
-
-    def case_index(self, case: int | str) -> int:
-        """Return the number of the case with this number, label or id.
-
-        Raises:
-            RefusedError: There is none.
-        """
-        if case in self._places:
-            return self._places[case]
-        raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
-
-    def case_runs(self, case: int | str, filter: str) -> Integers:
-        """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
-        index = self._check(case, filter)
-        own, case_part, axis = self._stored.filter(index, filter), self._stored.case(index), layout.DIMENSIONS["time"]
-        if own is None or case_part is None:
-            return np.empty(0, dtype=np.int64)
-        runs = own.read(layout.DIMENSIONS["run"])
-        # Other programs read a filter's series against its own axis.
-        if not np.array_equal(own.read(axis), case_part.read(axis)):
-            here, there = own.group.name, case_part.group.name
-            raise ResultsError(f"{self.path}: {here}/time differs from {there}/time; the file is damaged")
-        if len(runs) and runs[-1] > self.planned[-1]:
-            raise ResultsError(f"{self.path}: {own.group.name} has run {runs[-1]} of {self.header.runs}")
-        return runs
-
-    def missing(self) -> dict[tuple[str, str], tuple[int, ...]]:
-        """Return the planned runs that the file does not hold, by case label and filter; empty when finished."""
-        missing = {}
-        everything = tuple(self.planned)  # once: of a file that holds nothing it is said of every filter
-        for index, case in enumerate(self.headers):
-            for name in case.filters:
-                held = set(self.case_runs(index, name).tolist())
-                absent = tuple(run for run in everything if run not in held) if held else everything
-                if absent:
-                    missing[case.label, name] = absent
-        return missing
 
     def summary(self) -> dict[str, NDArray[Any]]:
         """Return the per-run statistics as flat columns.
@@ -223,70 +44,7 @@ class Results:
         ``settled_x_mean_m``, ``convergence_s``, ``anees``, ``coverage_95``, ``cpu_us_per_step``. Where cases are
         stressed, ``stress`` names what each was flown under, empty for none.
         """
-        stress = ("stress",) if any(header.stress for header in self.headers) else ()
-        names = ("case", "case_label", *stress, "filter", "run")
-        columns: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
-        for index, case in enumerate(self.headers):
-            for name in case.filters:
-                runs = self.case_runs(index, name)
-                columns["case"].append(np.full(len(runs), index))
-                columns["case_label"].append(np.full(len(runs), case.label))
-                for column in stress:
-                    columns[column].append(np.full(len(runs), case.stress))
-                columns["filter"].append(np.full(len(runs), name))
-                columns["run"].append(runs)
-                for spec in layout.SUMMARY:
-                    data = self._filter_data(index, name, spec) if len(runs) else None
-                    for column, place in layout.columns(spec):
-                        where: tuple[Any, ...] = (slice(None), *place)
-                        part = np.empty(0, dtype=spec.dtype) if data is None else data[where]
-                        columns.setdefault(column, []).append(part)
-        summary = {name: np.concatenate(parts) for name, parts in columns.items() if parts}
-        summary |= self._diagnostic_columns() | self._sensor_columns()
-        summary |= editing_columns(
-            [
-                (len(runs), self.editing(index, name))
-                for index, case in enumerate(self.headers)
-                for name in case.filters
-                if len(runs := self.case_runs(index, name))
-            ]
-        )
-        if "failed" in summary:
-            summary["failed"] = summary["failed"].astype(bool)
-        return summary
-
-    def _diagnostic_columns(self) -> dict[str, Array]:
-        """Return what any filter reports as columns ``diagnostic_<name>``; NaN for the filters that do not."""
-        held = [
-            (len(runs), self.diagnostics(index, name))
-            for index, case in enumerate(self.headers)
-            for name in case.filters
-            if len(runs := self.case_runs(index, name))
-        ]
-        names = sorted({name for _, reported in held for name in reported})
-        return {
-            f"diagnostic_{name}": np.concatenate([found.get(name, np.full(runs, np.nan)) for runs, found in held])
-            for name in names
-        }
-
-    def _sensor_columns(self) -> dict[str, Array]:
-        """Return what the filters' sensors gave as columns ``nis_sum_<sensor>`` and the like; NaN for other filters."""
-        held = [
-            (len(runs), self.by_sensor(index, name))
-            for index, case in enumerate(self.headers)
-            for name in case.filters
-            if len(runs := self.case_runs(index, name))
-        ]
-        columns: dict[str, Array] = {}
-        for sensor, spec in itertools.product(self.sensors, (spec for spec in layout.BY_SENSOR if spec.column)):
-            for span, prefix in enumerate(layout.SPAN_PREFIXES):
-                columns[spec.column.format(span=prefix, sensor=sensor)] = np.concatenate(
-                    [
-                        np.full(runs, np.nan) if found is None else found.of(spec, sensor, runs)[:, span]
-                        for runs, found in held
-                    ]
-                )
-        return columns
+        return summary_columns(self)
 
     def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
         """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""
@@ -503,18 +261,6 @@ class Results:
         named = named or filter_settings(self, index, filter).get("sensors")
         return tuple(map(str, named)) if isinstance(named, list | tuple) else ()
 
-    def failures(self, case: int | str | None = None) -> tuple[tuple[str, Failure], ...]:
-        """Return the failures as (case label, failure), of one case or of all."""
-        found: list[tuple[str, Failure]] = []
-        for index in range(len(self.headers)) if case is None else [self.case_index(case)]:
-            found += [(self.cases[index], failure) for failure in self._stored.failures(index)]
-        return tuple(found)
-
-    def lacked_memory(self) -> tuple[tuple[str, Failure], ...]:
-        """Return those of the failures whose run is missing: for want of memory, and no failure of the filter."""
-        missing = self.missing()
-        return tuple((case, f) for case, f in self.failures() if f.run in missing.get((case, f.filter), ()))
-
     def to_xarray(self) -> xarray.DataTree:
         """Return the file as a tree of lazily read xarray datasets, ``tree["case_000/ekf"].ds["rms"]``.
 
@@ -526,32 +272,6 @@ class Results:
         from relnav_sim.results.labelled import labelled_tree
 
         return labelled_tree(self.path, self._file)
-
-    def _shared(self, index: int, spec: layout.Dataset | layout.Dimension, rows: Any = ...) -> NDArray[Any]:
-        part = self._stored.case(index)
-        if part is None:
-            raise ResultsError(f"{self.path}: case {self.cases[index]!r} has no results yet")
-        return part.read(spec, rows)
-
-    def _check(self, case: int | str, filter: str) -> int:
-        index = self.case_index(case)
-        names = self.headers[index].filters
-        if filter not in names:
-            raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
-        return index
-
-    def _held(self, case: int | str, filter: str) -> StoredPart | None:
-        """Return what is held of a filter; None where none of its runs has been computed yet."""
-        return self._stored.filter(self._check(case, filter), filter)
-
-    def _filter_part(self, index: int, filter: str) -> StoredPart:
-        part = self._stored.filter(index, filter)
-        if part is None:
-            raise ResultsError(f"{self.path}: case {self.cases[index]!r}, filter {filter!r} has no run yet")
-        return part
-
-    def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
-        return self._filter_part(index, filter).read(spec, rows)
 
     def _series(self, case: int | str, filter: str, name: str) -> Array:
         return self._filter_data(self._check(case, filter), filter, _SERIES[name]).astype(np.float64)

@@ -25,6 +25,11 @@ def holds_shards(folder: Path) -> bool:
     return any(folder.glob(f"*{SHARD}")) or any(name.endswith(SHARD) for name in journal.names(folder))
 
 
+def is_packed(folder: Path) -> bool:
+    """Return whether a folder has a journal, as it has once there were very many files."""
+    return (folder / journal.JOURNAL).exists()
+
+
 def newest_shard_s(folder: Path) -> float:
     """Return when the newest shard of a folder was written, seconds since 1970; 0: there is none."""
     files = [*folder.glob(f"*{SHARD}"), *folder.glob(journal.JOURNAL)]

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from relnav_sim.conventions import RESERVED_NAMES
-from relnav_sim.results.block import AnyArray, CaseHeader, ResultHeader
+from relnav_sim.results.block import AnyArray
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.layout import Dataset, Dimension
 
 MOST_RUNS = 1_000_000

@@ -15,6 +15,7 @@ from relnav_sim.results import layout, stacks, store
 from relnav_sim.results.block import AnyArray, Failure, ResultsError
 from relnav_sim.results.layout import Dataset, Dimension
 from relnav_sim.results.observability import Observability, course_of
+from relnav_sim.results.read_ahead import ReadAhead
 from relnav_sim.results.sound import odd_coordinate
 
 _NO_ROWS = slice(0, 0)
@@ -35,6 +36,7 @@ class StoredCases:
         if stacks.CASES in store.names(file):
             self._stacks = store.read(store.subgroup(file, stacks.CASES), stacks.STACK)
         self._groups: dict[str, _Stack] = {}
+        self._ahead = ReadAhead()
         self._filters: dict[tuple[int, str], StoredPart | None] = {}
 
     def case(self, index: int) -> StoredPart | None:
@@ -85,7 +87,7 @@ class StoredCases:
             group: h5py.Group | h5py.File = self._file
             for name in path.strip("/").split("/"):
                 group = store.subgroup(group, name)
-            stack = self._groups[path] = _Stack(group)
+            stack = self._groups[path] = _Stack(group, self._ahead)
         return stack.group, stack, index
 
 
@@ -204,6 +206,7 @@ class _Stack:
     """A group with rows of many cases; what is asked of it for every case is read and checked once."""
 
     group: h5py.Group
+    ahead: ReadAhead
     _checked: dict[Dataset | Dimension, h5py.Dataset] = field(default_factory=dict)
     _kept: dict[Any, Any] = field(default_factory=dict)
 
@@ -253,6 +256,10 @@ class _Stack:
         dataset = self._checked.get(spec)
         if dataset is None:
             dataset = self._checked[spec] = store.checked(self.group, spec)
+        if isinstance(index, slice) and index.step in (None, 1):
+            return self.ahead.rows(dataset, spec, index)
+        if isinstance(index, int):
+            return np.asarray(self.ahead.rows(dataset, spec, slice(index, index + 1))[0])
         return store.values_of(dataset, spec, index)
 
     def _coordinate(self, dimension: Dimension, index: Any) -> AnyArray:

@@ -10,12 +10,13 @@ from typing import Any
 
 from relnav_sim import __version__
 from relnav_sim.campaign import Campaign
-from relnav_sim.results.block import CaseHeader, ResultHeader, ResultsError
+from relnav_sim.results.block import ResultsError
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.merge import is_merged, merge_pieces, merged_from
 from relnav_sim.results.pieces import bundle_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import open_results
-from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, pack
+from relnav_sim.results.shard_files import MOST_LOOSE, held_bounds, held_shards, is_packed, pack
 from relnav_sim.runner.bound_task import BoundTask, Task, bound_tasks, bounds_left, finished_bounds
 from relnav_sim.runner.event_log import NAME
 from relnav_sim.runner.executors.interface import Backend
@@ -132,6 +133,8 @@ class Job:
         """
         if self.in_session:
             end_session(self.folder)
+            if is_packed(self.folder):
+                pack(self.folder, most_loose=0)  # to open a file for each of the last takes longer than all the others
         self._say_what_is_left_out()
         tasks = bound_tasks(self.campaign, self.folder)
         shards, bounds = held_shards(self.folder)[0], held_bounds(self.folder)[0]

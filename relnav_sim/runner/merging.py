@@ -10,8 +10,9 @@ from pathlib import Path
 
 from relnav_sim.results import layout, store
 from relnav_sim.results.atomic import remove_temporaries, target
-from relnav_sim.results.block import RefusedError, ResultHeader
+from relnav_sim.results.block import RefusedError
 from relnav_sim.results.bound import BoundResult, result_bounds
+from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import merge_pieces

@@ -20,7 +20,7 @@ from relnav_sim.campaign.problems import no_such
 from relnav_sim.named_files import digest_of
 from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
-from relnav_sim.results.block import ReplayHeader
+from relnav_sim.results.campaign_header import ReplayHeader
 from relnav_sim.results.failure_kinds import kind_of
 from relnav_sim.results.merge import merge_shards, run_ranges
 from relnav_sim.results.provenance import collect_provenance

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from relnav_sim.results.atomic import remove_temporaries, target, written_whole
-from relnav_sim.results.block import CaseHeader, RefusedError, ResultHeader, ResultsError
+from relnav_sim.results.block import RefusedError, ResultsError
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_channels
 from relnav_sim.results.read import open_results

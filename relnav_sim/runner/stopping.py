@@ -18,7 +18,8 @@ from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.models import StopOptions
 from relnav_sim.conventions import CONFIDENCE
 from relnav_sim.results import layout
-from relnav_sim.results.block import RefusedError, ResultHeader
+from relnav_sim.results.block import RefusedError
+from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.shard_files import held_shards
 from relnav_sim.results.shards import shard_block, shard_info
 from relnav_sim.runner.work import Finished, Key

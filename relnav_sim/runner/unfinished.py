@@ -12,9 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from relnav_sim.results import layout, store
-from relnav_sim.results.block import ResultHeader, ResultsError
+from relnav_sim.results.block import ResultsError
 from relnav_sim.results.bound import BoundResult, bound_name, result_bounds
 from relnav_sim.results.bundle import Bundle
+from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs

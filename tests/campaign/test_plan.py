@@ -1,7 +1,15 @@
+from pathlib import Path
+
 import pytest
 
 from relnav_sim.campaign import parse_campaign, plan_campaign
 from relnav_sim.campaign.blocks import SIZES, filter_groups, run_seconds
+from relnav_sim.campaign.plan import block_seconds
+
+
+@pytest.fixture(scope="module")
+def limit():
+    return (Path(__file__).parents[2] / "campaigns" / "limit.yaml").read_text(encoding="utf-8")
 
 
 def blocks_of(text, *overrides):
@@ -19,11 +27,37 @@ def test_one_case_has_two_blocks(demo):
 
 
 def test_a_block_takes_about_twenty_seconds(demo):
-    long = ["clock.duration_s=60000", "clock.step_s=0.1", "runs=100"]
+    long = ["clock.duration_s=6000", "clock.step_s=0.5", "runs=100"]
     size, blocks = blocks_of(demo, *long)
     assert 8 < size * run_seconds(parse_campaign(demo, long).cases[0].config) <= 20
     assert size in SIZES
     assert blocks == 2 * -(-100 // size)
+
+
+def test_many_filters_leave_enough_runs_in_a_block_that_calls_are_not_most_of_it(limit):
+    """What a step costs however few the runs is paid once a block, so that small blocks cost a multiple."""
+    kinds = ("ekf", "ukf", "ckf", "sr_ukf", "iekf", "huber", "mckf", "student_t", "ud_ekf", "srif")
+    like_kf = limit.partition("  kf: ")[2].partition("kind: kf\n")[2].partition("  imm:")[0].split("\n")
+    settings = ", ".join(line.strip() for line in like_kf if line.strip())
+    many = [f"filters.{kind}={{kind: {kind}, {settings}}}" for kind in kinds]
+    campaign = parse_campaign(limit, [*many, "block_runs=null"])
+    config, names = campaign.cases[0].config, tuple(campaign.cases[0].config.filters)
+    assert len(names) == 15
+
+    def calls(size):
+        """Return what of the planned time of a block of so many runs is paid once."""
+        return 2 * block_seconds(config, names, size) - block_seconds(config, names, 2 * size)
+
+    size = campaign.block_runs
+    assert calls(size) < 0.5 * block_seconds(config, names, size)
+    former = max(s for s in SIZES if s <= 20 / run_seconds(config))
+    assert calls(former) > 0.5 * block_seconds(config, names, former)
+    # And there is no less to hand out: as many blocks in a case as six workers keep busy, none beyond 40 s.
+    groups = filter_groups(config, names, size)
+    assert sum(groups, ()) == names and len(groups) * (campaign.runs // size) >= 6
+    for group in groups:
+        alone = config.model_copy(update={"filters": {name: config.filters[name] for name in group}})
+        assert size * run_seconds(alone) <= 40
 
 
 def test_a_run_that_takes_longer_is_a_block_of_its_own(demo):

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from sensors_result import CHANNELS, with_sensors
 
 from relnav_sim.results import layout
-from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
+from relnav_sim.results.block import BlockResult, Failure, FilterResult
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.shards import write_shard

@@ -14,8 +14,9 @@ import pytest
 
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.results import layout, seal
-from relnav_sim.results.block import BlockResult, CaseHeader, Failure, FilterResult, ResultHeader
+from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.results.bound import BoundResult
+from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
 from relnav_sim.results.merge import merge_pieces
 from relnav_sim.results.observability import Observability
 from relnav_sim.results.pieces import shard_piece

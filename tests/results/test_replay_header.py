@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import pytest
 
-from relnav_sim.results.block import ReplayHeader
+from relnav_sim.results.campaign_header import ReplayHeader
 
 HEADER = ReplayHeader({"pass.csv": "00ff"}, "the orbits of the campaign's truth.ephemeris", (0, 3))
 
