@@ -6,13 +6,19 @@ from collections.abc import Sequence
 
 from relnav_sim.report.drawing import Picture
 from relnav_sim.report.page import Page
+from relnav_sim.report.sentences import Sentence
 from relnav_sim.report.tables import Table, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
 
 
 def render(page: Page) -> str:
     """Return the report as Markdown; what the campaign's author wrote shows as written."""
-    parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts)), "## Summary"]
+    parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts))]
+    if page.decision is not None:
+        parts += ["## Decision", _linked(page.decision.lead)]
+        parts.append("\n".join(f"- {_linked(sentence)}" for sentence in page.decision.others))
+        parts.append(table_markdown(page.decision.shown))
+    parts.append("## Summary")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
     parts += [plain_markdown(sentence) for sentence in page.missing]
     parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
@@ -33,6 +39,20 @@ def render(page: Page) -> str:
     parts.append("## How to read the figures")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
     return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
+
+
+def _linked(sentence: Sentence) -> str:
+    """Return a sentence whose numbers link to their tables; Markdown has no names for rows."""
+    return "".join(
+        f"[{plain_markdown(clause.text)}](#{clause.table})" if clause.table else _spaced(clause.text)
+        for clause in sentence
+    )
+
+
+def _spaced(text: str) -> str:
+    """Return text as written with the blanks at its ends, which separate it from the clauses beside it."""
+    before, after = " " * (text[:1] == " "), " " * (text[-1:] == " " and bool(text.strip()))
+    return f"{before}{plain_markdown(text)}{after}"
 
 
 def _tables(*tables: Table | None) -> list[str]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.report.layouts import reading_notes
 from relnav_sim.report.metrics import (
     ANEES,
@@ -52,8 +53,7 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         ]
     else:
         rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking, others)]
-    spans = {case.when for case in cases}
-    over = spans.pop() if len(spans) == 1 else "the settled span"
+    over = over_in_words(cases)
     above = "Above the best: relative difference on the same runs."
     above += (
         " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound "
@@ -72,6 +72,12 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         rows=tuple(rows),
         sortable=True,
     )
+
+
+def over_in_words(cases: Sequence[CaseFacts]) -> str:
+    """Return the headline span of cases in words."""
+    spans = {case.when for case in cases}
+    return spans.pop() if len(spans) == 1 else "the steady state of each case"
 
 
 def _rows(ranking: Ranking, others: Sequence[Metric]) -> list[Row]:

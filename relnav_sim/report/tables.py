@@ -93,6 +93,7 @@ class Row:
 
     ``key`` is the case the row belongs to, ``order`` what a sort by heading goes by, ``opens_block`` asks
     for a line above the row. ``record`` is the heading in CSV, where every row must stand for itself; empty: the label.
+    ``anchor`` is the row's id in the page, for what links to it.
     """
 
     label: str
@@ -102,6 +103,7 @@ class Row:
     order: float | None = None
     opens_block: bool = False
     record: str = ""
+    anchor: str = ""
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,10 @@ def markdown(table: Table) -> str:
     lines = [_pipes(heads), "|" + "|".join(rule) + "|"]
     for row in table.rows:
         lines.append(_pipes([row.label, *([row.unit] if unit else []), *_filled(row.cells)]))
-    return f"### {plain_markdown(table.title)}\n\n" + "\n".join(lines) + f"\n\n{plain_markdown(table.caption)}\n"
+    anchor = f'<a id="{table.name}"></a>\n\n'
+    return (
+        f"{anchor}### {plain_markdown(table.title)}\n\n" + "\n".join(lines) + f"\n\n{plain_markdown(table.caption)}\n"
+    )
 
 
 def comma_separated(table: Table) -> str:
