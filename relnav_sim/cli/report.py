@@ -72,7 +72,13 @@ def report(
             raise UserError(f"{target} is a file; give --out the name of a folder")
         verdict = _checked(file) if check else None
         page = write_report(
-            file, target, formats=words, axes=axes.value, cases=_chosen(case), say=lambda words: say(words, err=True)
+            file,
+            target,
+            formats=words,
+            axes=axes.value,
+            cases=_chosen(case),
+            say=lambda words: say(words, err=True),
+            tell=say,
         )
         say(f"wrote {page}")
     if verdict is not None:

@@ -16,7 +16,7 @@ from relnav_sim.report.decision_table import (
 from relnav_sim.report.page import DecisionSection
 from relnav_sim.report.regret import regret_anchor
 from relnav_sim.report.requirements import margin_in_words, requirement_anchor
-from relnav_sim.report.sentences import Clause, Sentence, joined
+from relnav_sim.report.sentences import Clause, Sentence, joined, plain
 from relnav_sim.report.tables import Table
 from relnav_sim.statistics.decision import OVERCONFIDENT, CaseEvidence, Choice, Decision
 from relnav_sim.statistics.equivalence import Difference
@@ -177,7 +177,7 @@ def _loss(decision: Decision, name: str) -> Clause:
     case, found = _worst_place(decision, name)
     if found is None:
         return Clause("has no run in common with it")
-    one = found.percent
+    one = found.shown(decision.margin_percent)
     if one.estimate >= 300:
         words = f"(position RMS {significant(1 + one.estimate / 100)} times as large)"
     else:
@@ -239,16 +239,19 @@ def _refused(decision: Decision) -> Iterator[Sentence]:
         return
     first = decision.overall.most_accurate
     names = sorted(refusals, key=lambda name: name != first)
-    parts = [
-        [
-            Clause(f"{name} ({'the smallest position RMS; ' if name == first else ''}"),
-            *_reasons(decision, name),
-            Clause(")"),
-        ]
-        for name in names[:_MANY_FILTERS]
-    ]
-    left = len(names) - _MANY_FILTERS
-    yield (Clause("Not recommended: "), *joined(parts, ", "), Clause(f" and {left} more." if left > 0 else "."))
+    note = f"; {first} has the smallest position RMS" if first in refusals else ""
+    yield (Clause("Not recommended: "), *_grouped(decision, names), Clause(f"{note}."))
+
+
+def _grouped(decision: Decision, names: Sequence[str]) -> list[Clause]:
+    """Return filters with why they are refused, those that share their reasons together."""
+    groups: dict[str, tuple[list[str], list[Clause]]] = {}
+    for name in names:
+        reasons = _reasons(decision, name)
+        groups.setdefault(plain(reasons), ([], reasons))[0].append(name)
+    parts = [[Clause(f"{listed(alike)} ("), *reasons, Clause(")")] for alike, reasons in groups.values()]
+    left = len(parts) - _MANY_FILTERS
+    return [*joined(parts[:_MANY_FILTERS], ", "), *([Clause(f" and {left} more")] if left > 0 else [])]
 
 
 def _reasons(decision: Decision, name: str) -> list[Clause]:
@@ -259,7 +262,11 @@ def _reasons(decision: Decision, name: str) -> list[Clause]:
     runs = sum(item.runs for _, item in cases)
     worst_case, worst = max(cases, key=lambda each: _or_zero(each[1].error_over_sigma))
     parts = []
-    for refusal in decision.overall.refusals[name]:
+    refusals = decision.overall.refusals[name]
+    lost = any(refusal.reason == "diverged" for refusal in refusals)
+    for refusal in refusals:
+        if lost and refusal.reason == "overconfident":
+            continue  # the same finding: it diverged by its own covariance
         where = next((case for case, choice in decision.cases if _has(choice, name, refusal.reason)), worst_case)
         words = refusal_in_words(refusal, runs, worst.error_over_sigma)
         parts.append([_at(worst_case if refusal.reason == "overconfident" else where, name, words)])
@@ -271,10 +278,9 @@ def _has(choice: Choice, name: str, reason: str) -> bool:
 
 
 def _none_acceptable(decision: Decision) -> Sentence:
-    names = list(decision.overall.refusals)[:_MANY_FILTERS]
-    parts = [[Clause(f"{name} ("), *_reasons(decision, name), Clause(")")] for name in names]
-    cases = " in all cases" if len(decision.cases) > 1 else ""
-    return (Clause(f"No filter can be recommended{cases}: "), *joined(parts, ", "), Clause("."))
+    cases = " for all cases" if len(decision.cases) > 1 else ""
+    reasons = _grouped(decision, list(decision.overall.refusals))
+    return (Clause(f"No filter can be recommended{cases}: "), *reasons, Clause("."))
 
 
 def _case_by_case(decision: Decision, labels: Sequence[str]) -> Iterator[Sentence]:

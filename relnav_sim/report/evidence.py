@@ -46,7 +46,7 @@ def _evidence(ranking: Ranking, judged: Sequence[Judgement]) -> CaseEvidence:
         case.index,
         tuple(_candidate(ranking, item, [one for one in mine if one.filter == item.name]) for item in case.filters),
         {
-            (pair.first, pair.second): Difference(pair.simultaneous, pair.comparison.verdict)
+            (pair.first, pair.second): Difference(pair.percent, pair.comparison.verdict, pair.simultaneous)
             for pair in ranking.position
         },
     )

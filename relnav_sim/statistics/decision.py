@@ -25,6 +25,7 @@ OVERCONFIDENT = 1.5
 """Errors this many times the formal sigma, root of the ANEES, are too many for a filter to be recommended."""
 
 Reason = Literal["not observable", "known later", "no run", "failed", "diverged", "requirement", "overconfident"]
+_FIRST = ("not observable", "known later", "no run", "failed", "diverged", "requirement", "overconfident")
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class CaseEvidence:
         if (first, second) in self.differences:
             return self.differences[first, second]
         found = self.differences.get((second, first))
-        return None if found is None else _turned(found)
+        return None if found is None else found.turned()
 
 
 @dataclass(frozen=True)
@@ -219,7 +220,8 @@ def _everywhere(name: str, cases: Sequence[tuple[CaseEvidence, Choice]]) -> tupl
         for refusal in found:
             key = refusal.reason, refusal.what
             counts[key] = counts.get(key, 0) + refusal.count
-    return tuple(Refusal(reason, what, count) for (reason, what), count in counts.items())
+    found_first = sorted(counts, key=lambda each: _FIRST.index(each[0]))
+    return tuple(Refusal(reason, what, counts[reason, what]) for reason, what in found_first)
 
 
 def _worst(name: str, among: Sequence[str], evidence: Sequence[CaseEvidence]) -> tuple[int, float]:
@@ -232,7 +234,7 @@ def _worst(name: str, among: Sequence[str], evidence: Sequence[CaseEvidence]) ->
 
 
 def _over_cases(name: str, best: str, evidence: Sequence[CaseEvidence], margin_percent: float) -> Effect:
-    """Return how a filter compares with the chosen one over all cases; better in one and worse in another: undecided."""
+    """Return how a filter compares with the chosen one over all cases; undecided if better in some and worse in some."""
     effects = {_effect(name, best, case, margin_percent) for case in evidence}
     if effects == {"equivalent"}:
         return "equivalent"
@@ -259,14 +261,3 @@ def _size(name: str, case: CaseEvidence) -> float:
 
 def _mean_size(name: str, evidence: Sequence[CaseEvidence]) -> float:
     return sum(_size(name, case) for case in evidence)
-
-
-def _turned(found: Difference) -> Difference:
-    """Return the difference the other way round: a is p percent above b, so b is p / (1 + p / 100) below a."""
-    low, estimate, high = (
-        -value / (1 + value / 100) if value > -100 else math.nan
-        for value in (found.percent.high, found.percent.estimate, found.percent.low)
-    )
-    verdict: dict[str, Literal["better", "worse", "undecided"]] = {"better": "worse", "worse": "better"}
-    turned = Interval(estimate, low, high, found.percent.level, found.percent.runs)
-    return Difference(turned, verdict.get(found.verdict, "undecided"))

@@ -34,7 +34,7 @@ def _case(*candidates: Candidate, index: int = 0, half: float = 0.1) -> CaseEvid
         above = 100 * (first.position.estimate / second.position.estimate - 1)
         verdict = "worse" if above > half else "undecided"
         percent = Interval(above, above - half, above + half, 0.95, RUNS)
-        differences[first.name, second.name] = Difference(percent, verdict)
+        differences[first.name, second.name] = Difference(percent, verdict, percent)
     return CaseEvidence(index, candidates, differences)
 
 
@@ -104,7 +104,8 @@ def test_several_cases_take_the_best_worst_case_of_what_none_refuses() -> None:
 
 
 def test_the_other_way_round_a_difference_is_in_percent_of_the_other_filter() -> None:
-    case = CaseEvidence(0, (), {("a", "b"): Difference(Interval(100.0, 25.0, 300.0, 0.95, RUNS), "worse")})
+    above = Interval(100.0, 25.0, 300.0, 0.95, RUNS)
+    case = CaseEvidence(0, (), {("a", "b"): Difference(above, "worse", above)})
     turned = case.difference("b", "a")
     assert turned is not None
     assert (turned.percent.low, turned.percent.estimate, turned.percent.high) == pytest.approx((-75, -50, -20))
@@ -114,9 +115,10 @@ def test_the_other_way_round_a_difference_is_in_percent_of_the_other_filter() ->
 
 def test_runs_to_decide_bring_the_interval_inside_the_margin() -> None:
     """Half a per cent off, known to 2 %: a half width of 0.5 % takes 16 times as many runs."""
-    assert Difference(Interval(0.5, -1.5, 2.5, 0.95, 25), "undecided").runs_to_decide(1.0) == 400
-    assert Difference(Interval(3.0, -1.0, 7.0, 0.95, 25), "undecided").runs_to_decide(1.0) == 45  # 25 (4 / 3)^2
-    assert Difference(Interval(1e-6, math.nan, math.nan, 0.95, 1), "undecided").runs_to_decide(1.0) is None
+    small, large = Interval(0.5, -1.5, 2.5, 0.95, 25), Interval(3.0, -1.0, 7.0, 0.95, 25)
+    unknown = Interval(1e-6, math.nan, math.nan, 0.95, 1)
+    needed = [Difference(one, "undecided", one).runs_to_decide(1.0) for one in (small, large, unknown)]
+    assert needed == [400, 45, None]  # 25 (4 / 3)^2 = 44.4
 
 
 def _effects(rng: np.random.Generator, above_percent: tuple[float, ...], spread: float) -> set[str]:
@@ -133,13 +135,13 @@ def _effects(rng: np.random.Generator, above_percent: tuple[float, ...], spread:
     for (first, second), comparison in compared.items():
         scale, one = 100 / sizes[second].mean(), comparison.simultaneous
         percent = replace(one, estimate=scale * one.estimate, low=scale * one.low, high=scale * one.high)
-        effect = Difference(percent, comparison.verdict).effect(1.0)
+        effect = Difference(percent, comparison.verdict, percent).effect(1.0)
         true = (1 + above_percent[names.index(first)] / 100) / (1 + above_percent[names.index(second)] / 100) - 1
         if effect == "equivalent" and abs(true) >= 0.01 - 1e-12:
             found.add("wrongly equivalent")
         if effect in ("better", "worse") and abs(true) < 1e-12:
             found.add("wrongly different")
-        if effect == "worse" and true < 0 or effect == "better" and true > 0:
+        if (effect == "worse" and true < 0) or (effect == "better" and true > 0):
             found.add("wrong side")
         found.add(effect)
     return found
