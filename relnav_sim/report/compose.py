@@ -22,11 +22,12 @@ from relnav_sim.report.drawing import within
 from relnav_sim.report.error_budget import budgeted_cases
 from relnav_sim.report.evidence import decided
 from relnav_sim.report.overview import over_in_words, overview_table
-from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection
+from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection, ScenarioSection
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
+from relnav_sim.report.scenario import limitations, scenario_picture, told_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.safe_path import safe_path
@@ -87,7 +88,12 @@ def compose(
     regret = regret_section(results, figure_folder)
     sections_so_far = [replace(section, pictures=()) for _, section in parts]
     page = _without_pictures(results, rankings, axes, sections_so_far, regret)
+    scenario = _scenario(results, rankings, closely, figure_folder)
+    page = replace(page, scenario=None if scenario is None else replace(scenario, picture=None))
     left = _LARGEST_HTML - len(html.render(page).encode())
+    if scenario is not None and scenario.picture is not None:
+        (drawn,), left = within([scenario.picture], left)
+        scenario = replace(scenario, picture=drawn)
     top, left = within(overall_pictures(results, rankings, figure_folder), left)
     if regret is not None:
         pictures, left = within(regret.pictures, left)
@@ -97,7 +103,22 @@ def compose(
         pictures, left = within(section.pictures, left)
         sections.append(replace(section, pictures=pictures))
     summary = page.summary if regret is None else (*page.summary, *regret.sentences)
-    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections))
+    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections), scenario=scenario)
+
+
+def _scenario(
+    results: Results, rankings: Sequence[Ranking], closely: Sequence[int], figure_folder: Path
+) -> ScenarioSection | None:
+    """Return the scenario of the first case that is shown closely and has runs."""
+    case = next((ranking.case for ranking in rankings if ranking.case.filters and ranking.case.index in closely), None)
+    if case is None:
+        return None
+    missing: list[str] = []
+    told = None
+    if results.replay is None:
+        told = attempted("The table of what filters are told", partial(told_table, results, case.index), missing)
+    said = attempted("The list of limitations", partial(limitations, results), missing) or ()
+    return ScenarioSection(scenario_picture(results, case, figure_folder), told, (*said, *missing))
 
 
 def _closely(results: Results, shown: Sequence[int] | None) -> list[int]:
@@ -171,7 +192,8 @@ def _without_pictures(
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
-        name=results.campaign_name,
+        name=str(results.campaign_content.get("title") or results.campaign_name),
+        document=campaign_facts.document_facts(results),
         facts=campaign_facts.headline_facts(results),
         summary=(
             *(geometry or ()),

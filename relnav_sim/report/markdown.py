@@ -13,7 +13,8 @@ from relnav_sim.report.tables import markdown as table_markdown
 
 def render(page: Page) -> str:
     """Return the report as Markdown; what the campaign's author wrote shows as written."""
-    parts = [f"# {plain_markdown(page.name)}", plain_markdown(" · ".join(page.facts))]
+    parts = [f"# {plain_markdown(page.name)}", *([plain_markdown(" · ".join(page.document))] if page.document else [])]
+    parts.append(plain_markdown(" · ".join(page.facts)))
     if page.decision is not None:
         parts += ["## Decision", _linked(page.decision.lead)]
         parts.append("\n".join(f"- {_linked(sentence)}" for sentence in page.decision.others))
@@ -21,6 +22,10 @@ def render(page: Page) -> str:
     parts.append("## Summary")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
     parts += [plain_markdown(sentence) for sentence in page.missing]
+    if page.scenario is not None:
+        parts += ["## Scenario", *_pictures([page.scenario.picture] if page.scenario.picture else [])]
+        parts += _tables(page.scenario.told)
+        parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.scenario.limitations))
     parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
     parts += ["## Overview", *_tables(page.overview), *_pictures(page.pictures)]
     if page.regret is not None:

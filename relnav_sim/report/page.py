@@ -56,6 +56,15 @@ class DecisionSection:
 
 
 @dataclass(frozen=True)
+class ScenarioSection:
+    """What is simulated: its figure, what each filter is told of it, and what the campaign leaves out."""
+
+    picture: Picture | None
+    told: Table | None
+    limitations: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Page:
     """A whole report; ``missing`` says of each part outside the cases that could not be made why.
 
@@ -82,12 +91,15 @@ class Page:
     missing: tuple[str, ...] = ()
     all_cases: int = 1
     decision: DecisionSection | None = None
+    scenario: ScenarioSection | None = None
+    document: tuple[str, ...] = ()
 
     @property
     def all_missing(self) -> tuple[str, ...]:
         """What could not be made anywhere in the report, a sentence each."""
         pictures = [*self.pictures, *(picture for case in self.cases for picture in case.pictures)]
         pictures += self.regret.pictures if self.regret is not None else ()
+        pictures += [self.scenario.picture] if self.scenario is not None and self.scenario.picture else []
         about_regret = self.regret.missing if self.regret is not None else ()
         parts = [f"Case {case.number}: {sentence}" for case in self.cases for sentence in case.missing]
         return (*self.missing, *about_regret, *parts, *(picture.missing for picture in pictures if picture.missing))
@@ -100,4 +112,5 @@ def page_tables(page: Page) -> Sequence[Table]:
         tables += [*page.regret.tables, *page.regret.file_tables]
     for case in page.cases:
         tables += [case.table, *case.more_tables, *case.file_tables]
+    tables.append(page.scenario.told if page.scenario else None)
     return [table for table in (*tables, page.filters, page.all_settings) if table is not None]

@@ -234,7 +234,7 @@ def _worst(name: str, among: Sequence[str], evidence: Sequence[CaseEvidence]) ->
 
 
 def _over_cases(name: str, best: str, evidence: Sequence[CaseEvidence], margin_percent: float) -> Effect:
-    """Return how a filter compares with the chosen one over all cases; undecided if better in some and worse in some."""
+    """Return how a filter compares with the chosen one over all cases; undecided if better here and worse there."""
     effects = {_effect(name, best, case, margin_percent) for case in evidence}
     if effects == {"equivalent"}:
         return "equivalent"
