@@ -50,7 +50,7 @@ def scenario(
     states = results.truth(facts.index)[0][view.rows]
     shares = {name: share[view.rows] >= _READ_IN for name, share in availability(facts.filters).items()}
     strips = 0.12 + _STRIP_INCH * len(shares) if shares else 0.0
-    height = 0.1 + _PLANES_INCH + 0.5 + 2 * (_CURVE_INCH + 0.1) + strips + 0.38
+    height = 0.1 + _PLANES_INCH + 0.42 + 2 * (_CURVE_INCH + 0.1) + strips + 0.38
     with house_style():
         figure = new_figure(height)
         _draw_planes(figure, turned_states(states, facts.axes)[:, :3])
@@ -125,7 +125,7 @@ def _draw_planes(figure: Figure, truth: Array) -> None:
         )
         panel.plot(truth[:, across] * factors[across], truth[:, up] * factors[up], color=INK, linewidth=1.0)
         draw_ends(panel, truth * factors, across, up)
-        plane_axes(panel, "xyz"[across], "xyz"[up], units[across], units[up], 2)
+        plane_axes(panel, "xyz"[across], "xyz"[up], units[across], units[up], 1)
         panel.yaxis.labelpad = 0
 
 
@@ -141,7 +141,7 @@ def _draw_range(panel: Panel, view: Window, distance: Array) -> None:
     if distance.min() > 0 and distance.max() > _LOG_FROM_RATIO * distance.min():
         panel.set_yscale("log")
     else:
-        panel.set_ylim(bottom=0)
+        panel.set_ylim(0, 1.1 * factor * float(distance.max()))
     panel.set_ylabel(f"range\n[{unit}]")
 
 

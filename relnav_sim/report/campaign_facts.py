@@ -39,7 +39,7 @@ def headline_facts(results: Results) -> tuple[str, ...]:
 
 
 def document_facts(results: Results) -> tuple[str, ...]:
-    """Return what the campaign says of itself as a document: campaign (where it has a title), author, revision, date."""
+    """Return what the campaign says of itself as a document: its name beside a title, author, revision, date."""
     content = results.campaign_content
     named = {"campaign": results.campaign_name if content.get("title") else None}
     named |= {key: content.get(key) for key in ("author", "revision", "date")}

@@ -60,7 +60,7 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     others: list[Sentence] = []
     if choice.chosen is not None:
         others += [*_others(decision), *_regret(choice.chosen, known.regrets)]
-    others += [*_refused(decision), *_case_by_case(decision, known.labels), *_help(known.budget)]
+    others += [*_refused(decision, known.judged), *_case_by_case(decision, known.labels), *_help(known.budget)]
     others += _not_shown(decision, known)
     lead, table = _lead(decision, known.judged), decision_table(decision, known.labels, known.over)
     shown = table if len(decision.cases) <= MOST_CASES else _cited_rows(table, (lead, *others))
@@ -81,7 +81,7 @@ def _cited_rows(table: Table, sentences: Sequence[Sentence]) -> Table:
 def _lead(decision: Decision, judged: Sequence[Judgement]) -> Sentence:
     choice = decision.overall
     if choice.chosen is None:
-        return _none_acceptable(decision)
+        return _none_acceptable(decision, judged)
     if needed := _too_few(decision):
         return (Clause(f"No decision yet: {needed}"),)
     name = choice.chosen
@@ -232,7 +232,7 @@ def _regret(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
     yield (*said, Clause("."))
 
 
-def _refused(decision: Decision) -> Iterator[Sentence]:
+def _refused(decision: Decision, judged: Sequence[Judgement]) -> Iterator[Sentence]:
     """Yield why filters are not recommended, the most accurate first."""
     refusals = decision.overall.refusals
     if not refusals or decision.overall.chosen is None:
@@ -240,21 +240,21 @@ def _refused(decision: Decision) -> Iterator[Sentence]:
     first = decision.overall.most_accurate
     names = sorted(refusals, key=lambda name: name != first)
     note = f"; {first} has the smallest position RMS" if first in refusals else ""
-    yield (Clause("Not recommended: "), *_grouped(decision, names), Clause(f"{note}."))
+    yield (Clause("Not recommended: "), *_grouped(decision, names, judged), Clause(f"{note}."))
 
 
-def _grouped(decision: Decision, names: Sequence[str]) -> list[Clause]:
+def _grouped(decision: Decision, names: Sequence[str], judged: Sequence[Judgement]) -> list[Clause]:
     """Return filters with why they are refused, those that share their reasons together."""
     groups: dict[str, tuple[list[str], list[Clause]]] = {}
     for name in names:
-        reasons = _reasons(decision, name)
+        reasons = _reasons(decision, name, judged)
         groups.setdefault(plain(reasons), ([], reasons))[0].append(name)
     parts = [[Clause(f"{listed(alike)} ("), *reasons, Clause(")")] for alike, reasons in groups.values()]
     left = len(parts) - _MANY_FILTERS
     return [*joined(parts[:_MANY_FILTERS], ", "), *([Clause(f" and {left} more")] if left > 0 else [])]
 
 
-def _reasons(decision: Decision, name: str) -> list[Clause]:
+def _reasons(decision: Decision, name: str, judged: Sequence[Judgement]) -> list[Clause]:
     """Return the reasons against a filter, each a link to the row that shows it."""
     cases = [(case, item) for case, choice in decision.cases if (item := case.of(name))]
     if not cases:
@@ -269,6 +269,10 @@ def _reasons(decision: Decision, name: str) -> list[Clause]:
             continue  # the same finding: it diverged by its own covariance
         where = next((case for case, choice in decision.cases if _has(choice, name, refusal.reason)), worst_case)
         words = refusal_in_words(refusal, runs, worst.error_over_sigma)
+        if refusal.reason == "requirement":
+            missed = [(item.name, item.filter, item.verdict) == (refusal.what, name, "fail") for item in judged]
+            parts.append([Clause(words, "requirements", requirement_anchor(missed.index(True)))])
+            continue
         parts.append([_at(worst_case if refusal.reason == "overconfident" else where, name, words)])
     return joined(parts, "; ")
 
@@ -277,9 +281,9 @@ def _has(choice: Choice, name: str, reason: str) -> bool:
     return any(refusal.reason == reason for refusal in choice.refusals.get(name, ()))
 
 
-def _none_acceptable(decision: Decision) -> Sentence:
+def _none_acceptable(decision: Decision, judged: Sequence[Judgement]) -> Sentence:
     cases = " for all cases" if len(decision.cases) > 1 else ""
-    reasons = _grouped(decision, list(decision.overall.refusals))
+    reasons = _grouped(decision, list(decision.overall.refusals), judged)
     return (Clause(f"No filter can be recommended{cases}: "), *reasons, Clause("."))
 
 

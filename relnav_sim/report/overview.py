@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.report.decision_table import NO_DIFFERENCE_THAT_MATTERS
 from relnav_sim.report.layouts import reading_notes
 from relnav_sim.report.metrics import (
     ANEES,
@@ -22,6 +23,7 @@ from relnav_sim.report.metrics import (
 )
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 from relnav_sim.wording import short_labels
 
 _ABOVE_BEST = Column("RMS above the best [%]")
@@ -33,7 +35,9 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     cases = [ranking.case for ranking in rankings]
     bounded = any(math.isfinite(item.times_bound[case.span].estimate) for case in cases for item in case.filters)
     others = [TIMES_BOUND, CONVERGENCE, ANEES, nis_metric(cases), CPU, FAILED]
-    others = [metric for metric in others if bounded or metric is not TIMES_BOUND]
+    at_once = all(case.converged_at_once for case in cases)
+    left_out = [*([] if bounded else [TIMES_BOUND]), *([CONVERGENCE] if at_once else [])]
+    others = [metric for metric in others if metric not in left_out]
     columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [
@@ -119,5 +123,13 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
     if math.isnan(standing.percent.low):
         note = "too few runs to decide"
     elif not standing.told_apart:
-        note, mark = "not told apart", "best"
+        pair, margin = _simultaneous(ranking, name), ranking.case.matters_percent
+        within = abs(pair.low) < margin and abs(pair.high) < margin
+        note, mark = NO_DIFFERENCE_THAT_MATTERS if within else "no significant difference", "best"
     return replace(numbers([standing.percent])[0], note=note, mark=mark)
+
+
+def _simultaneous(ranking: Ranking, name: str) -> Interval:
+    """Return by how many percent a filter lies above the best, with the interval that holds for all pairs together."""
+    found = (pair.simultaneous for pair in ranking.position if (pair.first, pair.second) == (name, ranking.best.name))
+    return next(found, NO_INTERVAL)

@@ -132,7 +132,7 @@ def _dynamics(entry: Mapping[str, Any]) -> str:
 
 
 def _process_noise(entry: Mapping[str, Any]) -> str:
-    return f"process noise: {_leaves(entry.get('process_noise')) or 'none'}"
+    return f"as process noise: {_leaves(entry.get('process_noise')) or 'none'}"
 
 
 def _manoeuvres(results: Results, index: int, entries: Mapping[str, Any]) -> Iterator[Row]:
@@ -160,7 +160,9 @@ def _setting(results: Results, index: int, sensor: str) -> Mapping[str, Any]:
 def _sensor_rows(sensor: str, settings: Mapping[str, Any], entries: Mapping[str, Any]) -> Iterator[Row]:
     sigmas = {key: value for key, value in settings.items() if "sigma" in key and "time_tag" not in key and value}
     noise = _leaves(settings.get("noise"))
-    yield _row(f"{sensor}: noise", f"{_leaves(sigmas)}; {noise}", entries, partial(_of_sensor, sensor, _noise))
+    plain = _mapping(settings.get("noise")).get("kind") == "gaussian"
+    of_noise = partial(_noise, "told") if plain else partial(_noise, "")
+    yield _row(f"{sensor}: noise", f"{_leaves(sigmas)}; {noise}", entries, partial(_of_sensor, sensor, of_noise))
     biases = {key: value for key, value in settings.items() if "bias" in key and value}
     if biases:
         yield _row(f"{sensor}: bias", _leaves(biases), entries, partial(_of_sensor, sensor, _bias))
@@ -180,9 +182,9 @@ def _of_sensor(sensor: str, of: Any, entry: Mapping[str, Any]) -> str:
     return "does not use it" if used is not None and sensor not in used else str(of(sensor, entry))
 
 
-def _noise(sensor: str, entry: Mapping[str, Any]) -> str:
+def _noise(told: str, sensor: str, entry: Mapping[str, Any]) -> str:
     scale = entry.get("r_scale", 1.0)
-    found = _NOISE.get(str(entry.get("assumed_noise")), "")
+    found = told or _NOISE.get(str(entry.get("assumed_noise")), "")
     return found if scale in (None, 1.0) else f"{found}, times {scale:g}"
 
 

@@ -20,6 +20,8 @@ _MOST_CASES_IN_WORDS = 6
 _SMALLEST_PERCENT = 0.1
 _MANY_RUNS = 100_000
 _RUNS_NAMED = 3
+_FAR_OFF = 1.5
+"""Runs with a position RMS below this multiple of the median are not worth a look."""
 _FILTERS_NAMED = 4
 _SIGMA_MARGIN = 0.05
 """A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
@@ -70,7 +72,7 @@ def verdict(ranking: Ranking) -> str:
     tied = [best, *ranking.undecided]
     names = listed([item.name for item in tied])
     sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in tied])
-    undecided = f"{names} can't be told apart in position error at {counted(runs, 'run')}"
+    undecided = f"No significant difference in position error between {names} at {counted(runs, 'run')}"
     return f"{undecided}: RMS {sizes}{_largest_difference(ranking)}{behind}."
 
 
@@ -95,7 +97,11 @@ def _largest_difference(ranking: Ranking) -> str:
     needed = [found.runs_to_decide for found in against if found.runs_to_decide is not None]
     if len(needed) < len(ranking.undecided) or most <= _SMALLEST_PERCENT:
         return text
-    worth_saying = max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
+    sizes = [abs(item.percent.estimate) for item in ranking.undecided]
+    worth_saying = (
+        max(sizes) >= ranking.case.matters_percent
+        and max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
+    )
     between = " between all of them" if len(needed) > 1 else ""
     return f"{text}; about {float(f'{max(needed):.2g}'):.0f} runs would decide{between}" if worth_saying else text
 
@@ -132,7 +138,7 @@ def _across_cases(all_rankings: Sequence[Ranking]) -> str:
         if len(names) == 1:
             parts.append(f"{names[0]} has the smallest position error in {where}{_margin(won)}")
         else:
-            parts.append(f"{listed(names)} can't be told apart in {where}")
+            parts.append(f"no significant difference between {listed(names)} in {where}")
     if len(rankings) < total:
         parts.append(f"the state is not observable in {_of_all(total - len(rankings), total)}")
     return f"{'; '.join(parts)}."
@@ -239,14 +245,14 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
         elif max(factors) < 1:
             size = _factor([1 / factor for factor in factors])
             words = (
-                f"is conservative (formal sigma {size} times its errors)",
-                f"are conservative (formal sigma {size} times their errors)",
+                f"is conservative: formal sigma {size} times the actual error",
+                f"are conservative: formal sigma {size} times the actual error",
             )
         else:
             size = _factor(factors)
             words = (
-                f"is overconfident (errors {size} times its formal sigma)",
-                f"are overconfident (errors {size} times their formal sigma)",
+                f"is overconfident: actual error {size} times the formal sigma",
+                f"are overconfident: actual error {size} times the formal sigma",
             )
         said.setdefault(words, []).append(name)
     parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
@@ -269,7 +275,7 @@ def _factor(factors: Sequence[float], digits: int = 3) -> str:
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
     untold = list(dict.fromkeys(item.case.not_judged for item in rankings if not item.case.shows_convergence))
-    rankings = [ranking for ranking in rankings if ranking.case.shows_convergence]
+    rankings = [item for item in rankings if item.case.shows_convergence and not item.case.converged_at_once]
     medians: dict[str, list[str]] = {}
     never = []
     for name, parts in _per_filter(rankings):
@@ -317,14 +323,15 @@ def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
             times.setdefault(place, []).append(float(item.times_median(ranking.case.span)[row]))
             if item.diverged[row]:
                 lost.add(place)
-    if not names:
-        return []
     many = len(rankings) > 1
+    far = [at for at in names if at in lost or max(times[at]) >= _FAR_OFF]
     parts = [
         f"run {run}{f' of case {case}' if many else ''} ({_in_short(names[case, run])}, "
         f"{_factor(times[case, run], 2)} times the median)"
-        for case, run in sorted(names, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
+        for case, run in sorted(far, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
     ]
+    if not parts:
+        return []
     how = "the commands that show them are in the tables of worst runs"
     return [f"Look at {listed(parts)}: the largest position errors; {how}."]
 
