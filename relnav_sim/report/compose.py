@@ -17,7 +17,7 @@ from relnav_sim.report import campaign_facts, html
 from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_section import budget_table, compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
-from relnav_sim.report.decision import Background, decision_section
+from relnav_sim.report.decision import decision_section
 from relnav_sim.report.drawing import within
 from relnav_sim.report.error_budget import budgeted_cases
 from relnav_sim.report.evidence import decided
@@ -27,6 +27,7 @@ from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
+from relnav_sim.report.reservations import Background
 from relnav_sim.report.scenario import limitations, scenario_picture, told_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words

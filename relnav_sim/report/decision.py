@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from relnav_sim.report.decision_table import (
     MOST_CASES,
     NO_DIFFERENCE_THAT_MATTERS,
-    decision_anchor,
     decision_table,
     refusal_in_words,
 )
 from relnav_sim.report.page import DecisionSection
 from relnav_sim.report.regret import regret_anchor
 from relnav_sim.report.requirements import margin_in_words, requirement_anchor
+from relnav_sim.report.reservations import Background, at_row, not_shown, or_zero, what_would_help
 from relnav_sim.report.sentences import Clause, Sentence, joined, plain
 from relnav_sim.report.tables import Table
-from relnav_sim.statistics.decision import OVERCONFIDENT, CaseEvidence, Choice, Decision
+from relnav_sim.statistics.decision import CaseEvidence, Choice, Decision
 from relnav_sim.statistics.equivalence import Difference
-from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.regret import Regret
 from relnav_sim.statistics.requirements import Judgement, overall
 from relnav_sim.wording import between, counted, listed, significant
@@ -29,39 +28,18 @@ _MANY_RUNS = 100_000
 _MANY_FILTERS = 6
 
 
-@dataclass(frozen=True)
-class Background:
-    """What a decision is told with.
-
-    Attributes:
-        labels: The labels of the decision's cases.
-        over: The span of the figures, in words.
-        judged: The requirements, in the order of their table.
-        regrets: The regret of each case, by its number from 0.
-        budget: The table of an error budget, the filter it is of in its title; None without one.
-        waiting: Filters without any run yet.
-        shared_field: Whether filters know all of the truth's gravity field.
-        replayed: Whether the readings are recorded ones.
-    """
-
-    labels: tuple[str, ...]
-    over: str
-    judged: tuple[Judgement, ...] = ()
-    regrets: Mapping[int, Regret] = field(default_factory=dict)
-    budget: Table | None = None
-    waiting: tuple[str, ...] = ()
-    shared_field: bool = False
-    replayed: bool = False
-
-
 def decision_section(decision: Decision, known: Background) -> DecisionSection:
     """Return the decision as a section of the page, its lead first."""
     choice = decision.overall
     others: list[Sentence] = []
     if choice.chosen is not None:
         others += [*_others(decision), *_regret(choice.chosen, known.regrets)]
-    others += [*_refused(decision, known.judged), *_case_by_case(decision, known.labels), *_help(known.budget)]
-    others += _not_shown(decision, known)
+    others += [
+        *_refused(decision, known.judged),
+        *_case_by_case(decision, known.labels),
+        *what_would_help(known.budget),
+    ]
+    others += not_shown(decision, known)
     lead, table = _lead(decision, known.judged), decision_table(decision, known.labels, known.over)
     shown = table if len(decision.cases) <= MOST_CASES else _cited_rows(table, (lead, *others))
     return DecisionSection(lead, tuple(others), table, shown)
@@ -107,21 +85,21 @@ def _achieves(decision: Decision, name: str) -> Iterator[Clause]:
     if len(found) == 1:
         (case, item), *_ = found
         size = f"{significant(item.position.estimate)} m{between(item.position.low, item.position.high)}"
-        yield _at(case, name, f"position RMS {size}")
+        yield at_row(case, name, f"position RMS {size}")
         yield Clause(f", velocity RMS {significant(item.velocity.estimate)} m/s")
         return
     sizes = sorted(((item.position.estimate, case) for case, item in found), key=lambda each: each[0])
     (least, where_least), (most, where_most) = sizes[0], sizes[-1]
     yield Clause("position RMS ")
-    yield _at(where_least, name, f"{significant(least)} m")
+    yield at_row(where_least, name, f"{significant(least)} m")
     yield Clause(" to ")
-    yield _at(where_most, name, f"{significant(most)} m")
+    yield at_row(where_most, name, f"{significant(most)} m")
     yield Clause(f" over {counted(len(found), 'case')}")
     index, above = decision.worst[name]
     if above >= decision.margin_percent:
         case = next(case for case, _ in decision.cases if case.index == index)
         yield Clause(", at most ")
-        yield _at(case, name, f"{significant(above)} % above the best of a case (case {index + 1})")
+        yield at_row(case, name, f"{significant(above)} % above the best of a case (case {index + 1})")
 
 
 def _requirements(name: str, judged: Sequence[Judgement]) -> Iterator[Clause]:
@@ -183,7 +161,7 @@ def _loss(decision: Decision, name: str) -> Clause:
     else:
         words = f"{significant(one.estimate)} %{between(one.low, one.high)}"
     where = f" (case {case.index + 1})" if len(decision.cases) > 1 else ""
-    return _at(case, name, f"{words}{where}")
+    return at_row(case, name, f"{words}{where}")
 
 
 def _needed(decision: Decision, name: str) -> int | None:
@@ -260,7 +238,7 @@ def _reasons(decision: Decision, name: str, judged: Sequence[Judgement]) -> list
     if not cases:
         return [Clause("no run yet")]
     runs = sum(item.runs for _, item in cases)
-    worst_case, worst = max(cases, key=lambda each: _or_zero(each[1].error_over_sigma))
+    worst_case, worst = max(cases, key=lambda each: or_zero(each[1].error_over_sigma))
     parts = []
     refusals = decision.overall.refusals[name]
     lost = any(refusal.reason == "diverged" for refusal in refusals)
@@ -273,7 +251,7 @@ def _reasons(decision: Decision, name: str, judged: Sequence[Judgement]) -> list
             missed = [(item.name, item.filter, item.verdict) == (refusal.what, name, "fail") for item in judged]
             parts.append([Clause(words, "requirements", requirement_anchor(missed.index(True)))])
             continue
-        parts.append([_at(worst_case if refusal.reason == "overconfident" else where, name, words)])
+        parts.append([at_row(worst_case if refusal.reason == "overconfident" else where, name, words)])
     return joined(parts, "; ")
 
 
@@ -291,19 +269,27 @@ def _case_by_case(decision: Decision, labels: Sequence[str]) -> Iterator[Sentenc
     """Yield what would be flown in each case, where that is not the same in all; of many cases the counts."""
     if len(decision.cases) < 2:
         return
-    chosen = [choice.chosen for _, choice in decision.cases]
-    if set(chosen) == {decision.overall.chosen}:
+    overall = decision.overall.chosen
+    other = [choice.chosen for _, choice in decision.cases if overall not in _as_good(choice)]
+    if not other and len({choice.chosen for _, choice in decision.cases}) == 1:
         return
-    if len(chosen) > MOST_CASES:
-        counts = {name: chosen.count(name) for name in dict.fromkeys(chosen)}
-        parts = [f"{name or 'none'} in {count}" for name, count in sorted(counts.items(), key=lambda each: -each[1])]
-        yield (Clause(f"Case by case: {listed(parts)} of {len(chosen)} cases."),)
+    count = len(decision.cases)
+    if count > MOST_CASES:
+        parts = [f"{name or 'none'} in {other.count(name)}" for name in dict.fromkeys(other)]
+        if overall is not None:
+            same = f"{overall} is the choice, or differs from it by nothing that matters, in {count - len(other)}"
+            parts.insert(0, same)
+        yield (Clause(f"Case by case: {'; '.join(parts)} of {count} cases."),)
         return
     words = [
         [Clause(f"case {case.index + 1} ({label}) "), *_in_one_case(case, choice)]
         for (case, choice), label in zip(decision.cases, labels, strict=True)
     ]
     yield (Clause("Case by case: "), *joined(words, "; "), Clause("."))
+
+
+def _as_good(choice: Choice) -> tuple[str | None, ...]:
+    return choice.chosen, *choice.with_effect("equivalent")
 
 
 def _in_one_case(case: CaseEvidence, choice: Choice) -> list[Clause]:
@@ -314,56 +300,8 @@ def _in_one_case(case: CaseEvidence, choice: Choice) -> list[Clause]:
     item = case.of(choice.chosen)
     size = f" {significant(item.position.estimate)} m" if item is not None else ""
     words = choice.chosen if names == choice.chosen else f"{NO_DIFFERENCE_THAT_MATTERS} between {names},"
-    said = [_at(case, choice.chosen, f"{words}{size}")]
+    said = [at_row(case, choice.chosen, f"{words}{size}")]
     return [*said, Clause(f" (undecided against {listed(undecided)})")] if undecided else said
-
-
-def _help(budget: Table | None) -> Iterator[Sentence]:
-    """Yield which source of error would be worth most to halve, from the table of the error budget."""
-    if budget is None:
-        return
-    gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]
-    if not gains:
-        return
-    gain, source = max(gains)
-    words = Clause(f"{source}, {significant(gain, 2)} % less position error if halved", budget.name)
-    yield (Clause("What would help most: "), words, Clause(f" ({budget.title[0].lower()}{budget.title[1:]})."))
-
-
-def _gain(text: str) -> float:
-    return float(text.removesuffix(" %")) if text.endswith(" %") else 0.0
-
-
-def _not_shown(decision: Decision, known: Background) -> Iterator[Sentence]:
-    """Yield what the decision does not rest on."""
-    parts: list[list[Clause]] = []
-    if known.waiting:
-        parts.append([Clause(f"{listed(known.waiting)} (no run yet)")])
-    if not known.regrets and not known.replayed:
-        parts.append([Clause("flight under truths that filters are not told of (no stressed case was flown)")])
-    if known.shared_field:
-        parts.append([Clause("consistency in flight (truth and filters share the gravity field, see the summary)")])
-    if known.budget is None:
-        parts.append([Clause("which source of error dominates (no error budget)")])
-    if not known.judged and not known.replayed:
-        parts.append([Clause("whether the errors are small enough (the campaign has no requirements)")])
-    parts += _may_be_overconfident(decision)
-    if parts:
-        yield (Clause("Not shown: "), *joined(parts, "; "), Clause("."))
-
-
-def _may_be_overconfident(decision: Decision) -> list[list[Clause]]:
-    name = decision.overall.chosen
-    if name is None:
-        return []
-    cases = [(case, item) for case, _ in decision.cases if (item := case.of(name))]
-    case, item = max(cases, key=lambda each: _or_zero(each[1].error_over_sigma, "high"))
-    ratio = item.error_over_sigma
-    if math.isfinite(ratio.estimate) and ratio.high <= OVERCONFIDENT:
-        return []
-    size = f"{significant(ratio.estimate)}{between(ratio.low, ratio.high)}" if math.isfinite(ratio.estimate) else "none"
-    words = _at(case, name, f"error / formal sigma {size}")
-    return [[Clause(f"that {name} is not overconfident ("), words, Clause(f", limit {OVERCONFIDENT:g})")]]
 
 
 def _too_few(decision: Decision) -> str:
@@ -385,16 +323,5 @@ def _too_few(decision: Decision) -> str:
     )
 
 
-def _or_zero(one: Interval, end: str = "estimate") -> float:
-    value = float(getattr(one, end))
-    return value if math.isfinite(value) else 0.0
-
-
 def _to_row(decision: Decision, name: str, words: str) -> Clause:
-    return _at(_worst_place(decision, name)[0], name, words)
-
-
-def _at(case: CaseEvidence, name: str, words: str) -> Clause:
-    """Return a clause that links to the row of a filter in a case."""
-    place = [item.name for item in case.candidates].index(name)
-    return Clause(words, "decision", decision_anchor(case.index, place))
+    return at_row(_worst_place(decision, name)[0], name, words)

@@ -18,7 +18,7 @@ def render(page: Page) -> str:
     if page.decision is not None:
         parts += ["## Decision", _linked(page.decision.lead)]
         parts.append("\n".join(f"- {_linked(sentence)}" for sentence in page.decision.others))
-        parts.append(table_markdown(page.decision.shown))
+        parts.append(_table(page.decision.shown))
     parts.append("## Summary")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.summary))
     parts += [plain_markdown(sentence) for sentence in page.missing]
@@ -26,7 +26,7 @@ def render(page: Page) -> str:
         parts += ["## Scenario", *_pictures([page.scenario.picture] if page.scenario.picture else [])]
         parts += _tables(page.scenario.told)
         parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.scenario.limitations))
-    parts += ["## Requirements", table_markdown(page.requirements)] if page.requirements else []
+    parts += ["## Requirements", _table(page.requirements)] if page.requirements else []
     parts += ["## Overview", *_tables(page.overview), *_pictures(page.pictures)]
     if page.regret is not None:
         parts.append("## Regret")
@@ -37,13 +37,18 @@ def render(page: Page) -> str:
         parts += [plain_markdown(note) for note in (*case.notes, *case.missing)]
         parts += _tables(case.table)
         parts += _pictures(case.pictures)
-        parts += [table_markdown(table) for table in case.more_tables]
+        parts += [_table(table) for table in case.more_tables]
     parts += ["## Campaign", _code("\n".join(page.commands))]
     parts.append("\n".join(f"- {plain_markdown(name)}: {plain_markdown(value)}" for name, value in page.settings))
     parts += [*_tables(page.filters, page.all_settings), _code(page.campaign_text)]
     parts.append("## How to read the figures")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
     return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
+
+
+def _table(table: Table) -> str:
+    """Return a table after the name that sentences link to."""
+    return f'<a id="{table.name}"></a>\n\n{table_markdown(table)}'
 
 
 def _linked(sentence: Sentence) -> str:
@@ -61,7 +66,7 @@ def _spaced(text: str) -> str:
 
 
 def _tables(*tables: Table | None) -> list[str]:
-    return [table_markdown(table) for table in tables if table is not None]
+    return [_table(table) for table in tables if table is not None]
 
 
 def _pictures(pictures: Sequence[Picture]) -> list[str]:

@@ -159,10 +159,7 @@ def markdown(table: Table) -> str:
     lines = [_pipes(heads), "|" + "|".join(rule) + "|"]
     for row in table.rows:
         lines.append(_pipes([row.label, *([row.unit] if unit else []), *_filled(row.cells)]))
-    anchor = f'<a id="{table.name}"></a>\n\n'
-    return (
-        f"{anchor}### {plain_markdown(table.title)}\n\n" + "\n".join(lines) + f"\n\n{plain_markdown(table.caption)}\n"
-    )
+    return f"### {plain_markdown(table.title)}\n\n" + "\n".join(lines) + f"\n\n{plain_markdown(table.caption)}\n"
 
 
 def comma_separated(table: Table) -> str:

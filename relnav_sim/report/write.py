@@ -86,7 +86,7 @@ def write_report(
             _write(written[form] / f"{table.name}.{suffix}", made(table))
     if "latex" in wanted and page.decision is not None:
         sentences = (page.decision.lead, *page.decision.others)
-        _write(written["latex"] / "decision_sentences.tex", latex_sentences(sentences))
+        _write(folder / "decision.tex", latex_sentences(sentences))
     return next(iter(written.values()))
 
 
