@@ -249,10 +249,12 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
                 f"are conservative: formal sigma {size} times the actual error",
             )
         else:
-            size = _factor(factors)
+            above = [factor for factor in factors if factor > 1 + _SIGMA_MARGIN] or factors
+            where = f" in {len(above)} of {len(factors)} cases" if len(above) < len(factors) else ""
+            size = _factor(above)
             words = (
-                f"is overconfident: actual error {size} times the formal sigma",
-                f"are overconfident: actual error {size} times the formal sigma",
+                f"is overconfident{where}: actual error {size} times the formal sigma",
+                f"are overconfident{where}: actual error {size} times the formal sigma",
             )
         said.setdefault(words, []).append(name)
     parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
@@ -269,7 +271,7 @@ def _is_known_well(anees: Interval) -> bool:
 
 
 def _factor(factors: Sequence[float], digits: int = 3) -> str:
-    low, high = f"{min(factors):.{digits}g}", f"{max(factors):.{digits}g}"
+    low, high = significant(min(factors), digits), significant(max(factors), digits)
     return low if low == high else f"{low} to {high}"
 
 
@@ -327,13 +329,17 @@ def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
     far = [at for at in names if at in lost or max(times[at]) >= _FAR_OFF]
     parts = [
         f"run {run}{f' of case {case}' if many else ''} ({_in_short(names[case, run])}, "
-        f"{_factor(times[case, run], 2)} times the median)"
+        f"{_stands_out(times[case, run])})"
         for case, run in sorted(far, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
     ]
     if not parts:
         return []
     how = "the commands that show them are in the tables of worst runs"
     return [f"Look at {listed(parts)}: the largest position errors; {how}."]
+
+
+def _stands_out(times: Sequence[float]) -> str:
+    return f"{_factor(times, 2)} times the median" if max(times) >= _FAR_OFF else "diverged"
 
 
 def _in_short(names: Sequence[str]) -> str:
