@@ -271,7 +271,7 @@ def _is_known_well(anees: Interval) -> bool:
 
 
 def _factor(factors: Sequence[float], digits: int = 3) -> str:
-    low, high = significant(min(factors), digits), significant(max(factors), digits)
+    low, high = (f"{size:.{digits}g}" if size < 10**digits else f"{size:.0f}" for size in (min(factors), max(factors)))
     return low if low == high else f"{low} to {high}"
 
 
