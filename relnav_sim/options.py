@@ -29,6 +29,11 @@ class AddedLater:
 
 
 @dataclass(frozen=True)
+class OfReports:
+    """Marks an option that only reports look at: no value of it changes a result, so it stays outside hashes."""
+
+
+@dataclass(frozen=True)
 class Tunable:
     """Marks an option that `relnav tune` searches: ``alpha: Annotated[float, Tunable(0.01, 1)] = Field(...)``.
 

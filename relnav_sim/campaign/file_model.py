@@ -42,6 +42,7 @@ from relnav_sim.truth import TruthSection
 
 # What of pandas' default `na_values` the pattern allows, in any capitals; R reads NA alike.
 _MISSING = frozenset({"na", "nan", "null", "none"})
+_IN_REPORTS = "Stands in the head of reports; changes no result"
 NAME_PATTERN = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 
 
@@ -68,6 +69,10 @@ class Settings(Options):
         description="Name of the campaign, and of its result file unless `--out` says otherwise: letters, digits, "
         "'_', '-', '.'"
     )
+    title: str | None = Field(default=None, description=f"Title of the report; default: the name. {_IN_REPORTS}")
+    author: str | None = Field(default=None, description=f"Who answers for the campaign. {_IN_REPORTS}")
+    revision: str | None = Field(default=None, description=f"Revision of the campaign, as text: '1.2'. {_IN_REPORTS}")
+    date: str | None = Field(default=None, description=f"Date of the revision, as text: '2026-11-29'. {_IN_REPORTS}")
     seed: int = Field(
         ge=0,
         le=LARGEST_SEED,

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from relnav_sim.campaign.paths import parse_path
 from relnav_sim.campaign.problems import Path, dotted
-from relnav_sim.options import AddedLater, Options, Origin
+from relnav_sim.options import AddedLater, OfReports, Options, Origin
 
 _FIRST_SENSORS = ("radar", "gnss", "star_tracker", "accelerometer")
 """Sensors that once were the keys of their section, with nothing as the value of those that were not there."""
@@ -51,10 +51,14 @@ def former_spelling(model: type[Options], data: Mapping[str, Any]) -> dict[str, 
 
 
 def _outside_hashes(field: FieldInfo, value: Any, data: Mapping[str, Any]) -> bool:
-    """Return whether a key says nothing that a hash must hold: a later one's default, or where content came from."""
+    """Return whether a key says nothing that a hash must hold.
+
+    That is a later one's default, what only reports look at, or where content came from.
+    """
     default = list(field.default) if isinstance(field.default, tuple) else field.default
     return any(
-        (isinstance(mark, AddedLater) and value == default)
+        isinstance(mark, OfReports)
+        or (isinstance(mark, AddedLater) and value == default)
         or (isinstance(mark, Origin) and data.get(mark.of) is not None)
         for mark in field.metadata
     )

@@ -17,8 +17,10 @@ from relnav_sim.same_object import remembered
 from relnav_sim.sensors.registry import sensor_kinds
 from relnav_sim.truth import EphemerisTruthOptions, TruthOptions
 
-OUTSIDE_HASH = frozenset({"runs", "block_runs", "stop", "bound", "tune", "requirements", "stress"})
-"""Keys that change how much is computed and in which pieces, but no number that is."""
+OUTSIDE_HASH = frozenset(
+    {"runs", "block_runs", "stop", "bound", "tune", "requirements", "stress", "title", "author", "revision", "date"}
+)
+"""Keys that change how much is computed and in which pieces, or what a report says, but no number that is."""
 
 
 def in_first_spelling(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,11 +9,12 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, SerializeAsAny, WithJsonSchema, field_validator, model_validator
 
 from relnav_sim.campaign.entries import FilterEntry
-from relnav_sim.options import AddedLater, Options
+from relnav_sim.options import AddedLater, OfReports, Options
 from relnav_sim.sensors import SensorOptions
 from relnav_sim.truth import TruthSection
 
 LARGEST_SEED = 2**63 - 1
+MATTERS_PERCENT = 1.0
 MOST_RUNS = 1_000_000
 
 Vector = tuple[float, float, float]
@@ -143,6 +144,13 @@ class StatisticsOptions(Options):
         default=False,
         description="Whether the residuals of each channel are tested for correlation; default false: it costs "
         "one more prediction of each reading",
+    )
+    matters_percent: Annotated[float, OfReports()] = Field(
+        default=MATTERS_PERCENT,
+        gt=0,
+        lt=100,
+        description="Equivalence margin of the report's decision: a difference in position RMS below this does not "
+        "matter, percent; default 1. Changes no result",
     )
 
 

@@ -71,10 +71,19 @@ def report(
         if target.exists() and not target.is_dir():
             raise UserError(f"{target} is a file; give --out the name of a folder")
         verdict = _checked(file) if check else None
+        decision: list[str] = []
         page = write_report(
-            file, target, formats=words, axes=axes.value, cases=_chosen(case), say=lambda words: say(words, err=True)
+            file,
+            target,
+            formats=words,
+            axes=axes.value,
+            cases=_chosen(case),
+            say=lambda words: say(words, err=True),
+            tell=decision.append,
         )
         say(f"wrote {page}")
+        for sentence in decision:
+            say(sentence)
     if verdict is not None:
         say(f"requirements: {verdict}")
     if verdict == "fail":

@@ -19,6 +19,7 @@ from relnav_sim.plots.over_time import consistency_over_time, covariance_against
 from relnav_sim.plots.registry import FIGURE_KINDS, FigureKind, figure
 from relnav_sim.plots.regret import regret_by_case
 from relnav_sim.plots.residuals import residual_whiteness
+from relnav_sim.plots.scenario import scenario
 from relnav_sim.plots.spread import box_plots, violin_plots
 from relnav_sim.plots.sweeps import accuracy_by_case, sweep_boxes, sweep_trend
 
@@ -46,6 +47,7 @@ __all__ = [
     "regret_by_case",
     "residual_whiteness",
     "rms_over_time",
+    "scenario",
     "sweep_boxes",
     "sweep_trend",
     "trajectory",

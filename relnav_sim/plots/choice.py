@@ -9,6 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.data import (
+    PERFECT_BOUND,
     Case,
     chosen_filters,
     errors_of,
@@ -66,7 +67,7 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
     found = [mean_interval(item.errors("rms", facts.span, "r")[item.ok]) for item in items]
     values = np.array([one.estimate for one in found])
     limit = settled_bound(results, facts, "position")
-    labels = [shown_name(item.name) for item in items] + (["bound"] if np.isfinite(limit) else [])
+    labels = [shown_name(item.name) for item in items] + ([PERFECT_BOUND] if np.isfinite(limit) else [])
     with house_style():
         figure = new_figure(2.2 + legend_height(labels))
         panel = figure.subplots()

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 Case = int | str | CaseFacts
 _MOST_POINTS = 1200
+PERFECT_BOUND = "PCRB, perfect model"
+OWN_BOUND = "PCRB, own model"
 _SLOW_M_S = 0.2  # below this, axes of velocity are in mm/s
 
 
@@ -165,7 +167,7 @@ def perfect_bounds(
 ) -> list[tuple[str, Array]]:
     """Return the bounds of perfect models, as `bound_of`, one for each set of sensors that some filters go by.
 
-    Each with what a legend calls it: "bound", and the sensors where there are several.
+    Each with what a legend calls it: `PERFECT_BOUND`, and the sensors where there are several.
     """
     found: list[tuple[str, Array]] = []
     for item in filters:
@@ -173,7 +175,7 @@ def perfect_bounds(
         if stored is not None and not any(np.array_equal(stored, other, equal_nan=True) for _, other in found):
             found.append((" + ".join(item.named_sensors) or "all sensors", stored))
     return [
-        ("bound" if len(found) == 1 else f"bound, {label}", _of_components(stored, case, rows))
+        (PERFECT_BOUND if len(found) == 1 else f"PCRB, {label}", _of_components(stored, case, rows))
         for label, stored in found
     ]
 

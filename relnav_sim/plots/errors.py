@@ -10,6 +10,8 @@ import numpy as np
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, axis_names, describe_axes
 from relnav_sim.plots.data import (
+    OWN_BOUND,
+    PERFECT_BOUND,
     Case,
     bound_of,
     chosen_filters,
@@ -31,6 +33,8 @@ from relnav_sim.plots.style import (
     BAND,
     BOUND,
     FORMAL,
+    OWN_DASHES,
+    PERFECT_DASHES,
     house_style,
     legend_above,
     legend_height,
@@ -60,13 +64,15 @@ def errors_with_envelope(
     run: int | None = None,
     from_s: float | None = None,
     until_s: float | None = None,
+    own_bound: bool = False,
 ) -> Figure:
     """Draw the error of one filter against time, per axis, with the filter's own 3-sigma envelope and the bound.
 
     The grey band is mean +- 3 standard deviations of the error over the runs: what the filter does. The
     dashed lines are 3 times the root mean over runs of its covariance diagonal: its formal sigma. A consistent
     filter's band fills its envelope. The thin line is one run, for the look of one flight; with fewer than three
-    runs there is no band. Dotted, where it is stored: 3 times the posterior Cramer-Rao bound.
+    runs there is no band. Dash-dotted, where it is stored: 3 times the posterior Cramer-Rao bound (PCRB) of a perfect
+    model. That of the filter's own model, dotted, all but coincides with the formal sigma and is drawn when asked for.
 
     Args:
         results: An opened result.
@@ -76,16 +82,17 @@ def errors_with_envelope(
         run: The run to draw; default: the one with the median position RMS.
         from_s: Start of the time axis, s.
         until_s: Its end, s.
+        own_bound: Whether to draw the bound of the filter's own model too.
     """
     facts = facts_of(results, case, axes)
     item = facts.filter(filter or leading_filter(facts))
     view = window(facts, from_s, until_s)
     errors, sigmas = (read(results, facts, item, view.rows) for read in (errors_of, sigmas_of))
-    bound = bound_of(results, facts, view.rows, item.name)
-    if bound is None:
-        bound = next((found for _, found in perfect_bounds(results, facts, view.rows, [item])), None)
+    bound = next((found for _, found in perfect_bounds(results, facts, view.rows, [item])), None)
+    own = bound_of(results, facts, view.rows, item.name) if own_bound else None
+    limits = [(limit, dashes) for limit, dashes in ((bound, PERFECT_DASHES), (own, OWN_DASHES)) if limit is not None]
     row = run_row(item, facts, run) if item.completed else 0
-    labels = _envelope_labels(item, row, bound is not None)
+    labels = _envelope_labels(item, row, bound is not None, own is not None)
     colour = line_styles(facts.all_filters)[item.name].colour
     with house_style():
         figure = new_figure(3.45 + legend_height(labels))
@@ -99,9 +106,9 @@ def errors_with_envelope(
                 reach = _reach(error, formal, view.settled)
                 if velocity:
                     factor, unit_of = speed_unit(reach)
-                limit = None if bound is None else factor * bound[:, index]
+                lines = [(factor * limit[:, index], dashes) for limit, dashes in limits]
                 handles = _envelope(
-                    panel, view.times, factor * error, factor * formal, limit, row, factor * reach, colour
+                    panel, view.times, factor * error, factor * formal, lines, row, factor * reach, colour
                 )
             else:
                 say(panel, "every run failed")
@@ -129,7 +136,10 @@ def errors_words(case: CaseFacts, filter: str) -> FigureWords:
         parts.append(f"Thin line: {run}, the run with the median position RMS.")
     else:
         parts.append(f"Line: {run}.")
-    parts.append("Dashed: ± 3 formal sigma (root mean over runs); dotted, where stored: of the bound.")
+    parts.append(
+        "Dashed: ± 3 formal sigma (root mean over runs); dash-dotted, where stored: of the posterior "
+        "Cramér-Rao bound of a perfect model."
+    )
     if case.times_s[0] < case.settle_s <= case.times_s[-1]:
         parts.append(f"Scaled to t ≥ {case.settle_s:g} s; the start may leave the panel.")
     return FigureWords(
@@ -213,16 +223,24 @@ def axis_errors(
     return figure
 
 
-def _envelope_labels(item: FilterFacts, row: int, bound: bool) -> list[str]:
+def _envelope_labels(item: FilterFacts, row: int, bound: bool, own: bool) -> list[str]:
     if not item.completed:
         return []
     lines = [f"filter's ± 3 {SIGMA}", f"run {item.runs[item.ok][row]}"]
     lines = [f"± 3 std of {item.completed} runs", *lines] if item.completed > 2 else lines
-    return [*lines, f"± 3 {SIGMA} bound"] if bound else lines
+    lines += [f"± 3 {SIGMA} {PERFECT_BOUND}"] if bound else []
+    return [*lines, *([f"± 3 {SIGMA} {OWN_BOUND}"] if own else [])]
 
 
 def _envelope(
-    panel: Panel, times: Array, error: Array, formal: Array, bound: Array | None, row: int, reach: float, colour: str
+    panel: Panel,
+    times: Array,
+    error: Array,
+    formal: Array,
+    limits: Sequence[tuple[Array, Any]],
+    row: int,
+    reach: float,
+    colour: str,
 ) -> list[Any]:
     handles: list[Any] = []
     if len(error) > 2:
@@ -232,9 +250,9 @@ def _envelope(
     panel.plot(times, -3 * formal, color=FORMAL, linewidth=0.9, linestyle=(0, (4, 1.5)))
     (line,) = panel.plot(times, error[row], color=colour, linewidth=0.6)
     handles += [dashed, line]
-    if bound is not None:
-        handles.append(panel.plot(times, 3 * bound, color=BOUND, linewidth=1.0, linestyle=":")[0])
-        panel.plot(times, -3 * bound, color=BOUND, linewidth=1.0, linestyle=":")
+    for limit, dashes in limits:
+        handles.append(panel.plot(times, 3 * limit, color=BOUND, linewidth=1.0, linestyle=dashes)[0])
+        panel.plot(times, -3 * limit, color=BOUND, linewidth=1.0, linestyle=dashes)
     if reach > 0 and np.isfinite(reach):
         panel.set_ylim(-reach, reach)
     elif np.isnan(reach):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from relnav_sim.arrays import Array
+from relnav_sim.campaign.models import MATTERS_PERCENT
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import run_command
 from relnav_sim.plots.filter_facts import FilterFacts, filter_facts
@@ -60,6 +61,8 @@ class CaseFacts:
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
         manoeuvres_s: When manoeuvres begin, s; empty where the file's are damaged.
+        step_s: Time between epochs, s; NaN where the result does not say.
+        matters_percent: Differences in position RMS below this do not matter, percent.
     """
 
     number: int
@@ -78,6 +81,8 @@ class CaseFacts:
     failures: tuple[FailedRun, ...]
     command: str
     manoeuvres_s: tuple[float, ...] = ()
+    step_s: float = np.nan
+    matters_percent: float = MATTERS_PERCENT
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -108,6 +113,12 @@ class CaseFacts:
     def shows_convergence(self) -> bool:
         """Whether a run is long enough to converge at all."""
         return not self.convergence_until_s <= 0
+
+    @property
+    def converged_at_once(self) -> bool:
+        """Whether every run of every filter had converged by the first epoch, so that times say nothing."""
+        times = [item.convergence_s[item.ok] for item in self.filters]
+        return bool(times) and all(bool((each <= self.step_s * (1 + 1e-9)).all()) for each in times)
 
     @property
     def not_judged(self) -> str:
@@ -182,6 +193,8 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
         ),
         command=run_command(results) + (" --stress" if header.stress else ""),
         manoeuvres_s=_manoeuvres(results, index, times_s),
+        step_s=float(case_setting(results, index, "clock.step_s", np.nan)),
+        matters_percent=float(case_setting(results, index, "statistics.matters_percent", MATTERS_PERCENT)),
     )
 
 

@@ -72,7 +72,7 @@ def trajectory(
     facts = facts_of(results, case, axes)
     view = window(facts, from_s, until_s)
     truth, estimates, shown = _flight(results, facts, filters or [leading_filter(facts)], run, view)
-    factors, units = zip(*(_length_unit(truth[:, axis]) for axis in range(3)), strict=True)
+    factors, units = zip(*(length_unit(truth[:, axis]) for axis in range(3)), strict=True)
     styles = line_styles(facts.all_filters)
     labels = [f"truth of run {shown}", *(shown_name(name) for name in estimates)]
     with house_style():
@@ -85,8 +85,8 @@ def trajectory(
         for panel, (across, up) in zip(planes.flat, PLANES, strict=False):
             for states, colour, dashes, width in lines:
                 panel.plot(states[:, across], states[:, up], color=colour, linestyle=dashes, linewidth=width)
-            _ends(panel, truth * factors, across, up)
-            _plane_axes(panel, "xyz"[across], "xyz"[up], units[across], units[up], 3)
+            draw_ends(panel, truth * factors, across, up)
+            plane_axes(panel, "xyz"[across], "xyz"[up], units[across], units[up], 3)
         margins(figure, 0.52, 0.14, 2.3 + legend_height(labels), 0.36, hspace=0.48, wspace=0.62)
         space: Any = figure.add_axes(
             (0.04, 1 - (2.2 + legend_height(labels)) / height, 0.9, 2.2 / height), projection="3d"
@@ -130,7 +130,7 @@ def plane(
     view = window(facts, from_s, until_s)
     truth, estimates, shown = _flight(results, facts, filters, run, view)
     across, up = (1, 0) if facts.axes == "rtn" else (0, 2)
-    factors, units = zip(*(_length_unit(truth[:, axis]) for axis in range(3)), strict=True)
+    factors, units = zip(*(length_unit(truth[:, axis]) for axis in range(3)), strict=True)
     styles = line_styles(facts.all_filters)
     labels = [f"truth of run {shown}", *(shown_name(name) for name in estimates)]
     with house_style():
@@ -143,7 +143,7 @@ def plane(
             for states, colour, dashes, width in lines:
                 here = states[part] * scale
                 panel.plot(here[:, across], here[:, up], color=colour, linestyle=dashes, linewidth=width)
-        _ends(panels[0], truth * factors, across, up)
+        draw_ends(panels[0], truth * factors, across, up)
         box = truth[near] * factors
         panels[0].plot(box[:, across], box[:, up], color=INK, linewidth=4.0, alpha=0.25, solid_capstyle="butt")
         names = axis_names(facts.axes)
@@ -152,8 +152,8 @@ def plane(
         heading(
             panels[1], f"magnified: {part_of[0]:g} to {part_of[-1]:g} {view.unit}, within {metres:.2g} m of the truth"
         )
-        _plane_axes(panels[0], "xyz"[across], "xyz"[up], units[across], units[up], 5)
-        _plane_axes(panels[1], "xyz"[across], "xyz"[up], "m", "m", 5)
+        plane_axes(panels[0], "xyz"[across], "xyz"[up], units[across], units[up], 5)
+        plane_axes(panels[1], "xyz"[across], "xyz"[up], "m", "m", 5)
         margins(figure, 0.6, 0.16, 0.2 + legend_height(labels), 0.36, hspace=0.6, wspace=0.1)
         legend_above(figure, [key(colour, dashes, width) for _, colour, dashes, width in lines], labels)
     return figure
@@ -195,11 +195,13 @@ def _worst_part(truth: Array, estimates: dict[str, Array], view: Window) -> tupl
     return part, float(off[part].max())
 
 
-def _length_unit(lengths: Array) -> tuple[float, str]:
+def length_unit(lengths: Array) -> tuple[float, str]:
+    """Return the factor and the unit of an axis of lengths in m: km where they have five digits."""
     return (1e-3, "km") if np.abs(lengths).max() > _KM_FROM_M else (1.0, "m")
 
 
-def _ends(panel: Panel, truth: Array, across: int, up: int) -> None:
+def draw_ends(panel: Panel, truth: Array, across: int, up: int) -> None:
+    """Mark start and end of a trajectory (K, 3) in a plane, and the chief where it is near."""
     panel.plot(*truth[0, [across, up]], "o", color=INK, markersize=3.5, mfc="white")
     panel.plot(*truth[-1, [across, up]], "s", color=INK, markersize=3.5, mfc="white")
     low, high = truth.min(axis=0), truth.max(axis=0)
@@ -208,7 +210,8 @@ def _ends(panel: Panel, truth: Array, across: int, up: int) -> None:
         panel.plot(0, 0, "+", color=INK, markersize=6)
 
 
-def _plane_axes(panel: Panel, across: str, up: str, unit_across: str, unit_up: str, ticks: int) -> None:
+def plane_axes(panel: Panel, across: str, up: str, unit_across: str, unit_up: str, ticks: int) -> None:
+    """Label the axes of a plane, with so many ticks across, and keep a line at rest a line."""
     from matplotlib.ticker import MaxNLocator
 
     panel.set_xlabel(f"{across} [{unit_across}]")

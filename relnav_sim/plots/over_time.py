@@ -144,9 +144,7 @@ def rms_words(case: CaseFacts) -> FigureWords:
         return FigureWords(NO_ERROR, alt)
     what = f"RMS over {count} runs" if count > 1 else "Size in the one run"
     what += " of the position and velocity error against time."
-    formal = (
-        "Dotted: formal sigma, the root mean trace of each filter's covariance; dash-dotted, where stored: the bound."
-    )
+    formal = "Dotted: formal sigma, the root mean trace of each filter's covariance; dash-dotted, where stored: PCRB."
     return FigureWords(" ".join([what, formal, *thinned(case), *left_out(case.filters)]), alt)
 
 

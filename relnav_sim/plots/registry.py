@@ -21,6 +21,7 @@ from relnav_sim.plots import (
     over_time,
     regret,
     residuals,
+    scenario,
     spread,
     sweeps,
 )
@@ -109,6 +110,8 @@ _KINDS = (
                regret.regret_by_case),
     FigureKind("trajectory", "relative trajectory with the estimate, in space and in the three planes",
                geometry.trajectory, words=geometry.trajectory_words),
+    FigureKind("scenario", "true relative trajectory, range, line-of-sight rate, sensors and manoeuvres against time",
+               scenario.scenario, words=scenario.scenario_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",
                geometry.plane, {}, f"{_WEI}, Fig. 2"),
     FigureKind("ellipses", "errors of all runs at one epoch in three planes with ellipses, of the errors and formal",

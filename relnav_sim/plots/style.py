@@ -36,6 +36,7 @@ BAND = "#c9ccd1"  # spread over runs, chi-square bands
 OUTAGE = "#f6d9cf"  # times without readings
 FORMAL = "#555555"  # formal sigma, where a filter's own colour is taken by its errors
 BOUND = "#000000"
+PERFECT_DASHES, OWN_DASHES = "-.", ":"  # of the bound of a perfect model, of the filter's own
 
 _SETTINGS: dict[str, Any] = {
     "font.family": "sans-serif",

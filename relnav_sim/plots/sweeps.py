@@ -9,6 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.plots.data import (
+    PERFECT_BOUND,
     Case,
     FigureError,
     bound_of,
@@ -71,7 +72,7 @@ def accuracy_by_case(
     numbers = np.array([case.number for case in facts], dtype=float)
     limits = np.array([settled_bound(results, case, "position") for case in facts])
     with house_style():
-        labels = [shown_name(name) for name in names] + (["bound"] if np.isfinite(limits).any() else [])
+        labels = [shown_name(name) for name in names] + ([PERFECT_BOUND] if np.isfinite(limits).any() else [])
         figure = new_figure(2.3 + legend_height(labels))
         panel = figure.subplots()
         handles: list[Any] = []
@@ -141,7 +142,7 @@ def sweep_trend(
         labels = [shown_name(line.label) for line in lines if line.label]
         labels += list(statistics) if many else []
         bounded = [_trend_bound(results, lines, quantity) for quantity in ("position", "velocity")]
-        labels += ["bound"] if bounded[0] is not None and not many else []
+        labels += [PERFECT_BOUND] if bounded[0] is not None and not many else []
         figure = new_figure(3.0 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
         handles: list[Any] = []

@@ -12,7 +12,10 @@ from relnav_sim.plots.data import drawn_step
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 
-BOUND_NOTE = "A bound, where stored, is one on the root mean square over runs, which is above the mean drawn here."
+BOUND_NOTE = (
+    "The posterior Cramér-Rao bound (PCRB), where stored, is one on the root mean square over runs, which is above the "
+    "mean drawn here."
+)
 NO_ERROR = "Empty: every run failed; there is no error to draw."
 
 

@@ -38,6 +38,14 @@ def headline_facts(results: Results) -> tuple[str, ...]:
     return (*facts, f"seed {results.seed}", f"hash {results.campaign_hash[:_HASH_SHOWN]}")
 
 
+def document_facts(results: Results) -> tuple[str, ...]:
+    """Return what the campaign says of itself as a document: its name beside a title, author, revision, date."""
+    content = results.campaign_content
+    named = {"campaign": results.campaign_name if content.get("title") else None}
+    named |= {key: content.get(key) for key in ("author", "revision", "date")}
+    return tuple(f"{key} {value}" for key, value in named.items() if value)
+
+
 def leakage(results: Results) -> tuple[str, ...]:
     """Return a sentence on the filters whose dynamics were learned from the truth, if there are any."""
     settings = dict(flattened(results.campaign_content.get("filters", {}), "filters"))

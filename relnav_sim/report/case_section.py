@@ -118,6 +118,12 @@ def _with_budget(
     return section, () if picture is None else (picture,)
 
 
+def budget_table(section: CaseSection) -> Table | None:
+    """Return the error budget by source of a case; None where it has none."""
+    name = f"case_{section.number:03d}_budget"
+    return next((table for table in (*section.more_tables, *section.file_tables) if table.name == name), None)
+
+
 def rank_cases(result_path: Path, indices: Sequence[int], axes: Axes) -> list[Ranking]:
     """Return the order of the filters in some cases of a result, by their numbers from 0."""
     from relnav_sim.results.read import open_results

@@ -167,7 +167,9 @@ def no_band_note(case: CaseFacts) -> str:
 
 
 def convergence_table(case: CaseFacts) -> Table:
-    """Return when each filter's position error became small, by several definitions."""
+    """Return when each filter's position error became small, by several definitions; no row where all did at once."""
+    if case.converged_at_once:
+        return _table(case, "convergence", "Convergence of the position error", "", [])
     held = f"for {case.hold_s:g} s"
     named = (
         (f"below {case.convergence_m:g} m {held}", "convergence"),

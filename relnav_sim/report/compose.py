@@ -15,19 +15,25 @@ from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import reproduce_commands
 from relnav_sim.report import campaign_facts, html
 from relnav_sim.report.attempts import attempted
-from relnav_sim.report.case_section import compose_case, rank_cases
+from relnav_sim.report.case_section import budget_table, compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
+from relnav_sim.report.decision import decision_section
 from relnav_sim.report.drawing import within
 from relnav_sim.report.error_budget import MOST_BUDGETS
-from relnav_sim.report.overview import overview_table
-from relnav_sim.report.page import CaseSection, Page
+from relnav_sim.report.evidence import decided
+from relnav_sim.report.overview import over_in_words, overview_table
+from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection, ScenarioSection
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
+from relnav_sim.report.reservations import Background
+from relnav_sim.report.scenario import limitations, scenario_picture, told_table
 from relnav_sim.report.summary import summarise
 from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.safe_path import safe_path
+from relnav_sim.statistics.requirements import Judgement
+from relnav_sim.wording import short_labels
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -80,10 +86,16 @@ def compose(
     parts = _cases(results, closely, figure_folder, axes, most_figures, workers)
     # Stressed cases have sections of their own; what is said of all cases is said of the others.
     rankings = _rankings(results, {ranking.case.index: ranking for ranking, _ in parts}, axes, workers)
-    page = _without_pictures(results, rankings, axes, [replace(section, pictures=()) for _, section in parts])
-    left = _LARGEST_HTML - len(html.render(page).encode())
-    top, left = within(overall_pictures(results, rankings, figure_folder), left)
     regret = regret_section(results, figure_folder)
+    sections_so_far = [replace(section, pictures=()) for _, section in parts]
+    page = _without_pictures(results, rankings, axes, sections_so_far, regret)
+    scenario = _scenario(results, rankings, closely, figure_folder)
+    page = replace(page, scenario=None if scenario is None else replace(scenario, picture=None))
+    left = _LARGEST_HTML - len(html.render(page).encode())
+    if scenario is not None and scenario.picture is not None:
+        (drawn,), left = within([scenario.picture], left)
+        scenario = replace(scenario, picture=drawn)
+    top, left = within(overall_pictures(results, rankings, figure_folder), left)
     if regret is not None:
         pictures, left = within(regret.pictures, left)
         regret = replace(regret, pictures=pictures)
@@ -92,7 +104,22 @@ def compose(
         pictures, left = within(section.pictures, left)
         sections.append(replace(section, pictures=pictures))
     summary = page.summary if regret is None else (*page.summary, *regret.sentences)
-    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections))
+    return replace(page, summary=summary, pictures=top, regret=regret, cases=tuple(sections), scenario=scenario)
+
+
+def _scenario(
+    results: Results, rankings: Sequence[Ranking], closely: Sequence[int], figure_folder: Path
+) -> ScenarioSection | None:
+    """Return the scenario of the first case that is shown closely and has runs."""
+    case = next((ranking.case for ranking in rankings if ranking.case.filters and ranking.case.index in closely), None)
+    if case is None:
+        return None
+    missing: list[str] = []
+    told = None
+    if results.replay is None:
+        told = attempted("The table of what filters are told", partial(told_table, results, case.index), missing)
+    said = attempted("The list of limitations", partial(limitations, results), missing) or ()
+    return ScenarioSection(scenario_picture(results, case, figure_folder), told, (*said, *missing))
 
 
 def _closely(results: Results, shown: Sequence[int] | None) -> list[int]:
@@ -147,17 +174,27 @@ def _ended_with_this() -> dict[str, Any]:
 
 
 def _without_pictures(
-    results: Results, rankings: Sequence[Ranking], axes: Axes, sections: Sequence[CaseSection]
+    results: Results,
+    rankings: Sequence[Ranking],
+    axes: Axes,
+    sections: Sequence[CaseSection],
+    regret: RegretSection | None,
 ) -> Page:
     missing: list[str] = []
     judged = attempted("The judgement of the requirements", partial(judgements, results), missing) or ()
     geometry = attempted("What the geometry explains", partial(campaign_facts.geometry, results), missing)
     summary = attempted("The summary", lambda: (*summarise(rankings), *in_sentences(judged)), missing)
     shared = attempted("The look at the truth's gravity field", partial(campaign_facts.shared_field, results), missing)
+    decision = attempted(
+        "The decision",
+        lambda: _decision(results, rankings, judged, regret, sections, bool(shared)),
+        missing,
+    )
     version = results.provenance.versions.get("relnav", "")
     finished = campaign_facts.shown_time(results.provenance.finished)
     return Page(
-        name=results.campaign_name,
+        name=str(results.campaign_content.get("title") or results.campaign_name),
+        document=campaign_facts.document_facts(results),
         facts=campaign_facts.headline_facts(results),
         summary=(
             *(geometry or ()),
@@ -184,7 +221,35 @@ def _without_pictures(
         curves=embedded([section.curves for section in sections], results.filters),
         filter_names=results.filters,
         missing=tuple(missing),
+        decision=decision,
     )
+
+
+def _decision(
+    results: Results,
+    rankings: Sequence[Ranking],
+    judged: Sequence[Judgement],
+    regret: RegretSection | None,
+    sections: Sequence[CaseSection],
+    shared: bool,
+) -> DecisionSection | None:
+    """Return the decision; None where no case has a run, or the readings are recorded and one filter read them."""
+    decision = decided(results, rankings, judged)
+    if decision is None:
+        return None
+    case_of = {ranking.case.index: ranking.case for ranking in rankings}
+    cases = [case_of[case.index] for case, _ in decision.cases]
+    known = Background(
+        labels=tuple(short_labels([case.label for case in cases])),
+        over=over_in_words(cases),
+        judged=tuple(judged),
+        regrets=regret.by_case if regret is not None else {},
+        budget=next((table for section in sections if (table := budget_table(section))), None),
+        waiting=tuple(dict.fromkeys(name for ranking in rankings for name in ranking.case.waiting)),
+        shared_field=shared,
+        replayed=results.replay is not None,
+    )
+    return decision_section(decision, known)
 
 
 def _not_shown(results: Results, sections: Sequence[CaseSection]) -> tuple[str, ...]:
@@ -193,7 +258,7 @@ def _not_shown(results: Results, sections: Sequence[CaseSection]) -> tuple[str, 
         return ()
     closely = f"{len(sections)} of {count} cases {'is' if len(sections) == 1 else 'are'} shown closely"
     ask = f"relnav report {shlex.quote(results.path.name)} --case CASE shows others with their tables and figures"
-    return (f"{closely}; {ask}. The overview holds the figures of all {count}.",)
+    return (f"{closely}; {ask}. The overview holds the values of all {count}.",)
 
 
 def _stopped(results: Results) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import functools
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from relnav_sim.report.glossary import TERMS, Definitions
 from relnav_sim.report.page import Page
 
 if TYPE_CHECKING:
@@ -20,7 +21,12 @@ def render(page: Page) -> str:
 
     script = _asset("page.js") + (_asset("chart.js") if page.curves else "")
     return _template("page").render(
-        page=page, style=Markup(_asset("page.css")), script=Markup(script), curves=Markup(page.curves)
+        page=page,
+        style=Markup(_asset("page.css")),
+        script=Markup(script),
+        curves=Markup(page.curves),
+        defined=Definitions(),
+        terms=TERMS,
     )
 
 
@@ -28,7 +34,7 @@ def render_replay(page: ReplayPage) -> str:
     """Return the page of a replay as HTML; every text in it is escaped."""
     from markupsafe import Markup
 
-    return _template("replay").render(page=page, style=Markup(_asset("page.css")))
+    return _template("replay").render(page=page, style=Markup(_asset("page.css")), defined=Definitions())
 
 
 @functools.cache

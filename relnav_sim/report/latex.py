@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from relnav_sim.report.sentences import Sentence, plain
 from relnav_sim.report.tables import Cell, Column, Number, Row, Table
 
 _SIGNS = {
@@ -60,6 +61,16 @@ def latex(table: Table) -> str:
             lines.append(r"    \midrule")
         lines.append(f"    {_row(row)}")
     return "\n".join([*lines, r"    \bottomrule", r"  \end{tabular}}%", _FITTED, r"\end{table}"]) + "\n"
+
+
+def latex_sentences(sentences: Iterable[Sentence]) -> str:
+    """Return sentences as an ``itemize``, each with references to the tables that hold its numbers."""
+    lines = []
+    for sentence in sentences:
+        tables = dict.fromkeys(clause.table for clause in sentence if clause.table)
+        references = ", ".join(rf"\ref{{tab:{name.replace('_', '-')}}}" for name in tables)
+        lines.append(rf"  \item {escaped(plain(sentence))}" + (f" (Table~{references})" if references else ""))
+    return "\n".join([r"\begin{itemize}", *lines, r"\end{itemize}"]) + "\n"
 
 
 def _column(table: Table, place: int) -> str:

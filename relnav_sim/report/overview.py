@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from relnav_sim.plots.facts import CaseFacts
+from relnav_sim.report.decision_table import NO_DIFFERENCE_THAT_MATTERS
 from relnav_sim.report.layouts import reading_notes
 from relnav_sim.report.metrics import (
     ANEES,
@@ -21,6 +23,7 @@ from relnav_sim.report.metrics import (
 )
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 from relnav_sim.wording import short_labels
 
 _ABOVE_BEST = Column("RMS above the best [%]")
@@ -32,7 +35,9 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     cases = [ranking.case for ranking in rankings]
     bounded = any(math.isfinite(item.times_bound[case.span].estimate) for case in cases for item in case.filters)
     others = [TIMES_BOUND, CONVERGENCE, ANEES, nis_metric(cases), CPU, FAILED]
-    others = [metric for metric in others if bounded or metric is not TIMES_BOUND]
+    at_once = all(case.converged_at_once for case in cases)
+    left_out = [*([] if bounded else [TIMES_BOUND]), *([CONVERGENCE] if at_once else [])]
+    others = [metric for metric in others if metric not in left_out]
     columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [
@@ -52,8 +57,7 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         ]
     else:
         rows = [replace(row, order=None) for ranking in rankings for row in _rows(ranking, others)]
-    spans = {case.when for case in cases}
-    over = spans.pop() if len(spans) == 1 else "the settled span"
+    over = over_in_words(cases)
     above = "Above the best: relative difference on the same runs."
     above += (
         " RMS / bound: root mean squares over all runs and stored epochs, of the error and of the Cramér-Rao bound "
@@ -72,6 +76,12 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         rows=tuple(rows),
         sortable=True,
     )
+
+
+def over_in_words(cases: Sequence[CaseFacts]) -> str:
+    """Return the headline span of cases in words."""
+    spans = {case.when for case in cases}
+    return spans.pop() if len(spans) == 1 else "the steady state of each case"
 
 
 def _rows(ranking: Ranking, others: Sequence[Metric]) -> list[Row]:
@@ -113,5 +123,13 @@ def _above_best(ranking: Ranking, name: str) -> Cell:
     if math.isnan(standing.percent.low):
         note = "too few runs to decide"
     elif not standing.told_apart:
-        note, mark = "not told apart", "best"
+        pair, margin = _simultaneous(ranking, name), ranking.case.matters_percent
+        within = abs(pair.low) < margin and abs(pair.high) < margin
+        note, mark = NO_DIFFERENCE_THAT_MATTERS if within else "no significant difference", "best"
     return replace(numbers([standing.percent])[0], note=note, mark=mark)
+
+
+def _simultaneous(ranking: Ranking, name: str) -> Interval:
+    """Return by how many percent a filter lies above the best, with the interval that holds for all pairs together."""
+    found = (pair.simultaneous for pair in ranking.position if (pair.first, pair.second) == (name, ranking.best.name))
+    return next(found, NO_INTERVAL)

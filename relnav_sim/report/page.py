@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from relnav_sim.report.drawing import Picture
+from relnav_sim.report.sentences import Sentence
 from relnav_sim.report.tables import Table
+from relnav_sim.statistics.regret import Regret
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,36 @@ class CaseSection:
 
 @dataclass(frozen=True)
 class RegretSection:
-    """Filters under truths that they are not told of: what follows, tables, figures, and what could not be made."""
+    """Filters under truths that they are not told of: what follows, tables, figures, and what could not be made.
+
+    ``by_case`` has the regret of each case without a stress, by its number from 0.
+    """
 
     sentences: tuple[str, ...]
     tables: tuple[Table, ...]
     pictures: tuple[Picture, ...]
     file_tables: tuple[Table, ...] = ()
     missing: tuple[str, ...] = ()
+    by_case: Mapping[int, Regret] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DecisionSection:
+    """Which filter to fly: the sentence that says it, the others, the table that they go by, and its part to show."""
+
+    lead: Sentence
+    others: tuple[Sentence, ...]
+    table: Table
+    shown: Table
+
+
+@dataclass(frozen=True)
+class ScenarioSection:
+    """What is simulated: its figure, what each filter is told of it, and what the campaign leaves out."""
+
+    picture: Picture | None
+    told: Table | None
+    limitations: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -65,12 +90,16 @@ class Page:
     filter_names: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     all_cases: int = 1
+    decision: DecisionSection | None = None
+    scenario: ScenarioSection | None = None
+    document: tuple[str, ...] = ()
 
     @property
     def all_missing(self) -> tuple[str, ...]:
         """What could not be made anywhere in the report, a sentence each."""
         pictures = [*self.pictures, *(picture for case in self.cases for picture in case.pictures)]
         pictures += self.regret.pictures if self.regret is not None else ()
+        pictures += [self.scenario.picture] if self.scenario is not None and self.scenario.picture else []
         about_regret = self.regret.missing if self.regret is not None else ()
         parts = [f"Case {case.number}: {sentence}" for case in self.cases for sentence in case.missing]
         return (*self.missing, *about_regret, *parts, *(picture.missing for picture in pictures if picture.missing))
@@ -78,9 +107,10 @@ class Page:
 
 def page_tables(page: Page) -> Sequence[Table]:
     """Return every table of a report, each of which is a CSV file too."""
-    tables = [page.overview, page.requirements]
+    tables = [page.decision.table if page.decision else None, page.overview, page.requirements]
     if page.regret is not None:
         tables += [*page.regret.tables, *page.regret.file_tables]
     for case in page.cases:
         tables += [case.table, *case.more_tables, *case.file_tables]
+    tables.append(page.scenario.told if page.scenario else None)
     return [table for table in (*tables, page.filters, page.all_settings) if table is not None]

@@ -39,12 +39,14 @@ class Pair:
         second: The other.
         comparison: First minus second; verdict, p-value and interval are adjusted for all pairs of the case.
         percent: The difference in percent of the second's mean on those runs.
+        simultaneous: The same with an interval that holds for all pairs of the case together, decided or not.
     """
 
     first: str
     second: str
     comparison: Comparison
     percent: Interval
+    simultaneous: Interval = NO_INTERVAL
 
 
 @dataclass(frozen=True)
@@ -183,8 +185,13 @@ def _pairs(case: CaseFacts, order: Sequence[str], component: str) -> tuple[Pair,
         if len(a):
             differences[first, second], references[first, second] = a - b, float(b.mean())
     return tuple(
-        Pair(first, second, comparison, in_percent(comparison.difference, references[first, second]))
-        for (first, second), comparison in paired_differences(differences).items()
+        Pair(
+            *names,
+            comparison,
+            in_percent(comparison.difference, references[names]),
+            in_percent(comparison.simultaneous, references[names]),
+        )
+        for names, comparison in paired_differences(differences).items()
     )
 
 

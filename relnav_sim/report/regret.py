@@ -44,6 +44,7 @@ def regret_section(results: Results, figure_folder: Path) -> RegretSection | Non
     sentences: list[str] = []
     tables: list[Table] = []
     pictures: list[Picture] = []
+    by_case: dict[int, Regret] = {}
     for place, index in enumerate(cases):
         try:
             found = attempted(f"The regret of case {index + 1}", partial(regret, results, index), missing)
@@ -52,6 +53,7 @@ def regret_section(results: Results, figure_folder: Path) -> RegretSection | Non
             continue
         if found is None:
             continue
+        by_case[index] = found
         label = f"Case {index + 1}: " if len(results.nominal) > 1 else ""
         tables += [_regret_table(found, index, label), _rms_table(found, index, label)]
         if place < MOST_SHOWN:
@@ -67,6 +69,7 @@ def regret_section(results: Results, figure_folder: Path) -> RegretSection | Non
         pictures=tuple(pictures),
         file_tables=tuple(tables[shown:]),
         missing=tuple(missing),
+        by_case=by_case,
     )
 
 
@@ -165,7 +168,7 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
         place = found.filters.index(found.minimax)
         worst = [replace(cell, mark="best") if row == place else cell for row, cell in enumerate(worst)]
     rows = [
-        Row(name, (*cells, worst[row], Words(found.worst_case(name))))
+        Row(name, (*cells, worst[row], Words(found.worst_case(name))), anchor=regret_anchor(index, row))
         for row, (name, *cells) in enumerate(zip(found.filters, *by_case, strict=True))
     ]
     when = "settled span" if found.span == "settled" else "whole span"
@@ -182,6 +185,11 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
         columns=tuple(columns),
         rows=tuple(rows),
     )
+
+
+def regret_anchor(index: int, row: int) -> str:
+    """Return the id of a row of the table of regret of a case, its number from 0."""
+    return f"regret-{index + 1}-{row}"
 
 
 def _cells(found: Regret, case: str) -> list[Cell]:

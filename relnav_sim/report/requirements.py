@@ -97,6 +97,7 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
                 key=str(item.case + 1),
                 opens_block=opens,
                 record=item.name,
+                anchor=requirement_anchor(place),
             )
         )
     labels = ("case", "filter", "figure", "verdict", "certainty", "runs", "looked at")
@@ -112,6 +113,11 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         columns=tuple(Column(label, numeric=label == "figure") for label in labels),
         rows=tuple(rows),
     )
+
+
+def requirement_anchor(place: int) -> str:
+    """Return the id of a row of `requirements_table`: that of the judgement at this place."""
+    return f"requirement-{place}"
 
 
 def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
@@ -131,6 +137,23 @@ def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
         said += [CANNOT_BE_JUDGED] if any(item.basis == CANNOT_BE_JUDGED for item in mine) else []
         sentences.append(f"Requirement {name} ({requirement_in_words(mine[0].requirement)}): {'; '.join(said)}.")
     return tuple(sentences)
+
+
+def margin_in_words(item: Judgement) -> str:
+    """Return how far the interval of a met requirement stays from the limit; nothing where that is not known."""
+    if item.finding is None or item.verdict != "pass":
+        return ""
+    figure, requirement = item.finding.figure, item.requirement
+    match requirement:
+        case RmsRequirement():
+            return f"margin {significant(100 * (1 - figure.high / requirement.limit), 2)} % of the limit"
+        case NeesRequirement() | NisRequirement():
+            low, high = _sigma_limits(requirement)
+            return f"margin {significant(min(figure.low - low, high - figure.high), 2)}"
+        case FailedRequirement() | DivergedRequirement():
+            return f"margin {significant(100 * (requirement.at_most - figure.high), 2)} % of the runs"
+        case ErrorsRequirement() | ConvergedRequirement() | RecoveryRequirement():
+            return f"margin {significant(100 * (figure.low - requirement.share), 2)} percentage points"
 
 
 def _said_of(several: bool) -> tuple[tuple[Verdict, str], ...]:

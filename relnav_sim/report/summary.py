@@ -21,6 +21,8 @@ _MOST_CASES_IN_WORDS = 6
 _SMALLEST_PERCENT = 0.1
 _MANY_RUNS = 100_000
 _RUNS_NAMED = 3
+_FAR_OFF = 1.5
+"""Runs with a position RMS below this multiple of the median are not worth a look."""
 _FILTERS_NAMED = 4
 _SIGMA_MARGIN = 0.05
 """A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
@@ -71,7 +73,7 @@ def verdict(ranking: Ranking) -> str:
     tied = [best, *ranking.undecided]
     names = listed([item.name for item in tied])
     sizes = listed([f"{item.name} {significant(item.position.estimate)} m" for item in tied])
-    undecided = f"{names} can't be told apart in position error at {counted(runs, 'run')}"
+    undecided = f"No significant difference in position error between {names} at {counted(runs, 'run')}"
     return f"{undecided}: RMS {sizes}{_largest_difference(ranking)}{behind}."
 
 
@@ -96,7 +98,11 @@ def _largest_difference(ranking: Ranking) -> str:
     needed = [found.runs_to_decide for found in against if found.runs_to_decide is not None]
     if len(needed) < len(ranking.undecided) or most <= _SMALLEST_PERCENT:
         return text
-    worth_saying = max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
+    sizes = [abs(item.percent.estimate) for item in ranking.undecided]
+    worth_saying = (
+        max(sizes) >= ranking.case.matters_percent
+        and max(found.difference.runs for found in against) < max(needed) < _MANY_RUNS
+    )
     between = " between all of them" if len(needed) > 1 else ""
     return f"{text}; about {float(f'{max(needed):.2g}'):.0f} runs would decide{between}" if worth_saying else text
 
@@ -133,7 +139,7 @@ def _across_cases(all_rankings: Sequence[Ranking]) -> str:
         if len(names) == 1:
             parts.append(f"{names[0]} has the smallest position error in {where}{_margin(won)}")
         else:
-            parts.append(f"{listed(names)} can't be told apart in {where}")
+            parts.append(f"no significant difference between {listed(names)} in {where}")
     if len(rankings) < total:
         parts.append(f"the state is not observable in {_of_all(total - len(rankings), total)}")
     return f"{'; '.join(parts)}."
@@ -240,14 +246,16 @@ def _consistency(rankings: Sequence[Ranking]) -> list[str]:
         elif max(factors) < 1:
             size = _factor([1 / factor for factor in factors])
             words = (
-                f"is conservative (formal sigma {size} times its errors)",
-                f"are conservative (formal sigma {size} times their errors)",
+                f"is conservative: formal sigma {size} times the actual error",
+                f"are conservative: formal sigma {size} times the actual error",
             )
         else:
-            size = _factor(factors)
+            above = [factor for factor in factors if factor > 1 + _SIGMA_MARGIN] or factors
+            where = f" in {len(above)} of {len(factors)} cases" if len(above) < len(factors) else ""
+            size = _factor(above)
             words = (
-                f"is overconfident (errors {size} times its formal sigma)",
-                f"are overconfident (errors {size} times their formal sigma)",
+                f"is overconfident{where}: actual error {size} times the formal sigma",
+                f"are overconfident{where}: actual error {size} times the formal sigma",
             )
         said.setdefault(words, []).append(name)
     parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
@@ -264,13 +272,13 @@ def _is_known_well(anees: Interval) -> bool:
 
 
 def _factor(factors: Sequence[float], digits: int = 3) -> str:
-    low, high = f"{min(factors):.{digits}g}", f"{max(factors):.{digits}g}"
+    low, high = (f"{size:.{digits}g}" if size < 10**digits else f"{size:.0f}" for size in (min(factors), max(factors)))
     return low if low == high else f"{low} to {high}"
 
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
     untold = list(dict.fromkeys(item.case.not_judged for item in rankings if not item.case.shows_convergence))
-    rankings = [ranking for ranking in rankings if ranking.case.shows_convergence]
+    rankings = [item for item in rankings if item.case.shows_convergence and not item.case.converged_at_once]
     medians: dict[str, list[str]] = {}
     never = []
     for name, parts in _per_filter(rankings):
@@ -318,16 +326,21 @@ def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
             times.setdefault(place, []).append(float(item.times_median(ranking.case.span)[row]))
             if item.diverged[row]:
                 lost.add(place)
-    if not names:
-        return []
     many = len(rankings) > 1
+    far = [at for at in names if at in lost or max(times[at]) >= _FAR_OFF]
     parts = [
         f"run {run}{f' of case {case}' if many else ''} ({_in_short(names[case, run])}, "
-        f"{_factor(times[case, run], 2)} times the median)"
-        for case, run in sorted(names, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
+        f"{_stands_out(times[case, run])})"
+        for case, run in sorted(far, key=lambda at: (at not in lost, -max(times[at])))[:_RUNS_NAMED]
     ]
+    if not parts:
+        return []
     how = "the commands that show them are in the tables of worst runs"
     return [f"Look at {listed(parts)}: the largest position errors; {how}."]
+
+
+def _stands_out(times: Sequence[float]) -> str:
+    return f"{_factor(times, 2)} times the median" if max(times) >= _FAR_OFF else "diverged"
 
 
 def _in_short(names: Sequence[str]) -> str:

@@ -93,6 +93,7 @@ class Row:
 
     ``key`` is the case the row belongs to, ``order`` what a sort by heading goes by, ``opens_block`` asks
     for a line above the row. ``record`` is the heading in CSV, where every row must stand for itself; empty: the label.
+    ``anchor`` is the row's id in the page, for what links to it.
     """
 
     label: str
@@ -102,6 +103,7 @@ class Row:
     order: float | None = None
     opens_block: bool = False
     record: str = ""
+    anchor: str = ""
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from relnav_sim.plots.axes import checked_axes
 from relnav_sim.printable import visible
 from relnav_sim.report import html, markdown
 from relnav_sim.report.compose import MOST_FIGURES, compose
-from relnav_sim.report.latex import latex
+from relnav_sim.report.latex import latex, latex_sentences
 from relnav_sim.report.page import page_tables
+from relnav_sim.report.sentences import plain
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
 
@@ -27,6 +28,7 @@ def write_report(
     workers: int = 2,
     cases: Sequence[int | str] | None = None,
     say: Callable[[str], object] | None = None,
+    tell: Callable[[str], object] | None = None,
 ) -> Path:
     """Write the report of a result.
 
@@ -46,6 +48,7 @@ def write_report(
             all, of more than 50 the first.
         say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
             the places of those parts.
+        tell: Is given the decision, in a sentence.
 
     Returns:
         The HTML file; without ``html`` the first of the others: ``report.md`` or the folder ``tables``.
@@ -67,6 +70,8 @@ def write_report(
     if say is not None:
         for sentence in page.all_missing:
             say(sentence)
+    if tell is not None and page.decision is not None:
+        tell(plain(page.decision.lead))
     written: dict[str, Path] = {}
     if "html" in wanted:
         written["html"] = _write(folder / "index.html", html.render(page))
@@ -79,6 +84,9 @@ def write_report(
         written[form].mkdir(exist_ok=True)
         for table in page_tables(page):
             _write(written[form] / f"{table.name}.{suffix}", made(table))
+    if "latex" in wanted and page.decision is not None:
+        sentences = (page.decision.lead, *page.decision.others)
+        _write(folder / "decision.tex", latex_sentences(sentences))
     return next(iter(written.values()))
 
 

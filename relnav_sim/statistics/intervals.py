@@ -61,12 +61,15 @@ class Comparison:
         runs_to_decide: Runs at which a difference of the size seen would be told apart with a probability of
             0.8; None where the difference is zero or unknown.
         p_value: Of a mean difference of zero, by the sign-flip test; 1 where nothing is known.
+        simultaneous: The difference with an interval that holds for all pairs together, decided or not (Bonferroni):
+            what a claim of equivalence must go by.
     """
 
     difference: Interval
     verdict: Verdict
     runs_to_decide: int | None
     p_value: float = 1.0
+    simultaneous: Interval = NO_INTERVAL
 
 
 @dataclass(frozen=True)
@@ -205,7 +208,8 @@ def paired_differences(
         needed = runs_to_decide(sample, 1 - alpha / family)
         if needed is not None:
             needed = max(needed, fewest_runs_to_decide(family, level))
-        found[key] = Comparison(interval, verdict, needed, p_values[key])
+        simultaneous = _of_differences(sample, tests.get(key), 1 - alpha / family)
+        found[key] = Comparison(interval, verdict, needed, p_values[key], simultaneous)
     return found
 
 

@@ -207,7 +207,9 @@ class TestResults:
 
     @pytest.mark.usefixtures("unrendered")
     def test_run_report_inspect_export(self, result):
-        page = Path(succeeds("report", "--format", "html,csv").removeprefix("wrote ").strip())
+        written, decision = succeeds("report", "--format", "html,csv").strip().splitlines()
+        page = Path(written.removeprefix("wrote "))
+        assert decision.startswith("Fly imm")
         assert page.parent == Path("results/demo")
         assert "<html" in page.read_text(encoding="utf-8")
         words = succeeds("inspect", result)

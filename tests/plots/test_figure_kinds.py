@@ -162,8 +162,14 @@ def test_the_bound_is_drawn_where_it_is_stored(results: Results, bounded: Result
             kind == "cases"
         )
         assert any(np.allclose(np.asarray(height, dtype=float), expected) for height in heights), kind
-    own = figure(bounded, "errors", filter="kf").axes[0].lines
-    assert any(line.get_color() == BOUND and np.allclose(np.asarray(line.get_ydata()), 0.045) for line in own)
+    # That of the filter's own model all but coincides with its formal sigma: only where it is asked for.
+    heights = {"-.": 0.03, ":": 0.045}
+    for asked, dashes in ((False, ("-.",)), (True, ("-.", ":"))):
+        drawn = figure(bounded, "errors", filter="kf", own_bound=asked).axes[0].lines
+        bounds = [line for line in drawn if line.get_color() == BOUND]
+        assert {line.get_linestyle() for line in bounds} == set(dashes)
+        for line in bounds:
+            assert np.allclose(np.abs(np.asarray(line.get_ydata())), heights[line.get_linestyle()])
 
 
 def test_without_a_bound_nothing_is_said_of_it(results: Results) -> None:

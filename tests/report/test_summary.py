@@ -37,7 +37,7 @@ def test_filters_that_differ_by_chance_are_undecided(make_result: ResultMaker) -
     (ranking,) = rankings_of(path)
     sentence = verdict(ranking)
     first, second = ("a", "b") if a.mean() < b.mean() else ("b", "a")
-    assert sentence.startswith(f"{first} and {second} can't be told apart in position error at 30 runs")
+    assert sentence.startswith(f"No significant difference in position error between {first} and {second} at 30 runs")
     assert ranking.undecided[0].against_best is not None
     low, high = ranking.undecided[0].against_best.difference.low, ranking.undecided[0].against_best.difference.high
     assert low <= 0 <= high
@@ -67,8 +67,8 @@ def test_cases_are_counted(make_result: ResultMaker) -> None:
 def test_consistency_is_told_in_words(make_result: ResultMaker) -> None:
     text = " ".join(summarise(rankings_of(make_result(filters={"good": 1.0, "bold": 3.0, "shy": 0.5}, runs=40))))
     assert "good is consistent (ANEES near 1)" in text
-    assert re.search(r"bold is overconfident \(errors (3|2\.9\d*|3\.0\d*) times its formal sigma\)", text)
-    assert re.search(r"shy is conservative \(formal sigma 2\S* times its errors\)", text)
+    assert re.search(r"bold is overconfident: actual error (3|2\.9\d*|3\.0\d*) times the formal sigma", text)
+    assert re.search(r"shy is conservative: formal sigma 2\S* times the actual error", text)
 
 
 def test_failures_missing_runs_and_lost_convergence_are_told(make_result: ResultMaker) -> None:

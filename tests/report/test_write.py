@@ -95,7 +95,9 @@ def test_names_show_as_text(page: Page) -> None:
 
 
 def test_every_figure_is_inside_with_words_for_those_who_cannot_see_it(page: Page) -> None:
-    assert len(page.images) == 1 + (7 + 3) + (4 + 3)  # of all cases, of the first with a closer look, of the second
+    assert len(page.images) == 2 + (7 + 3) + (
+        4 + 3
+    )  # of all cases and the scenario, of the first with a closer look, of the second
     for image in page.images:
         assert (image["src"] or "").startswith("data:image/webp;base64,")
         assert len(image["alt"] or "") > 30
@@ -140,7 +142,7 @@ def test_the_markdown_is_safe_and_complete(report: Path) -> None:
     assert "<script>alert(1)" not in text.replace(NASTY, "")
     assert text.startswith("# &lt;script&gt;")
     images = re.findall(r"\]\((figures/[^)]+)\)", text)
-    assert len(images) == 18
+    assert len(images) == 19
     assert all((report.parent / image).is_file() for image in images)
 
 

@@ -40,6 +40,15 @@
     for (const row of table.tBodies[0].rows) show(row.cells, 1);
   };
 
+  // A link into a folded part opens it, and those around it.
+  const unfold = () => {
+    const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (let part = target && target.closest("details"); part; part = part.parentElement.closest("details")) part.open = true;
+    if (target) target.scrollIntoView();
+  };
+  addEventListener("hashchange", unfold);
+  unfold();
+
   // Switches: one case or all, one filter or all.
   const [cases, filters] = ["case-switch", "filter-switch"].map((id) => document.getElementById(id));
   const wants = (choice, name) => !choice || choice.value === "" || name === undefined || name === choice.value;

@@ -1,0 +1,132 @@
+"""What the decision goes by: a row for each filter of each case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from relnav_sim.report.metrics import numbers
+from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.statistics.decision import OVERCONFIDENT, Candidate, CaseEvidence, Choice, Decision, Refusal
+from relnav_sim.statistics.equivalence import Effect
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
+from relnav_sim.wording import significant
+
+MOST_CASES = 6
+"""Of more cases the table is in the files only."""
+
+NO_DIFFERENCE_THAT_MATTERS = "no difference that matters"
+_EFFECTS: Mapping[Effect, str] = {
+    "equivalent": NO_DIFFERENCE_THAT_MATTERS,
+    "undecided": "undecided",
+    "worse": "worse",
+    "better": "better",
+}
+
+
+def decision_table(decision: Decision, labels: Sequence[str], over: str) -> Table:
+    """Return the table of a decision.
+
+    Args:
+        decision: The decision.
+        labels: The labels of the cases that it is about.
+        over: The span of the figures, in words.
+    """
+    rows = []
+    many = len(decision.cases) > 1
+    for (case, choice), label in zip(decision.cases, labels, strict=True):
+        against = _reference(decision, case, choice)
+        heading = f"{case.index + 1}: {label}"
+        for place, row in enumerate(_case_rows(case, choice, against, decision.margin_percent)):
+            cells = (Words(row.label), *row.cells) if many else row.cells
+            name = (heading if not place else f"{case.index + 1}") if many else row.label
+            rows.append(
+                replace(
+                    row,
+                    label=name,
+                    cells=cells,
+                    key=str(case.index + 1),
+                    opens_block=many and not place,
+                    record=heading if many else "",
+                    anchor=decision_anchor(case.index, place),
+                )
+            )
+    columns = [
+        Column("position RMS [m]"),
+        Column("above the chosen [%]"),
+        Column("error / formal sigma"),
+        Column("what follows", numeric=False),
+    ]
+    return Table(
+        name="decision",
+        title="What the decision goes by",
+        caption=f"Over {over}. Above the chosen: difference in position RMS from the filter chosen (for all cases "
+        "together, where one is), on the same runs; the verdicts of a case hold at 95 % for all its pairs together. "
+        f"{NO_DIFFERENCE_THAT_MATTERS.capitalize()}: that interval lies within "
+        f"±{decision.margin_percent:g} % (statistics.matters_percent). Error / formal sigma: root of the ANEES, 1 for "
+        f"a consistent filter; no filter above {OVERCONFIDENT:g} is recommended.",
+        corner="case" if many else "filter",
+        columns=(*([Column("filter", numeric=False)] if many else []), *columns),
+        rows=tuple(rows),
+    )
+
+
+def decision_anchor(index: int, place: int) -> str:
+    """Return the id of a row of `decision_table`: of a case, its number from 0, and of a filter's place in it."""
+    return f"decision-{index + 1}-{place}"
+
+
+def refusal_in_words(refusal: Refusal, runs: int, ratio: Interval) -> str:
+    """Return why a filter is not recommended.
+
+    Args:
+        refusal: The reason.
+        runs: Number of the filter's runs.
+        ratio: Its errors in units of its formal sigma.
+    """
+    match refusal.reason:
+        case "not observable":
+            return "its sensors cannot observe the state"
+        case "known later":
+            return f"its estimates are known only later ({refusal.what})"
+        case "no run":
+            return "has no completed run in some case"
+        case "failed" | "diverged":
+            return f"{refusal.reason} in {refusal.count} of {runs} runs"
+        case "requirement":
+            return f"misses requirement {refusal.what}"
+        case "overconfident":
+            size = significant(ratio.estimate)
+            return f"overconfident: errors {size} times the formal sigma (limit {OVERCONFIDENT:g})"
+
+
+def _reference(decision: Decision, case: CaseEvidence, choice: Choice) -> str | None:
+    overall = decision.overall.chosen
+    return overall if overall is not None and case.of(overall) else choice.chosen
+
+
+def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: float) -> list[Row]:
+    """Return a row for each filter; numbers of one column share their decimals."""
+    found = [case.difference(item.name, against) if against else None for item in case.candidates]
+    sizes = numbers([item.position for item in case.candidates])
+    above = numbers([NO_INTERVAL if one is None else one.shown(margin) for one in found])
+    ratios = numbers([item.error_over_sigma for item in case.candidates])
+    rows = []
+    for item, size, percent, ratio, one in zip(case.candidates, sizes, above, ratios, found, strict=True):
+        effect = None if one is None else one.effect(margin)
+        second: Cell = Words("chosen", 0.0, mark="best") if item.name == against else percent
+        rows.append(Row(item.name, (size, second, ratio, _follows(item, choice, against, effect))))
+    return rows
+
+
+def _follows(item: Candidate, choice: Choice, against: str | None, effect: Effect | None) -> Words:
+    refusals = choice.refusals.get(item.name)
+    if refusals:
+        words = "; ".join(refusal_in_words(one, item.runs, item.error_over_sigma) for one in refusals)
+        return Words(f"refused: {words}", mark="failed")
+    if item.name == against:
+        return Words("acceptable, chosen", mark="best")
+    if item.name in choice.set_aside:
+        return Words("a requirement is undecided")
+    words = "no run in common" if effect is None else _EFFECTS[effect]
+    return Words(words, mark="best" if effect == "equivalent" else "")

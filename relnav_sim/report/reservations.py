@@ -1,0 +1,101 @@
+"""What a decision is told with: what it does not rest on, and what would make the errors smaller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from relnav_sim.report.decision_table import decision_anchor
+from relnav_sim.report.sentences import Clause, Sentence, joined
+from relnav_sim.report.tables import Table
+from relnav_sim.statistics.decision import OVERCONFIDENT, CaseEvidence, Decision
+from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.regret import Regret
+from relnav_sim.statistics.requirements import Judgement
+from relnav_sim.wording import between, listed, significant
+
+
+@dataclass(frozen=True)
+class Background:
+    """What a decision is told with.
+
+    Attributes:
+        labels: The labels of the decision's cases.
+        over: The span of the figures, in words.
+        judged: The requirements, in the order of their table.
+        regrets: The regret of each case, by its number from 0.
+        budget: The table of an error budget, the filter it is of in its title; None without one.
+        waiting: Filters without any run yet.
+        shared_field: Whether filters know all of the truth's gravity field.
+        replayed: Whether the readings are recorded ones.
+    """
+
+    labels: tuple[str, ...]
+    over: str
+    judged: tuple[Judgement, ...] = ()
+    regrets: Mapping[int, Regret] = field(default_factory=dict)
+    budget: Table | None = None
+    waiting: tuple[str, ...] = ()
+    shared_field: bool = False
+    replayed: bool = False
+
+
+def what_would_help(budget: Table | None) -> Iterator[Sentence]:
+    """Yield which source of error would be worth most to halve, from the table of the error budget."""
+    if budget is None:
+        return
+    gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]
+    if not gains:
+        return
+    gain, source = max(gains)
+    words = Clause(f"{source}, {significant(gain, 2)} % less position error if halved", budget.name)
+    yield (Clause("What would help most: "), words, Clause(f" ({budget.title[0].lower()}{budget.title[1:]})."))
+
+
+def _gain(text: str) -> float:
+    return float(text.removesuffix(" %")) if text.endswith(" %") else 0.0
+
+
+def not_shown(decision: Decision, known: Background) -> Iterator[Sentence]:
+    """Yield what the decision does not rest on."""
+    parts: list[list[Clause]] = []
+    if known.waiting:
+        parts.append([Clause(f"{listed(known.waiting)} (no run yet)")])
+    if not known.regrets and not known.replayed:
+        parts.append([Clause("flight under truths that filters are not told of (no stressed case was flown)")])
+    if known.shared_field:
+        parts.append([Clause("consistency in flight (truth and filters share the gravity field, see the summary)")])
+    if known.budget is None:
+        parts.append([Clause("which source of error dominates (no error budget)")])
+    if not known.judged and not known.replayed:
+        parts.append([Clause("whether the errors are small enough (the campaign has no requirements)")])
+    parts += _may_be_overconfident(decision)
+    if parts:
+        yield (Clause("Not shown: "), *joined(parts, "; "), Clause("."))
+
+
+def _may_be_overconfident(decision: Decision) -> list[list[Clause]]:
+    name = decision.overall.chosen
+    if name is None:
+        return []
+    cases = [(case, item) for case, _ in decision.cases if (item := case.of(name))]
+    case, item = max(cases, key=lambda each: or_zero(each[1].error_over_sigma, "high"))
+    ratio = item.error_over_sigma
+    if math.isfinite(ratio.estimate) and ratio.high <= OVERCONFIDENT:
+        return []
+    size = f"{significant(ratio.estimate)}{between(ratio.low, ratio.high)}" if math.isfinite(ratio.estimate) else "none"
+    words = at_row(case, name, f"error / formal sigma {size}")
+    return [[Clause(f"that {name} is not overconfident ("), words, Clause(f", limit {OVERCONFIDENT:g})")]]
+
+
+def or_zero(one: Interval, end: str = "estimate") -> float:
+    """Return an end or the estimate of an interval, 0 where it is not known."""
+    value = float(getattr(one, end))
+    return value if math.isfinite(value) else 0.0
+
+
+def at_row(case: CaseEvidence, name: str, words: str) -> Clause:
+    """Return a clause that links to the row of a filter in a case."""
+    place = [item.name for item in case.candidates].index(name)
+    return Clause(words, "decision", decision_anchor(case.index, place))

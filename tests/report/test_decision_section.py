@@ -1,0 +1,105 @@
+"""The decision in a report: its sentences, their links, its other forms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from relnav_sim import report
+from relnav_sim.report.glossary import TERMS, Definitions
+
+ResultMaker = Callable[..., Path]
+
+
+def _written(path: Path) -> tuple[str, str]:
+    page = report.write_report(path, formats=("html", "md"), most_figures=0)
+    return page.read_text(encoding="utf-8"), (page.parent / "report.md").read_text(encoding="utf-8")
+
+
+def _decision(markdown: str) -> str:
+    part = markdown.partition("## Decision")[2].partition("<a id=")[0]
+    return re.sub(r"\]\(#\w+\)|(?<!\\)\[|\\", "", part)
+
+
+def test_every_link_of_the_decision_leads_to_a_row_or_table(make_result: ResultMaker) -> None:
+    requirements = {"small": {"kind": "rms", "below_m": 1.0}, "failures": {"kind": "failed", "at_most": 0.01}}
+    path = make_result(
+        labels=("one", "two"), filters={"good": 0.5, "bad": 1.0, "worse": 3.0}, requirements=requirements
+    )
+    html, markdown = _written(path)
+    section = html.partition('id="the-decision"')[2].partition("</section>")[0]
+    targets = re.findall(r'href="#([^"]+)"', section)
+    assert len(targets) >= 5
+    assert all(html.count(f'id="{target}"') == 1 for target in targets)
+    linked = re.findall(r"\]\(#([\w-]+)\)", markdown.partition("## Decision")[2].partition("<a id=")[0])
+    assert linked and all(f'<a id="{target}"></a>' in markdown for target in linked)
+
+
+def test_the_most_accurate_overconfident_filter_is_refused_and_told_of(make_result: ResultMaker) -> None:
+    anees = np.full((12, 2, 3), 9.0)
+    path = make_result(filters={"sure": 0.5, "honest": 1.0}, summaries={"sure": {"anees": anees}})
+    said = _decision(_written(path)[1])
+    assert said.strip().startswith("Fly honest: position RMS")
+    assert "sure (overconfident: errors 3.00 times the formal sigma (limit 1.5)); sure has the smallest" in said
+
+
+def test_equal_filters_make_no_difference_that_matters(make_result: ResultMaker) -> None:
+    same = {name: _same_rms() for name in ("a", "b")}
+    said = _decision(_written(make_result(filters={"a": 1.0, "b": 1.0}, summaries=same))[1])
+    assert "No difference that matters between a and b (within ±1 %): fly any of them." in said
+    assert "would decide" not in said
+
+
+def _same_rms() -> dict[str, np.ndarray]:
+    rms = np.random.default_rng(1).uniform(0.5, 1.0, (12, 2, 8))
+    return {"rms": rms, "anees": np.ones((12, 2, 3))}
+
+
+def test_one_run_decides_nothing(make_result: ResultMaker) -> None:
+    said = _decision(_written(make_result(runs=1))[1])
+    assert "No decision yet: 1 run in common can't decide between 3 filters" in said
+
+
+def test_no_filter_is_recommended_where_all_failed(make_result: ResultMaker) -> None:
+    path = make_result(filters={"a": 1.0, "b": 1.2}, failed={"a": range(12), "b": [3]})
+    said = _decision(_written(path)[1])
+    assert "No filter can be recommended: a (failed in 12 of 12 runs), b (failed in 1 of 12 runs)." in said
+
+
+def test_the_decision_is_told_and_written_for_latex(make_result: ResultMaker) -> None:
+    told: list[str] = []
+    path = make_result(filters={"good": 0.5, "bad": 1.0})
+    report.write_report(path, formats=("latex",), most_figures=0, tell=told.append)
+    (lead,) = told
+    assert lead.startswith("Fly good: position RMS")
+    written = (path.with_suffix("") / "decision.tex").read_text(encoding="utf-8")
+    assert written.startswith("\\begin{itemize}\n  \\item Fly good")
+    assert "\\ref{tab:decision}" in written
+
+
+def test_a_term_is_defined_at_its_first_use_only() -> None:
+    defined = Definitions()
+    first, second = defined("a < b: Formal sigma, formal sigma"), defined("formal sigma again; ANEES")
+    assert first.startswith('a &lt; b: <dfn tabindex="0" title=')
+    assert first.count("<dfn") == 1
+    assert second.count("<dfn") == 1  # of ANEES
+    assert TERMS["formal sigma"].partition("'")[0] in first
+
+
+@pytest.mark.parametrize("change", ["statistics: {matters_percent: 3}", "title: Another", "date: 2026-11-29"])
+def test_keys_of_reports_change_no_hash(change: str) -> None:
+    from relnav_sim.campaign import parse_campaign
+
+    text = Path("campaigns/demo.yaml").read_text(encoding="utf-8")
+    key, _, rest = change.partition(": ")
+    changed = (
+        text.replace("statistics:\n", f"statistics:\n  {rest[1:-1]}\n") if key == "statistics" else f"{change}\n{text}"
+    )
+    plain, other = parse_campaign(text), parse_campaign(changed)
+    assert plain.content != other.content
+    assert plain.hash == other.hash
+    assert [case.id for case in plain.cases] == [case.id for case in other.cases]
