@@ -94,6 +94,14 @@ class Results:
         provenance: Versions, source revision, machine, times, command.
         sealed: Whether the file has a checksum over all its bytes, which then agrees; files of relnav before 0.1.1
             have none.
+
+    Examples:
+        >>> from relnav_sim import open_results
+        >>> with open_results("results/demo.h5") as results:
+        ...     summary = results.summary()
+        ...     one = results.series(case=0, filter="ekf", run=0)
+        >>> summary["settled_r_rms_m"].shape == summary["run"].shape, one.error.shape[1]
+        (True, 6)
     """
 
     def __init__(self, path: Path) -> None:
@@ -415,7 +423,7 @@ class Results:
         Returns:
             None where the file holds none: its campaign did not ask for them (``clock.store_covariance``).
 
-        Example:
+        Examples:
             The correlation of radial position with along-track velocity at the last stored epoch, one number per run::
 
                 P = results.covariance(0, "ekf")[:, -1]
@@ -565,5 +573,11 @@ def open_results(path: str | Path) -> Results:
 
     Raises:
         ResultsError: The file is missing, damaged, or no relnav result.
+
+    Examples:
+        >>> from relnav_sim import open_results
+        >>> with open_results("results/demo.h5") as results:
+        ...     results.filters, results.cases
+        (('kf', 'ekf', 'ukf', 'imm'), ('sensors.radar.noise.kind=gaussian', 'sensors.radar.noise.kind=mixture'))
     """
     return Results(Path(path))
