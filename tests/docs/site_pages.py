@@ -47,7 +47,9 @@ def blocks(page):
             found.append(Block(page, k + 1, language, text, _marks(lines[:k])))
             k = end
         elif re.match(r" {4}\S", lines[k]) and k and not lines[k - 1].strip() and not _in_list(lines[:k]):
-            end = next((j for j in range(k, len(lines)) if lines[j].strip() and not lines[j].startswith("    ")), len(lines))
+            end = next(
+                (j for j in range(k, len(lines)) if lines[j].strip() and not lines[j].startswith("    ")), len(lines)
+            )
             text = "\n".join(line[4:] for line in lines[k:end])
             found.append(Block(page, k + 1, "", text.rstrip(), _marks(lines[:k])))
             k = end - 1
