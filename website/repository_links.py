@@ -1,4 +1,4 @@
-"""Links from a page to files of the repository that are no pages: the site names the file instead of leading nowhere."""
+"""Links from a page to files of the repository that are no pages: the site names the file instead."""
 
 import re
 from typing import Any

@@ -1,6 +1,7 @@
-"""What a reader can copy from the documents works: Python runs, campaigns are valid, commands are those of the command line.
+"""What a reader can copy from the documents works: Python runs, campaigns are valid, commands are relnav's.
 
-Commands, and Python that computes or reads results, run in `make check-slow`, on the shipped campaigns with four runs a case.
+Commands, and Python that computes or reads results, run in `make check-slow`, on the shipped campaigns with four runs
+a case.
 """
 
 import ast
