@@ -42,7 +42,7 @@ test: setup  ## Lint, check types and import rules, run the tests
 	$(BIN)/python -m relnav_sim.kernels
 	$(BIN)/python -m pytest -n 2 -m 'not slow'
 
-check-slow: setup  ## Run the long checks
+check-slow: setup docs  ## Run the long checks, and build the site of the documents
 	$(BIN)/python -m relnav_sim.kernels
 	$(BIN)/python -m pytest -m slow
 

@@ -19,7 +19,8 @@ PARALLEL = 1e-12
 def rtn_from_eci(chief: ArrayLike, deputy: ArrayLike, normal_acceleration_m_s2: ArrayLike = 0.0) -> Array:
     """Return the deputy's state relative to the chief, (..., 6) in m and m/s, RTN.
 
-    Casotto, Celestial Mechanics and Dynamical Astronomy 124, 2016: the frame's rate includes the tilt of the orbit plane.
+    Casotto, Celestial Mechanics and Dynamical Astronomy 124, 2016: the frame's rate includes the tilt of the orbit
+    plane.
 
     Args:
         chief: The chief's position and velocity (..., 6) in m and m/s, ECI.

@@ -111,7 +111,7 @@ _KINDS = (
                geometry.trajectory, words=geometry.trajectory_words),
     FigureKind("plane", "relative trajectory in the orbital plane with the estimates, and a part magnified",
                geometry.plane, {}, f"{_WEI}, Fig. 2"),
-    FigureKind("ellipses", "errors of all runs at one epoch in three planes with the ellipses of the actual and the formal covariance",
+    FigureKind("ellipses", "errors of all runs at one epoch in three planes, with actual and formal ellipses",
                ellipses.error_ellipses, words=ellipses.ellipses_words),
     FigureKind("range", "size of the errors against the true range", conditions.error_against_range,
                words=conditions.range_words),
