@@ -159,9 +159,10 @@ def world(tmp_path, monkeypatch):
         text = re.sub(r"^runs: \d+", "runs: 4", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
         (tmp_path / "campaigns" / path.name).write_text(text, encoding="utf-8")
     mine = yaml.safe_load((tmp_path / "campaigns" / "demo.yaml").read_text(encoding="utf-8"))
-    mine["filters"] = {"ekf": mine["filters"]["ekf"], "huber": mine["filters"]["ekf"] | {"kind": "huber"}}
+    mine["filters"] = {"ekf": {"kind": "ekf"}, "huber": {"kind": "huber"}}
+    del mine["grid"]
     for name in ("my", "campaign"):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(mine | {"name": name}), encoding="utf-8")
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(mine | {"name": name, "runs": 20}), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
