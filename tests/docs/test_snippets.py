@@ -161,6 +161,7 @@ def world(tmp_path, monkeypatch):
     mine = yaml.safe_load((tmp_path / "campaigns" / "demo.yaml").read_text(encoding="utf-8"))
     mine["filters"] = {"ekf": {"kind": "ekf"}, "huber": {"kind": "huber"}}
     del mine["grid"]
+    mine["truth"]["epoch"] = "2026-03-20T00:00:00 UTC"
     for name in ("my", "campaign"):
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(mine | {"name": name, "runs": 20}), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
