@@ -21,7 +21,8 @@ def first(table, row, column):
 def test_the_advice_is_what_the_tables_say():
     ekf, huber, imm = (first("filters", f"`{name}`", 3) for name in ("ekf", "huber", "imm"))
     assert round(1 - imm / ekf, 1) == 0.4 and round(1 - huber / ekf, 1) == 0.3
-    assert round(100 * (first("filters", "`huber`", 1) / first("filters", "`ekf`", 1) - 1)) == 7
+    cost = 100 * (first("filters", "`huber`", 1) / first("filters", "`ekf`", 1) - 1)
+    assert cost == pytest.approx(7, abs=100 * 0.01 / 0.53)  # half a digit of both numbers in the table
     for scene in (1, 2, 3, 4):
         j2 = first("dynamics", "`nonlinear_j2`", scene)
         without = [first("dynamics", f"`{name}`", scene) for name in ("cw", "cw_second_order", "yamanaka_ankersen")]
