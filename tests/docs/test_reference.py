@@ -23,7 +23,7 @@ def example(name):
 
 def run(name):
     failures = []
-    doctest.DocTestRunner().run(example(name), out=failures.append)
+    doctest.DocTestRunner(verbose=False).run(example(name), out=failures.append)
     assert not failures, "".join(failures)
 
 
