@@ -2,13 +2,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 BENCH := .venv-bench
+DOCS := .venv-docs
 BENCHMARKS := filters filters_particle filters_alpha learned propagation real_field scaling machine campaigns
 # Small matrices are slower on many BLAS threads, and two workers share the cores.
 export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow bench scale schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow docs bench scale schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -49,8 +50,17 @@ types: setup
 kernels: setup
 	$(BIN)/python -m relnav_sim.kernels
 
-check-slow: kernels  ## Run the long checks
+check-slow: kernels docs  ## Run the long checks, and build the site of the documents
 	$(BIN)/python -m pytest -m slow
+
+$(DOCS)/installed: pyproject.toml
+	$(PYTHON) -m venv $(DOCS)
+	$(DOCS)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
+
+docs: $(DOCS)/installed  ## Write the site of the documents to build/site, in an environment of its own; a dead link is an error
+	NO_MKDOCS_2_WARNING=1 PYTHONPATH=. $(DOCS)/bin/mkdocs build --strict --quiet
+	$(DOCS)/bin/python -m website.self_contained build/site
 
 $(BENCH)/installed: pyproject.toml
 	$(PYTHON) -m venv $(BENCH)
@@ -69,4 +79,4 @@ schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-fi
 	$(BIN)/python -m relnav_sim.campaign.reference docs/campaign-file.md
 
 clean:  ## Remove the virtual environment and caches, keep results
-	rm -rf $(VENV) $(BENCH) build .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) $(BENCH) $(DOCS) build .mypy_cache .ruff_cache .pytest_cache .hypothesis

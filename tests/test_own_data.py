@@ -23,7 +23,7 @@ PUBLIC = [(room, name) for room in (dynamics, measurements) for name in room.__a
 MODELS = [(room.__name__, name) for room, name in PUBLIC if name != "ChiefOrbit"]
 
 
-@pytest.mark.parametrize("room, name", [*MODELS, ("relnav_sim", "register_dynamics")])
+@pytest.mark.parametrize("room, name", MODELS)
 def test_examples_run(room, name):
     function = getattr(importlib.import_module(room), name)
     (found,) = doctest.DocTestFinder(recurse=False).find(function, name, globs={})

@@ -14,7 +14,7 @@ class FieldExtent:
         order: The highest order; 0 for zonal harmonics alone.
         model: The field's name; "" for the campaign's own constants.
 
-    Example:
+    Examples:
         >>> FieldExtent(4).covers(FieldExtent(2)), FieldExtent(4).covers(FieldExtent(20, 20, "ggm05s"))
         (True, False)
         >>> str(FieldExtent(20, 20, "ggm05s"))

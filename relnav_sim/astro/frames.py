@@ -19,6 +19,9 @@ PARALLEL = 1e-12
 def rtn_from_eci(chief: ArrayLike, deputy: ArrayLike, normal_acceleration_m_s2: ArrayLike = 0.0) -> Array:
     """Return the deputy's state relative to the chief, (..., 6) in m and m/s, RTN.
 
+    Casotto, Celestial Mechanics and Dynamical Astronomy 124, 2016: the frame's rate includes the tilt of the orbit
+    plane.
+
     Args:
         chief: The chief's position and velocity (..., 6) in m and m/s, ECI.
         deputy: The deputy's, (..., 6); the leading axes broadcast.
@@ -27,6 +30,12 @@ def rtn_from_eci(chief: ArrayLike, deputy: ArrayLike, normal_acceleration_m_s2: 
 
     Raises:
         ValueError: The chief's position and velocity are parallel, so that they span no orbit plane.
+
+    Examples:
+        >>> from relnav_sim import rtn_from_eci
+        >>> chief, deputy = [7e6, 0.0, 0.0, 0.0, 7.5e3, 0.0], [7e6, -2000.0, 0.0, 0.0, 7.5e3, 0.0]
+        >>> rtn_from_eci(chief, deputy).round(3).tolist()  # the same inertial velocity is not rest in the turning frame
+        [0.0, -2000.0, 0.0, -2.143, 0.0, 0.0]
     """
     c, d, a_n = _components(chief, deputy, normal_acceleration_m_s2)
     axes, rate_r, rate_n = _frame(c, a_n)
@@ -47,6 +56,12 @@ def eci_from_rtn(chief: ArrayLike, relative: ArrayLike, normal_acceleration_m_s2
 
     Raises:
         ValueError: The chief's position and velocity are parallel, so that they span no orbit plane.
+
+    Examples:
+        >>> from relnav_sim import eci_from_rtn
+        >>> chief = [7e6, 0.0, 0.0, 0.0, 7.5e3, 0.0]
+        >>> eci_from_rtn(chief, [0.0, -2000.0, 0.0, 0.0, 0.0, 0.0])[:3].tolist()  # 2 km behind
+        [7000000.0, -2000.0, 0.0]
     """
     c, relative_components, a_n = _components(chief, relative, normal_acceleration_m_s2)
     axes, rate_r, rate_n = _frame(c, a_n)

@@ -42,6 +42,12 @@ class Budget:
         sizes: How large each source is, its standard deviation or its absolute value, (S,), in `units`.
         units: Unit of each size: m, deg and the like; ``sigma`` of numbers without a unit, ``whole`` of fixed errors.
         phases: The phases of the flight, by what each ends with.
+
+    Examples:
+        >>> import relnav_sim
+        >>> budget = relnav_sim.error_budget(relnav_sim.load_campaign("campaigns/demo.yaml"), filter="ekf")
+        >>> budget.variance.shape, budget.sources[:2]
+        ((15, 601, 6), ('radar range noise', 'radar azimuth noise'))
     """
 
     filter: str
@@ -124,9 +130,9 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
 
     Examples:
         >>> import relnav_sim
-        >>> campaign = relnav_sim.load_campaign("campaigns/demo.yaml")  # doctest: +SKIP
-        >>> budget = relnav_sim.error_budget(campaign, filter="ekf")  # doctest: +SKIP
-        >>> bool(abs(budget.variance.sum(axis=0) / budget.total - 1).max() < 1e-10)  # doctest: +SKIP
+        >>> campaign = relnav_sim.load_campaign("campaigns/demo.yaml")
+        >>> budget = relnav_sim.error_budget(campaign, filter="ekf")
+        >>> bool(abs(budget.variance.sum(axis=0) / budget.total - 1).max() < 1e-10)
         True
     """
     if not 0 <= case < len(campaign.cases):

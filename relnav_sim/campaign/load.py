@@ -79,6 +79,12 @@ class Campaign:
         tune: How `relnav tune` searches; None: nothing is said.
         requirements: What the filters must achieve, by name.
         stressed: Its cases under truths that no filter is told of; `with_stress` adds them to the cases.
+
+    Examples:
+        >>> from relnav_sim import load_campaign
+        >>> campaign = load_campaign("campaigns/demo.yaml", ["runs=5"])
+        >>> campaign.name, campaign.runs, len(campaign.cases)
+        ('demo', 5, 2)
     """
 
     name: str
@@ -147,6 +153,12 @@ def load_campaign(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -
     Raises:
         CampaignError: The file or an override cannot be used; lists every problem.
         OSError: The file cannot be read.
+
+    Examples:
+        >>> from relnav_sim import load_campaign
+        >>> campaign = load_campaign("campaigns/demo.yaml", ["sensors.radar.range_sigma_m=5"])
+        >>> [case.label for case in campaign.cases]
+        ['sensors.radar.noise.kind=gaussian', 'sensors.radar.noise.kind=mixture']
     """
     with open(path, "rb") as file:
         content = file.read(MOST_BYTES + 1)

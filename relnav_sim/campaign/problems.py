@@ -34,6 +34,14 @@ class CampaignError(ValueError):
 
     Attributes:
         problems: Every problem found, each as ``file:line: path: sentence``.
+
+    Examples:
+        >>> from relnav_sim import CampaignError, load_campaign
+        >>> try:
+        ...     load_campaign("campaigns/demo.yaml", ["runs=none"])
+        ... except CampaignError as error:
+        ...     print(error.problems[0])
+        --set runs=none: runs: must be a whole number, not the text 'none'
     """
 
     def __init__(self, problems: Sequence[str]) -> None:

@@ -75,7 +75,7 @@ def observability(
     Raises:
         ValueError: The shapes do not fit.
 
-    Example:
+    Examples:
         A target that drifts at constant velocity past a camera; its scale can't be told from bearings, and a range of
         1 m accuracy is enough:
 

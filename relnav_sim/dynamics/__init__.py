@@ -1,6 +1,12 @@
 """Relative motion that a filter may believe in: one model a file, and its process noise.
 
 For own data, `from relnav_sim import dynamics`, one function a model: ``dynamics.cw(...)`` and so on.
+
+Examples:
+    >>> from relnav_sim import Step, dynamics
+    >>> cw = dynamics.cw(mean_motion_rad_s=1.1e-3, step_s=10.0, acceleration_psd_m2_s3=1e-10)
+    >>> cw.transition([[0.0] * 6], Step(0, 10.0)).shape
+    (6, 6)
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def schweighart_sedwick(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2
     Raises:
         ValueError: The density is negative.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)

@@ -61,7 +61,7 @@ def cw(
     Raises:
         ValueError: Mean motion or step is not positive, or the density is negative.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> motion = dynamics.cw(mean_motion_rad_s=1.1e-3, step_s=10.0, acceleration_psd_m2_s3=1e-8)

@@ -15,7 +15,17 @@ from relnav_sim.given_arrays import covariances, finite, numbers
 
 @dataclass(frozen=True)
 class Step:
-    """One epoch of a filter: `epoch` indexes the measurements' time axis, `duration_s` is the time since the last."""
+    """One epoch of a filter.
+
+    Args:
+        epoch: Its index in the time axis of the measurements, 0 to T - 1.
+        duration_s: Time since the epoch before, s.
+
+    Examples:
+        >>> from relnav_sim import Step
+        >>> Step(3, 10.0).duration_s
+        10.0
+    """
 
     epoch: int
     duration_s: float = 1.0
@@ -53,6 +63,13 @@ class LinearDynamics:
 
     Raises:
         ValueError: A matrix is not square, the sizes differ, an entry is not finite, or Q is no covariance.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearDynamics, Step
+        >>> constant_velocity = LinearDynamics([[1.0, 10.0], [0.0, 1.0]], np.diag([0.0, 1e-4]))
+        >>> constant_velocity.propagate(np.array([[0.0, 2.0]]), Step(0)).tolist()  # 10 s later
+        [[20.0, 2.0]]
     """
 
     linear = True

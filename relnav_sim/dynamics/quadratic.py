@@ -54,7 +54,7 @@ def cw_second_order(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3:
     Raises:
         ValueError: The density is negative.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.0, 0.9, 0.0, 0.0, 0.0)

@@ -53,7 +53,7 @@ def register_dynamics(name: str, options_model: O | None = None) -> O | Callable
         ValueError: Other dynamics have this name, `kind` is another, or `needs` has a word that doesn't exist.
         TypeError: It is no `DynamicsOptions`.
 
-    Example:
+    Examples:
         >>> from relnav_sim import register_dynamics
         >>> from relnav_sim.dynamics.registry import dynamics_kinds
         >>> options_model = dynamics_kinds()["cw"]

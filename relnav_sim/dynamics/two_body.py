@@ -58,7 +58,7 @@ def nonlinear(*, orbit: ChiefOrbit, step_s: float, acceleration_psd_m2_s3: float
     Raises:
         ValueError: The density is negative.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.02, 0.9, 0.0, 0.0, 0.0)

@@ -110,7 +110,7 @@ def nonlinear_field(
         ValueError: The density is negative, the epoch can't be read, there is no such field, or the chief's states have
             another shape or are not finite.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0)

@@ -80,7 +80,7 @@ def nonlinear_j2(
     Raises:
         ValueError: The density is negative, or the chief's states have another shape or are not finite.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import Step, dynamics
         >>> orbit = dynamics.ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0)

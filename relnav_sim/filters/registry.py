@@ -145,6 +145,16 @@ def register_filter(
 
     Raises:
         ValueError: Another filter has this name.
+
+    Examples:
+        A whole filter of a package of its own is in docs/add-a-filter.md. A name is given once:
+
+        >>> from relnav_sim import register_filter
+        >>> from relnav_sim.filters.ekf import ExtendedKalmanFilter
+        >>> from relnav_sim.filters.kalman import GaussianFilterOptions
+        >>> register_filter("ekf", GaussianFilterOptions)(type("Mine", (ExtendedKalmanFilter,), {}))
+        Traceback (most recent call last):
+        ValueError: a filter named 'ekf' is registered already
     """
 
     def register(factory: C) -> C:

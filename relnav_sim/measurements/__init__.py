@@ -1,6 +1,11 @@
 """What a filter believes a sensor reads: the interface, linear and user-given measurements, the built-in sensors.
 
 For own data, `from relnav_sim import measurements`, one function a sensor: ``measurements.radar(...)`` and so on.
+
+Examples:
+    >>> from relnav_sim import measurements
+    >>> measurements.radar(range_sigma_m=2.0, angle_sigma_deg=0.05).dimension
+    3
 """
 
 from __future__ import annotations

@@ -27,6 +27,15 @@ class FunctionMeasurement(MeasurementDefaults):
 
     Raises:
         ValueError: Something that is no function, a noise that is no covariance, or angles that are no components.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import FunctionMeasurement, Step
+        >>> def bearing(states, epoch):
+        ...     return np.arctan2(states[..., 1], states[..., 0])[..., None]
+        >>> camera = FunctionMeasurement(bearing, [[1e-6]], angles=[0])
+        >>> camera.predict(np.array([[3.0, 3.0, 0.0, 0.0]]), Step(0)).round(4).tolist()
+        [[0.7854]]
     """
 
     leaves_arguments_alone = True

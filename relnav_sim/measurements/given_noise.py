@@ -26,6 +26,13 @@ class MixtureNoise:
     Raises:
         ValueError: Shapes that do not fit, weights that are not positive or do not sum to 1, or a matrix that is no
             covariance.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearMeasurement, MixtureNoise
+        >>> glint = MixtureNoise([0.9, 0.1], [[[1.0]], [[25.0]]])  # one reading in ten is five times as noisy
+        >>> LinearMeasurement([[1.0, 0.0]], glint).dimension
+        1
     """
 
     weights: Array

@@ -21,6 +21,13 @@ class LinearMeasurement(MeasurementDefaults):
 
     Raises:
         ValueError: Shapes that do not fit, entries that are not finite, or a noise that is no covariance.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import LinearMeasurement, Step
+        >>> position = LinearMeasurement([[1.0, 0.0]], [[0.25]])  # of a position and a velocity, sigma 0.5 m
+        >>> position.predict(np.array([[7.0, 2.0]]), Step(0)).tolist()
+        [[7.0]]
     """
 
     leaves_arguments_alone = True

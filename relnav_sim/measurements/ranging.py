@@ -131,7 +131,7 @@ def lidar(
     Raises:
         ValueError: A sigma is not positive, or the orbit is missing.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import measurements
         >>> state = np.array([[3.0, 400.0, 0.0, 0.0, -0.1, 0.0]])
@@ -163,7 +163,7 @@ def crosslink(*, range_sigma_m: float, range_rate_sigma_m_s: float | None = None
     Raises:
         ValueError: A sigma is not positive.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import measurements
         >>> link = measurements.crosslink(range_sigma_m=0.5, range_rate_sigma_m_s=1e-3)

@@ -59,7 +59,7 @@ def relative_gnss(
         ValueError: Sigmas and covariance together or neither, a sigma that is not positive (the frame's: negative), or
             a covariance that is none of three or six numbers.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import measurements
         >>> gnss = measurements.relative_gnss(position_sigma_m=1.0, velocity_sigma_m_s=0.05)

@@ -166,7 +166,7 @@ def radar(
     Raises:
         ValueError: A sigma is not positive (the attitude's: negative), or the chief's orbit is missing.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import measurements
         >>> radar = measurements.radar(range_sigma_m=2.0, angle_sigma_deg=0.05)
@@ -210,7 +210,7 @@ def first_fix(
     Raises:
         ValueError: The model gives no position, or the readings have another shape.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from relnav_sim import measurements
         >>> radar = measurements.radar(range_sigma_m=2.0, angle_sigma_deg=0.05)

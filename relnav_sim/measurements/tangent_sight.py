@@ -158,7 +158,7 @@ def camera(
     Raises:
         ValueError: A sigma that is not between 0 and 90 deg, or no chief orbit with the deputy as host.
 
-    Example:
+    Examples:
         The deputy ahead and above, seen along the camera's x axis:
 
         >>> import numpy as np

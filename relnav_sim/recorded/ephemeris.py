@@ -51,6 +51,17 @@ class Ephemeris:
         frame: The frame, as the file names it: EME2000 (J2000), ICRF (GCRF) or a realisation of ITRF.
         spans: The stretches that are interpolated, in order of time.
         notes: What a reader of results should know of the file.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import ForceModel, load_ephemeris, propagate
+        >>> times_s = np.arange(0.0, 900.0, 60.0)
+        >>> states = propagate([[6.9e6, 0.0, 0.0, 0.0, 7.6e3, 0.0]], times_s, ForceModel(3.986004418e14, 6378137.0))[0]
+        >>> columns = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s"
+        >>> np.savetxt("recorded.csv", np.column_stack([times_s, states]), delimiter=",", header=columns, comments="")
+        >>> orbit = load_ephemeris("recorded.csv", frame="EME2000", epoch="2026-03-01T00:00:00 UTC")
+        >>> bool(abs(orbit.at([120.0])[0] - states[2]).max() < 1e-6)
+        True
     """
 
     path: str

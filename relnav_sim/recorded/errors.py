@@ -6,7 +6,18 @@ from relnav_sim.printable import printable
 
 
 class EphemerisError(ValueError):
-    """A file of orbits that can't be used: one sentence, with ``file:line:`` before it where a line is to blame."""
+    """A file of orbits that can't be used: one sentence, with ``file:line:`` before it where a line is to blame.
+
+    Examples:
+        >>> from pathlib import Path
+        >>> from relnav_sim import EphemerisError, load_ephemeris
+        >>> _ = Path("wrong.csv").write_text("time_utc,x_m,y_m")
+        >>> try:
+        ...     load_ephemeris("wrong.csv")
+        ... except EphemerisError as error:
+        ...     print(error)
+        wrong.csv:1: no column gives z with its unit; name it z_m or z_km
+    """
 
 
 def at_line(path: str, line: int, sentence: str) -> EphemerisError:

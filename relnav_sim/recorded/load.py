@@ -55,6 +55,17 @@ def load_ephemeris(
     Raises:
         EphemerisError: One sentence with ``file:line:`` on what is wrong.
         OSError: The file can't be read.
+
+    Examples:
+        >>> import numpy as np
+        >>> from relnav_sim import ForceModel, load_ephemeris, propagate
+        >>> times_s = np.arange(0.0, 900.0, 60.0)
+        >>> states = propagate([[6.9e6, 0.0, 0.0, 0.0, 7.6e3, 0.0]], times_s, ForceModel(3.986004418e14, 6378137.0))[0]
+        >>> columns = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s"
+        >>> np.savetxt("flown.csv", np.column_stack([times_s, states]), delimiter=",", header=columns, comments="")
+        >>> orbit = load_ephemeris("flown.csv", frame="EME2000", epoch="2026-03-01T00:00:00 UTC")
+        >>> orbit.epoch.text("UTC"), orbit.states.shape
+        ('2026-03-01T00:00:00 UTC', (15, 6))
     """
     first, last = (Epoch.parse(each) if isinstance(each, str) else each for each in (start, stop))
     stated = Stated(frame, time_scale, velocity_frame, epoch, interpolation, interpolation_degree)

@@ -34,6 +34,14 @@ class Results(HeldResult):
 
     Wherever a case is asked for, its number, its label or its id will do. Arrays hold one row per run, in the
     order of `case_runs`. What the file says of its campaign, and what it holds, is told by `HeldResult`.
+
+    Examples:
+        >>> from relnav_sim import open_results
+        >>> with open_results("results/demo.h5") as results:
+        ...     summary = results.summary()
+        ...     one = results.series(case=0, filter="ekf", run=0)
+        >>> summary["settled_r_rms_m"].shape == summary["run"].shape, one.error.shape[1]
+        (True, 6)
     """
 
     def summary(self) -> dict[str, NDArray[Any]]:
@@ -173,7 +181,7 @@ class Results(HeldResult):
         Returns:
             None where the file holds none: its campaign did not ask for them (``clock.store_covariance``).
 
-        Example:
+        Examples:
             The correlation of radial position with along-track velocity at the last stored epoch, one number per run::
 
                 P = results.covariance(0, "ekf")[:, -1]
@@ -285,5 +293,11 @@ def open_results(path: str | Path) -> Results:
 
     Raises:
         ResultsError: The file is missing, damaged, or no relnav result.
+
+    Examples:
+        >>> from relnav_sim import open_results
+        >>> with open_results("results/demo.h5") as results:
+        ...     results.filters, results.cases
+        (('kf', 'ekf', 'ukf', 'imm'), ('sensors.radar.noise.kind=gaussian', 'sensors.radar.noise.kind=mixture'))
     """
     return Results(Path(path))

@@ -68,6 +68,12 @@ def run_campaign(
             kept.
         OSError: The output can't be written.
         ValueError: A time limit with ``sequential``: nothing could end what hangs.
+
+    Examples:
+        >>> from relnav_sim import load_campaign, run_campaign
+        >>> campaign = load_campaign("campaigns/demo.yaml", ["runs=2", "clock.duration_s=200", "name=short"])
+        >>> run_campaign(campaign, backend="sequential").as_posix()
+        'results/short.h5'
     """
     out = Path(out) if out is not None else default_out(campaign, part)
     watch = Watch(say, detail)

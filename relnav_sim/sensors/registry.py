@@ -37,7 +37,7 @@ def register_sensor(name: str, options_model: O | None = None) -> O | Callable[[
         ValueError: Another sensor has this name, or `kind` is another.
         TypeError: It is no `SensorOptions`.
 
-    Example:
+    Examples:
         >>> from relnav_sim import register_sensor
         >>> from relnav_sim.sensors import sensor_kinds
         >>> options_model = sensor_kinds()["radar"]

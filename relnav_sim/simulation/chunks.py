@@ -68,6 +68,12 @@ class Simulation:
         z: Raw measurements of each sensor by its name, (runs, T, m), SI and rad; NaN = no measurement.
         inputs: What the filters are given of each relative sensor, by its name, through the attitude and orbit that its
             host itself measures, (runs, T, m); ``NAME.cartesian`` is the same converted to a position.
+
+    Examples:
+        >>> from relnav_sim import load_campaign, simulate
+        >>> flight = simulate(load_campaign("campaigns/demo.yaml"))
+        >>> flight.times_s[-1].item(), sorted(flight.z)
+        (600.0, ['gnss', 'radar', 'star_tracker'])
     """
 
     times_s: Array
@@ -182,6 +188,12 @@ def simulate(campaign: Campaign, case: int = 0, runs: Sequence[int] = range(1)) 
     Raises:
         IndexError: There is no such case.
         ValueError: No runs are asked for.
+
+    Examples:
+        >>> from relnav_sim import load_campaign, simulate
+        >>> flight = simulate(load_campaign("campaigns/demo.yaml"), case=0, runs=[0, 1])
+        >>> flight.relative.shape, flight.z["radar"].shape  # 600 s in steps of 1 s, range and two angles
+        ((2, 601, 6), (2, 601, 3))
     """
     if not 0 <= case < len(campaign.cases):
         raise IndexError(f"there is no case {case}; the campaign has {len(campaign.cases)}, counted from 0")

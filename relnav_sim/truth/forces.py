@@ -39,6 +39,13 @@ class ExponentialAtmosphere:
 
     Raises:
         ValueError: A density or scale height that is not positive, or a value that is not finite.
+
+    Examples:
+        >>> from relnav_sim import ExponentialAtmosphere, ForceModel
+        >>> air = ExponentialAtmosphere(base_altitude_m=500e3, density_kg_m3=6.967e-13, scale_height_m=63822.0)
+        >>> force = ForceModel(3.986004418e14, 6378137.0, atmosphere=air)
+        >>> float(air.density(500e3))
+        6.967e-13
     """
 
     base_altitude_m: float

@@ -49,6 +49,15 @@ def propagate(
         RuntimeWarning: An orbit could not be continued; its states are NaN from the named time on. Either it fell into
             the centre, or (with an atmosphere) it started or went below the surface, |r| < `force.radius_m`, between
             whatever times. Without an atmosphere there is no surface, as about a point mass.
+
+    Examples:
+        >>> from relnav_sim import ForceModel, propagate
+        >>> point_mass = ForceModel(3.986004418e14, 6378137.0, zonals=())
+        >>> period_s = 2 * 3.141592653589793 * (7e6**3 / 3.986004418e14) ** 0.5
+        >>> circle = [[7e6, 0.0, 0.0, 0.0, (3.986004418e14 / 7e6) ** 0.5, 0.0]]
+        >>> states = propagate(circle, [0.0, period_s], point_mass)
+        >>> bool(abs(states[0, 1] - states[0, 0]).max() < 1e-3)  # back after a revolution
+        True
     """
     surface_m = force.radius_m if force.atmosphere is not None else None
     trajectory = DenseTrajectory(

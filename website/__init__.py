@@ -1,0 +1,1 @@
+"""What turns docs/ into a site: hooks of MkDocs, run by `make docs` only."""
