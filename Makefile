@@ -57,7 +57,7 @@ bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in a
 scale: setup  ## Measure how commands grow with runs, cases, filters and epochs, for docs/clusters.md; SCALE_OPTIONS takes a part
 	PYTHONPATH=benchmarks $(BIN)/python -m scale $(SCALE_OPTIONS)
 
-scenarios: setup  ## Fly the library of campaigns and write docs/scenarios.md anew; two minutes of processor time
+scenarios: setup  ## Fly the library of campaigns and write docs/scenarios.md anew; three minutes of processor time
 	$(BIN)/python benchmarks/scenarios.py
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models

@@ -1,6 +1,6 @@
 """Fly the library of campaigns and write docs/scenarios.md: what each asks, why, and the decision of its report.
 
-    python benchmarks/scenarios.py                every scenario; two minutes of processor time
+    python benchmarks/scenarios.py                every scenario; three minutes of processor time
     python benchmarks/scenarios.py geo demo       these, and any that the page lacks
 
 Questions and reasons come from the campaigns, decisions from `relnav report`.
@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 
 from relnav_sim.cli.library import first_words, library_names, library_text
@@ -70,7 +71,8 @@ def page_of(decisions: dict[str, str]) -> str:
     sections = [_HEAD]
     for name in library_names():
         text = library_text(name)
-        sections.append(f"## {name}\n\n**{first_words(text)}**\n\n{why(text)}\n\n> {decisions[name]}\n")
+        reason = textwrap.fill(why(text), 120, break_on_hyphens=False)
+        sections.append(f"## {name}\n\n**{first_words(text)}**\n\n{reason}\n\n> {decisions[name]}\n")
     return "\n".join(sections)
 
 
