@@ -24,9 +24,12 @@ _HEAD = """# Scenarios
 Campaigns that come with relnav, each small enough to run in seconds and each with a question whose answer is not plain
 beforehand. `relnav list campaigns` lists them from any folder. To have one, change it and run it:
 
-    relnav new my.yaml --from vbar-hold
-    relnav run my.yaml
-    relnav report
+<!-- run by: tests/cli/test_new.py -->
+```sh
+relnav new my.yaml --from vbar-hold
+relnav run my.yaml
+relnav report
+```
 
 Below each question stands why it is asked and the first sentence of the decision in its report, for the numbers of the
 file as it comes. It is an answer to that file, not a rule: other sensors, orbits or process noise may turn it, which
