@@ -9,6 +9,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.budget.budget import Budget
 from relnav_sim.budget.table import settled
+from relnav_sim.results.layout import QUANTITIES, SPANS
 from relnav_sim.results.read import Results
 
 CONFIDENCE = 0.999
@@ -84,7 +85,8 @@ def verdict(budget: Budget, squares: Array, settle_s: float) -> Verdict | None:
 
 def squares_of(results: Results, case_id: str, filter: str) -> Array:
     """Return the mean square of the settled position error of each run of a filter, (runs,), m^2; empty without any."""
-    place = next((i for i, header in enumerate(results.headers) if header.id == case_id), -1)
-    summary = results.summary()
-    rows = (summary["case"] == place) & (summary["filter"] == filter)
-    return np.square(np.asarray(summary["settled_r_rms_m"][rows], dtype=np.float64))
+    place = next((i for i, header in enumerate(results.headers) if header.id == case_id), None)
+    if place is None or filter not in results.headers[place].filters or not len(results.case_runs(place, filter)):
+        return np.empty(0)
+    rms = results.statistic(place, filter, "rms")
+    return np.square(rms[:, SPANS.index("settled"), QUANTITIES.index("r")], dtype=np.float64)
