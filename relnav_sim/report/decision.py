@@ -33,7 +33,7 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     choice = decision.overall
     others: list[Sentence] = []
     if choice.chosen is not None:
-        others += [*_others(decision), *_regret(choice.chosen, known.regrets)]
+        others += [*_others(decision), *_regret(choice.chosen, known.regrets), *_lost(choice.chosen, known.regrets)]
     others += [
         *_refused(decision, known.judged),
         *_case_by_case(decision, known.labels),
@@ -63,6 +63,8 @@ def _lead(decision: Decision, judged: Sequence[Judgement]) -> Sentence:
     if needed := _too_few(decision):
         return (Clause(f"No decision yet: {needed}"),)
     name = choice.chosen
+    if not choice.effects and all((item := case.of(name)) and item.runs < 2 for case, _ in decision.cases):
+        return (Clause(f"No decision yet: one run decides nothing. {name}: "), *_achieves(decision, name), Clause("."))
     alike, undecided = choice.with_effect("equivalent"), choice.with_effect("undecided")
     said = [Clause(f"Fly {name}")]
     if alike:
@@ -208,6 +210,26 @@ def _regret(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
         said += [Clause("; least for "), Clause(f"{minimax}, {significant(100 * other.estimate, 2)} %", table, anchor)]
         said += [Clause(decided)]
     yield (*said, Clause("."))
+
+
+def _lost(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
+    """Yield the stresses under which runs of the chosen filter fail or diverge: a small regret does not show them."""
+    parts: list[list[Clause]] = []
+    for index, found in regrets.items():
+        if name not in found.filters:
+            continue
+        row = found.filters.index(name)
+        for place, under in list(enumerate(found.cases))[1:]:
+            counts = (("failed", found.failed[row, place]), ("diverged", found.diverged[row, place]))
+            lost = " and ".join(f"{how} in {count}" for how, count in counts if count)
+            if lost:
+                words = f"{lost} of {counted(len(found.runs), 'run')}"
+                parts.append([Clause(words, f"case_{index + 1:03d}_stressed_rms")])
+                parts[-1].append(Clause(f" ({under}{f', case {index + 1}' if len(regrets) > 1 else ''})"))
+    left = len(parts) - _MANY_FILTERS
+    if parts:
+        more = f" and under {left} more" if left > 0 else ""
+        yield (Clause(f"Under stress {name} "), *joined(parts[:_MANY_FILTERS], ", "), Clause(f"{more}."))
 
 
 def _refused(decision: Decision, judged: Sequence[Judgement]) -> Iterator[Sentence]:
