@@ -40,7 +40,8 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
         *what_would_help(known.budget),
     ]
     others += not_shown(decision, known)
-    lead, table = _lead(decision, known.judged), decision_table(decision, known.labels, known.over)
+    lead, enough = _lead(decision, known.judged), not (_one_run(decision) or _too_few(decision))
+    table = decision_table(decision, known.labels, known.over, enough)
     shown = table if len(decision.cases) <= MOST_CASES else _cited_rows(table, (lead, *others))
     return DecisionSection(lead, tuple(others), table, shown)
 
@@ -63,7 +64,7 @@ def _lead(decision: Decision, judged: Sequence[Judgement]) -> Sentence:
     if needed := _too_few(decision):
         return (Clause(f"No decision yet: {needed}"),)
     name = choice.chosen
-    if not choice.effects and all((item := case.of(name)) and item.runs < 2 for case, _ in decision.cases):
+    if _one_run(decision):
         return (Clause(f"No decision yet: one run decides nothing. {name}: "), *_achieves(decision, name), Clause("."))
     alike, undecided = choice.with_effect("equivalent"), choice.with_effect("undecided")
     said = [Clause(f"Fly {name}")]
@@ -324,6 +325,13 @@ def _in_one_case(case: CaseEvidence, choice: Choice) -> list[Clause]:
     words = choice.chosen if names == choice.chosen else f"{NO_DIFFERENCE_THAT_MATTERS} between {names},"
     said = [at_row(case, choice.chosen, f"{words}{size}")]
     return [*said, Clause(f" (undecided against {listed(undecided)})")] if undecided else said
+
+
+def _one_run(decision: Decision) -> bool:
+    """Return whether the chosen filter has a single run, and none to compare it with."""
+    choice = decision.overall
+    found = [item for case, _ in decision.cases if (item := case.of(choice.chosen or ""))]
+    return bool(found) and not choice.effects and all(item.runs < 2 for item in found)
 
 
 def _too_few(decision: Decision) -> str:

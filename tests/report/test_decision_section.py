@@ -64,8 +64,10 @@ def _same_rms() -> dict[str, np.ndarray]:
 
 
 def test_one_run_decides_nothing(make_result: ResultMaker) -> None:
-    said = _decision(_written(make_result(runs=1))[1])
-    assert "No decision yet: 1 run in common can't decide between 3 filters" in said
+    markdown = _written(make_result(runs=1))[1]
+    assert "No decision yet: 1 run in common can't decide between 3 filters" in _decision(markdown)
+    table = markdown.partition("What the decision goes by")[2].partition("Over ")[0]
+    assert "| reference |" in table and "| chosen |" not in table and "acceptable, chosen" not in table
 
 
 def test_one_run_of_the_only_filter_decides_nothing(make_result: ResultMaker) -> None:
