@@ -19,6 +19,7 @@ from relnav_sim.report.curves import case_curves
 from relnav_sim.report.drawing import Drawing, Picture, draw
 from relnav_sim.report.editing_table import editing_notes
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_section
+from relnav_sim.report.evidence import acceptable_first
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
@@ -98,7 +99,7 @@ def _with_budget(
         note = _NO_BUDGET.format(most=MOST_BUDGETS, case=case.index, result=shlex.quote(results.path.name))
         return replace(section, notes=(*section.notes, note)), ()
     missing = list(section.missing)
-    ranked = [standing.name for standing in ranking.standings]
+    ranked = acceptable_first(ranking)
     found = attempted("The error budget", partial(budget_section, results, case, ranked), missing)
     if found is None or isinstance(found, str):
         notes = section.notes if found is None else (*section.notes, found)

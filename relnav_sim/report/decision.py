@@ -33,14 +33,15 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     choice = decision.overall
     others: list[Sentence] = []
     if choice.chosen is not None:
-        others += [*_others(decision), *_regret(choice.chosen, known.regrets)]
+        others += [*_others(decision), *_regret(choice.chosen, known.regrets), *_lost(choice.chosen, known.regrets)]
     others += [
         *_refused(decision, known.judged),
         *_case_by_case(decision, known.labels),
         *what_would_help(known.budget),
     ]
     others += not_shown(decision, known)
-    lead, table = _lead(decision, known.judged), decision_table(decision, known.labels, known.over)
+    lead, enough = _lead(decision, known.judged), not (_one_run(decision) or _too_few(decision))
+    table = decision_table(decision, known.labels, known.over, enough)
     shown = table if len(decision.cases) <= MOST_CASES else _cited_rows(table, (lead, *others))
     return DecisionSection(lead, tuple(others), table, shown)
 
@@ -63,6 +64,8 @@ def _lead(decision: Decision, judged: Sequence[Judgement]) -> Sentence:
     if needed := _too_few(decision):
         return (Clause(f"No decision yet: {needed}"),)
     name = choice.chosen
+    if _one_run(decision):
+        return (Clause(f"No decision yet: one run decides nothing. {name}: "), *_achieves(decision, name), Clause("."))
     alike, undecided = choice.with_effect("equivalent"), choice.with_effect("undecided")
     said = [Clause(f"Fly {name}")]
     if alike:
@@ -210,6 +213,26 @@ def _regret(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
     yield (*said, Clause("."))
 
 
+def _lost(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
+    """Yield the stresses under which runs of the chosen filter fail or diverge: a small regret does not show them."""
+    parts: list[list[Clause]] = []
+    for index, found in regrets.items():
+        if name not in found.filters:
+            continue
+        row = found.filters.index(name)
+        for place, under in list(enumerate(found.cases))[1:]:
+            counts = (("failed", found.failed[row, place]), ("diverged", found.diverged[row, place]))
+            lost = " and ".join(f"{how} in {count}" for how, count in counts if count)
+            if lost:
+                words = f"{lost} of {counted(len(found.runs), 'run')}"
+                parts.append([Clause(words, f"case_{index + 1:03d}_stressed_rms")])
+                parts[-1].append(Clause(f" ({under}{f', case {index + 1}' if len(regrets) > 1 else ''})"))
+    left = len(parts) - _MANY_FILTERS
+    if parts:
+        more = f" and under {left} more" if left > 0 else ""
+        yield (Clause(f"Under stress {name} "), *joined(parts[:_MANY_FILTERS], ", "), Clause(f"{more}."))
+
+
 def _refused(decision: Decision, judged: Sequence[Judgement]) -> Iterator[Sentence]:
     """Yield why filters are not recommended, the most accurate first."""
     refusals = decision.overall.refusals
@@ -302,6 +325,13 @@ def _in_one_case(case: CaseEvidence, choice: Choice) -> list[Clause]:
     words = choice.chosen if names == choice.chosen else f"{NO_DIFFERENCE_THAT_MATTERS} between {names},"
     said = [at_row(case, choice.chosen, f"{words}{size}")]
     return [*said, Clause(f" (undecided against {listed(undecided)})")] if undecided else said
+
+
+def _one_run(decision: Decision) -> bool:
+    """Return whether the chosen filter has a single run, and none to compare it with."""
+    choice = decision.overall
+    found = [item for case, _ in decision.cases if (item := case.of(choice.chosen or ""))]
+    return bool(found) and not choice.effects and all(item.runs < 2 for item in found)
 
 
 def _too_few(decision: Decision) -> str:

@@ -24,20 +24,21 @@ _EFFECTS: Mapping[Effect, str] = {
 }
 
 
-def decision_table(decision: Decision, labels: Sequence[str], over: str) -> Table:
+def decision_table(decision: Decision, labels: Sequence[str], over: str, enough: bool = True) -> Table:
     """Return the table of a decision.
 
     Args:
         decision: The decision.
         labels: The labels of the cases that it is about.
         over: The span of the figures, in words.
+        enough: Whether the runs are enough for a decision; else no filter is called chosen.
     """
     rows = []
     many = len(decision.cases) > 1
     for (case, choice), label in zip(decision.cases, labels, strict=True):
         against = _reference(decision, case, choice)
         heading = f"{case.index + 1}: {label}"
-        for place, row in enumerate(_case_rows(case, choice, against, decision.margin_percent)):
+        for place, row in enumerate(_case_rows(case, choice, against, decision.margin_percent, enough)):
             cells = (Words(row.label), *row.cells) if many else row.cells
             name = (heading if not place else f"{case.index + 1}") if many else row.label
             rows.append(
@@ -105,7 +106,7 @@ def _reference(decision: Decision, case: CaseEvidence, choice: Choice) -> str | 
     return overall if overall is not None and case.of(overall) else choice.chosen
 
 
-def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: float) -> list[Row]:
+def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: float, enough: bool) -> list[Row]:
     """Return a row for each filter; numbers of one column share their decimals."""
     found = [case.difference(item.name, against) if against else None for item in case.candidates]
     sizes = numbers([item.position for item in case.candidates])
@@ -114,8 +115,12 @@ def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: 
     rows = []
     for item, size, percent, ratio, one in zip(case.candidates, sizes, above, ratios, found, strict=True):
         effect = None if one is None else one.effect(margin)
-        second: Cell = Words("chosen", 0.0, mark="best") if item.name == against else percent
-        rows.append(Row(item.name, (size, second, ratio, _follows(item, choice, against, effect))))
+        follows = _follows(item, choice, against, effect)
+        second: Cell = percent
+        if item.name == against:
+            second = Words("chosen", 0.0, mark="best") if enough else Words("reference", 0.0)
+            follows = follows if enough else Words("acceptable")
+        rows.append(Row(item.name, (size, second, ratio, follows)))
     return rows
 
 

@@ -13,7 +13,7 @@ from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.report.metrics import ANEES
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.results.settings import case_setting
-from relnav_sim.statistics.decision import Candidate, CaseEvidence, Decision, decide
+from relnav_sim.statistics.decision import Candidate, CaseEvidence, Decision, decide, refusals_of
 from relnav_sim.statistics.equivalence import Difference
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 from relnav_sim.statistics.requirements import Judgement
@@ -32,6 +32,16 @@ def decided(results: Results, rankings: Sequence[Ranking], judged: Sequence[Judg
     """
     evidence = [_evidence(ranking, judged) for ranking in rankings if ranking.case.filters]
     return decide(evidence, matters_percent(results)) if evidence else None
+
+
+def acceptable_first(ranking: Ranking) -> list[str]:
+    """Return the ranked filters of a case, the smallest error first; behind them those to refuse, requirements apart.
+
+    The error budget is of the first one: that of a filter which no one would fly, because it diverged or is
+    overconfident, tells nothing of the chosen one's errors, however small its own are.
+    """
+    refused = {item.name for item in ranking.case.filters if refusals_of(_candidate(ranking, item, ()))}
+    return sorted((standing.name for standing in ranking.standings), key=lambda name: name in refused)
 
 
 def matters_percent(results: Results) -> float:

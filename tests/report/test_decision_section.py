@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from relnav_sim import report
+from relnav_sim.plots.facts import case_facts
+from relnav_sim.report.evidence import acceptable_first
 from relnav_sim.report.glossary import TERMS, Definitions
+from relnav_sim.report.ranking import rank
+from relnav_sim.results import open_results
 
 ResultMaker = Callable[..., Path]
 pytestmark = pytest.mark.usefixtures("unrendered")
@@ -61,8 +65,41 @@ def _same_rms() -> dict[str, np.ndarray]:
 
 
 def test_one_run_decides_nothing(make_result: ResultMaker) -> None:
-    said = _decision(_written(make_result(runs=1))[1])
-    assert "No decision yet: 1 run in common can't decide between 3 filters" in said
+    markdown = _written(make_result(runs=1))[1]
+    assert "No decision yet: 1 run in common can't decide between 3 filters" in _decision(markdown)
+    table = markdown.partition("What the decision goes by")[2].partition("Over ")[0]
+    assert "| reference |" in table and "| chosen |" not in table and "acceptable, chosen" not in table
+
+
+def test_one_run_of_the_only_filter_decides_nothing(make_result: ResultMaker) -> None:
+    said = _decision(_written(make_result(runs=1, filters={"only": 1.0}))[1])
+    assert said.strip().startswith("No decision yet: one run decides nothing. only: position RMS")
+    assert "Fly" not in said
+
+
+def test_runs_lost_under_a_stress_are_told_though_the_regret_is_small(make_result: ResultMaker) -> None:
+    outside = np.where(np.arange(12) < 7, 0.2, 0.0)
+    path = make_result(
+        labels=("base", "stress=noisy"),
+        stresses=("noisy",),
+        filters={"a": 0.5, "b": 1.0},
+        requirements={"losses": {"kind": "diverged", "at_most": 0.9}},  # no filter is refused for it
+        summaries={name: {"outside_late": outside} for name in "ab"},
+        failed={"b": [11]},
+    )
+    html, markdown = _written(path)
+    said = _decision(markdown)
+    assert said.strip().startswith("Fly a")
+    assert "Under stress a diverged in 7 of 12 runs (noisy)." in said
+    assert html.count('id="case_001_stressed_rms"') == 1 and 'href="#case_001_stressed_rms"' in html
+
+
+def test_the_error_budget_is_of_a_filter_that_may_be_flown(make_result: ResultMaker) -> None:
+    path = make_result(filters={"sure": 0.5, "honest": 1.0}, summaries={"sure": {"anees": np.full((12, 2, 3), 9.0)}})
+    with open_results(path) as results:
+        ranking = rank(case_facts(results, 0, "rtn"))
+    assert [standing.name for standing in ranking.standings] == ["sure", "honest"]
+    assert acceptable_first(ranking) == ["honest", "sure"]
 
 
 def test_no_filter_is_recommended_where_all_failed(make_result: ResultMaker) -> None:
