@@ -57,7 +57,7 @@ def accuracy_by_case(
 ) -> Figure:
     """Draw the position RMS of every filter in every case, with its 95 % interval over runs, and the bound.
 
-    Cases stand on the horizontal axis by their number from 1.
+    Cases stand on the horizontal axis by their number, from 0.
 
     Args:
         results: An opened result.
@@ -69,7 +69,7 @@ def accuracy_by_case(
     facts = [case_facts(results, case) for case in (results.nominal if cases is None else cases)]
     names = tuple(results.filters if filters is None else filters)
     styles = line_styles(results.filters)
-    numbers = np.array([case.number for case in facts], dtype=float)
+    numbers = np.array([case.index for case in facts], dtype=float)
     limits = np.array([settled_bound(results, case, "position") for case in facts])
     with house_style():
         labels = [shown_name(name) for name in names] + ([PERFECT_BOUND] if np.isfinite(limits).any() else [])
@@ -99,7 +99,7 @@ def accuracy_by_case(
         if len(facts) > _MOST_TICKS:
             panel.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
         else:
-            panel.set_xticks(numbers, [str(case.number) for case in facts])
+            panel.set_xticks(numbers, [str(case.index) for case in facts])
         margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
@@ -107,7 +107,7 @@ def accuracy_by_case(
 
 def accuracy_words(cases: Sequence[CaseFacts]) -> FigureWords:
     """Return the words of `accuracy_by_case`."""
-    best = [f"case {case.number} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
+    best = [f"case {case.index} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
     return FigureWords(
         f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. The table "
         f"says which case a number is. {BOUND_NOTE}",
@@ -190,7 +190,7 @@ def sweep_words(case: CaseFacts, along: str) -> FigureWords:
     """Return the words of `sweep_trend`."""
     return FigureWords(
         f"Position and velocity RMS ({case.when}) against {along}, mean over runs with 95 % intervals. Other varied "
-        f"values are those of case {case.number}. {BOUND_NOTE}",
+        f"values are those of case {case.index}. {BOUND_NOTE}",
         f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the figures.",
     )
 

@@ -43,7 +43,7 @@ def augmented_table(case: CaseFacts) -> Table | None:
             cells = numbers([mean_interval(factor * _of_state(item, name, of)) for item in case.filters])
             rows.append(Row(f"{name}, {what}", cells, shown, opens_block=place == 0 and bool(rows)))
     return Table(
-        name=f"case_{case.number:03d}_augmented",
+        name=f"case_{case.index:03d}_augmented",
         title="Augmented states",
         caption=f"States that a filter carries behind position and velocity. {INTERVALS} Errors are missing where the "
         "truth is not known; a state that is only considered keeps its mean at 0 and its sigma.",

@@ -269,7 +269,7 @@ def _readings(case: CaseFacts, sensor: str, item: FilterFacts) -> float:
 
 def _table(case: CaseFacts, what: str, title: str, caption: str, rows: Sequence[Row]) -> Table:
     return Table(
-        name=f"case_{case.number:03d}_{what}",
+        name=f"case_{case.index:03d}_{what}",
         title=title,
         caption=caption,
         corner="figure",

@@ -35,7 +35,7 @@ def comparison_table(ranking: Ranking) -> Table:
     ]
     case = ranking.case
     return Table(
-        name=f"case_{case.number:03d}_comparison",
+        name=f"case_{case.index:03d}_comparison",
         title=f"Comparison of filters ({case.when})",
         caption="First minus second on their common runs: mean over runs with its 95 % interval. The verdict is the "
         "first's. Verdicts, intervals and p (sign-flip test, after Holm) hold at 95 % for all pairs of the case "

@@ -80,7 +80,7 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
     counts = [item.completed for item in items]
     chi_square_counts = [item.completed for item in items if item.nis_is_chi_square]
     return {
-        "number": case.number,
+        "number": case.index,
         "label": visible(case.label),
         "time": packed(case.times_s[rows]),
         "kept": [len(rows), len(case.times_s)],

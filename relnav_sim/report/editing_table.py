@@ -63,7 +63,7 @@ def editing_table(case: CaseFacts) -> Table | None:
     add("longest time to recover, median", lambda item, held: median_interval(held.recovery), "s", opens=True)
     add("longest time to recover, of all runs", lambda item, held: _exact(_largest(held)), "s")
     return Table(
-        name=f"case_{case.number:03d}_editing",
+        name=f"case_{case.index:03d}_editing",
         title="Measurement editing",
         caption=f"{INTERVALS} Rejected: share of the tests, {case.when}. A lock-out: as many rejections in a row as "
         "the filter's max_rejects N. Diverged for 10 N epochs: NEES above its 99.9 % quantile so long without a break. "

@@ -112,7 +112,7 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
     from relnav_sim.budget.table import budget_rows, phase_rows
 
     by_source = Table(
-        name=f"case_{case.number:03d}_budget",
+        name=f"case_{case.index:03d}_budget",
         title=f"Error budget of {budget.filter}",
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
@@ -132,7 +132,7 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
         rows=_rows(budget_rows(budget, case.settle_s)),
     )
     by_phase = Table(
-        name=f"case_{case.number:03d}_budget_phases",
+        name=f"case_{case.index:03d}_budget_phases",
         title=f"Error budget of {budget.filter} by phase",
         caption="Position sigma of each source at the end of each phase, m. -: below a thousandth of the total.",
         corner="source",

@@ -33,7 +33,7 @@ def render(page: Page) -> str:
         parts += [plain_markdown(sentence) for sentence in (*page.regret.sentences, *page.regret.missing)]
         parts += [*_pictures(page.regret.pictures), *_tables(*page.regret.tables)]
     for case in page.cases:
-        parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")
+        parts.append(f"## Case {case.index}: {plain_markdown(case.label)}")
         parts += [plain_markdown(note) for note in (*case.notes, *case.missing)]
         parts += _tables(case.table)
         parts += _pictures(case.pictures)

@@ -93,8 +93,8 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         rows.append(
             Row(
                 f"{item.name}: {words}" if opens else item.name,
-                (Words(f"{item.case + 1}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
-                key=str(item.case + 1),
+                (Words(f"{item.case}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
+                key=str(item.case),
                 opens_block=opens,
                 record=item.name,
                 anchor=requirement_anchor(place),

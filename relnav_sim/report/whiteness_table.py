@@ -43,7 +43,7 @@ def whiteness_table(case: CaseFacts) -> Table | None:
         for place, (label, of) in enumerate(figures)
     ]
     return Table(
-        name=f"case_{case.number:03d}_whiteness",
+        name=f"case_{case.index:03d}_whiteness",
         title=f"Residuals by channel ({case.when})",
         caption="Residuals before the update, z - h(prediction), over the root of their formal variance, at every "
         f"reading of all completed runs.{_rejected(case)} When consistent: mean 0, RMS 1, and white. Autocorrelation "

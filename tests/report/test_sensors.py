@@ -113,7 +113,7 @@ def test_the_page_shows_both(result: Path, tmp_path: Path) -> None:
     said: list[str] = []
     write_report(result, tmp_path / "out", ("md",), say=said.append)
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert said == [] and (tmp_path / "out" / "figures" / "case_001_availability.png").exists()
+    assert said == [] and (tmp_path / "out" / "figures" / "case_000_availability.png").exists()
     assert "camera: azimuth [rad], elevation [rad]; lidar: range [m]" in text.replace("\\", "")
 
 
