@@ -90,7 +90,7 @@ class Settings(Options):
         "Changes no result",
     )
     stop: StopOptions | None = Field(
-        default=None, description="Stop before `runs` once a figure is known well enough; default: run them all"
+        default=None, description="Stop before `runs` once a value is known well enough; default: run them all"
     )
     bound: bool = Field(
         default=True,
@@ -110,7 +110,7 @@ SECTIONS: dict[str, tuple[Any, str]] = {
     "truth": (TruthSection, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
     "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
     "start": (StartOptions, "Where the filters start, all alike; default: at the first fix"),
-    "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
+    "statistics": (StatisticsOptions, "What the values of the report are taken over"),
 }
 DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": StatisticsOptions()}
 """What a section is where the file has none; the other sections must stand."""

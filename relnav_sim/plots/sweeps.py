@@ -203,7 +203,7 @@ def sweep_words(case: CaseFacts, along: str) -> FigureWords:
     return FigureWords(
         f"Position and velocity RMS ({case.when}) against {along}, mean over runs with 95 % intervals. Other varied "
         f"values are those of case {case.index}. {BOUND_NOTE}",
-        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the figures.",
+        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the values.",
     )
 
 

@@ -61,7 +61,7 @@ def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> 
     known = budgeted_filters(config)
     name = next((name for name in ranked if name in known), None)
     if name is None:
-        return "No error budget: the gain of every filter depends on the readings."
+        return "No error budget: the gain of every filter depends on the measurements."
     try:
         budget = error_budget(campaign, case.index, name)
     except ValueError as error:

@@ -43,7 +43,7 @@ def by_part_table(case: CaseFacts) -> Table | None:
         caption=f"{describe_axes(case.axes)}. ANEES: squared error in units of the formal covariance of one or two "
         "components, correlation included, per component: 1 when consistent. Inside: share of the stored epochs. "
         f"{INTERVALS}",
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
@@ -76,7 +76,7 @@ def correlations_table(case: CaseFacts) -> Table | None:
         "95 % interval (Fisher 1921). Ratio of actual to formal sigma in the direction in which it is smallest and "
         "largest: above the band the filter is overconfident there, below it conservative. A direction is named by "
         "the components of the displacement, in formal sigmas.",
-        corner="figure",
+        corner="quantity",
         columns=tuple(
             Column(label, item.name, opens_group=label == "formal")
             for item in case.filters

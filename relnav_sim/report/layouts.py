@@ -14,9 +14,9 @@ from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.statistics.intervals import mean_interval
 from relnav_sim.wording import significant
 
-INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
+INTERVALS = "Values are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
-_NO_RUN = "No run was completed: there are no figures."
+_NO_RUN = "No run was completed: there are no values."
 WORST_RUNS = 2
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 

@@ -41,7 +41,7 @@ def render(page: Page) -> str:
     parts += ["## Campaign", _code("\n".join(page.commands))]
     parts.append("\n".join(f"- {plain_markdown(name)}: {plain_markdown(value)}" for name, value in page.settings))
     parts += [*_tables(page.filters, page.all_settings), _code(page.campaign_text)]
-    parts.append("## How to read the figures")
+    parts.append("## How to read the values")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
     return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
 

@@ -171,7 +171,7 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
         Row(name, (*cells, worst[row], Words(found.worst_case(name))), anchor=regret_anchor(index, row))
         for row, (name, *cells) in enumerate(zip(found.filters, *by_case, strict=True))
     ]
-    when = "settled span" if found.span == "settled" else "whole span"
+    when = "steady state" if found.span == "settled" else "whole span"
     return Table(
         name=f"case_{index:03d}_regret",
         title=f"{label}Regret",

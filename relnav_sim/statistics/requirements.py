@@ -97,7 +97,7 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _lost(results, requirement, case, filter)
     if finding is None and basis == EVERY_EPOCH:
         failed = results.statistic(case, filter, "failed") == 1
-        basis = "no completed run" if failed.all() else "no figure in the span"
+        basis = "no completed run" if failed.all() else "no value in the span"
     return Judgement(name, requirement, case, filter, finding, basis)
 
 

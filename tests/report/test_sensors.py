@@ -81,9 +81,9 @@ def test_availability_has_a_row_for_each_sensor(case: CaseFacts) -> None:
     table = reliability_table(case)
     epochs, item = case.filters[0].per_run("epochs", 1).sum(), case.filters[0]
     for sensor in ("camera", "lidar"):
-        shown = cells(table, f"epochs with a reading, {sensor}")[0].value
+        shown = cells(table, f"epochs with a measurement, {sensor}")[0].value
         assert shown == pytest.approx(100 * item.of_sensor(sensor, "updates", "settled").sum() / epochs)
-    assert cells(table, "epochs with a reading, camera")[0].shown == "56.2"
+    assert cells(table, "epochs with a measurement, camera")[0].shown == "56.2"
     assert "Epochs with a reading" in table.caption
 
 
