@@ -114,7 +114,7 @@ def _nis(results: Results, rule: NisRequirement, case: int, filter: str) -> tupl
     if rule.sensor is not None:
         by_sensor = results.by_sensor(case, filter)
         if by_sensor is None or rule.sensor not in by_sensor.names:
-            return None, f"no reading of {rule.sensor}"
+            return None, f"no measurement of {rule.sensor}"
         place = by_sensor.names.index(rule.sensor)
         total, dof = by_sensor.nis_sum[:, span, place], by_sensor.dof_sum[:, span, place]
     known = (results.statistic(case, filter, "failed") == 0) & (dof > 0)
@@ -158,7 +158,7 @@ def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: 
 def _recovered(results: Results, rule: RecoveryRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
     editing = results.editing(case, filter)
     if editing is None:
-        return None, "the filter edits no reading"
+        return None, "the filter edits no measurement"
     found = recovered_in_time(editing, results.statistic(case, filter, "failed") == 1, rule.within_s)
     runs, met, possible = (int(part.sum()) for part in (found.concerned, found.met, found.possible))
     basis = f"the {counted(runs, 'run')} locked out or diverged"

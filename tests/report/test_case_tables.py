@@ -158,7 +158,7 @@ def test_worst_runs_and_how_to_see_them(make_result: ResultMaker) -> None:
 
 def test_where_no_run_was_completed(make_result: ResultMaker) -> None:
     facts = facts_of(make_result(runs=8, filters={"ekf": 1.0}, failed={"ekf": range(8)}))
-    assert "No run was completed: there are no figures." in reading_notes([facts])
+    assert "No run was completed: there are no values." in reading_notes([facts])
     tables = [make() for make in case_table_makers(rank(facts)).values()]
     for table in (*filter(None, tables), case_table(facts, "settled")):
         assert all(not cell.has_interval or "of 8" in cell.note for row in table.rows for cell in row.cells

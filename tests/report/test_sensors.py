@@ -84,7 +84,7 @@ def test_availability_has_a_row_for_each_sensor(case: CaseFacts) -> None:
         shown = cells(table, f"epochs with a measurement, {sensor}")[0].value
         assert shown == pytest.approx(100 * item.of_sensor(sensor, "updates", "settled").sum() / epochs)
     assert cells(table, "epochs with a measurement, camera")[0].shown == "56.2"
-    assert "Epochs with a reading" in table.caption
+    assert "Epochs with a measurement" in table.caption
 
 
 def test_the_tables_name_it_in_every_form(case: CaseFacts) -> None:
@@ -129,9 +129,9 @@ def test_requirements_on_the_innovations(result: Path) -> None:
     pooled = by_sensor.nis_sum[:, 0, 0].sum() / by_sensor.dof_sum[:, 0, 0].sum()
     assert camera.finding.figure.estimate == pytest.approx(pooled, rel=1e-12)
     radar: Judgement = found["radar", "ekf"]
-    assert radar.finding is None and radar.verdict == "undecided" and radar.basis == "no reading of radar"
+    assert radar.finding is None and radar.verdict == "undecided" and radar.basis == "no measurement of radar"
     assert requirement_in_words(camera.requirement) == (
-        "NIS per degree of freedom of camera between 0.81 and 1.21, whole span"
+        "NIS per degree of freedom of camera between 0.81 and 1.21, whole run"
     )
     assert len(table.rows) == 6
 
