@@ -109,7 +109,7 @@ def _rms(results: Results, rule: RmsRequirement, case: int, filter: str) -> Find
 
 def _nis(results: Results, rule: NisRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
     span = layout.SPANS.index(rule.span)
-    basis = EVERY_EPOCH if rule.sensor is None else f"every reading of {rule.sensor}"
+    basis = EVERY_EPOCH if rule.sensor is None else f"every measurement of {rule.sensor}"
     total, dof = results.nis_sum(case, filter)[:, span], results.dof_sum(case, filter)[:, span]
     if rule.sensor is not None:
         by_sensor = results.by_sensor(case, filter)

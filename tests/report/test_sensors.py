@@ -125,7 +125,7 @@ def test_requirements_on_the_innovations(result: Path) -> None:
     assert [found["camera", name].verdict for name in ("ekf", "bold")] == ["pass", "fail"]
     assert [found["all", name].verdict for name in ("ekf", "bold")] == ["pass", "fail"]
     camera = found["camera", "ekf"]
-    assert camera.finding is not None and camera.basis == "every reading of camera"
+    assert camera.finding is not None and camera.basis == "every measurement of camera"
     pooled = by_sensor.nis_sum[:, 0, 0].sum() / by_sensor.dof_sum[:, 0, 0].sum()
     assert camera.finding.figure.estimate == pytest.approx(pooled, rel=1e-12)
     radar: Judgement = found["radar", "ekf"]
