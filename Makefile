@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow docs bench scale schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow docs bench scale scenarios schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -73,6 +73,9 @@ bench: $(BENCH)/installed  ## Measure docs/speed.md beside other libraries, in a
 
 scale: setup  ## Measure how commands grow with runs, cases, filters and epochs, for docs/clusters.md; SCALE_OPTIONS takes a part
 	PYTHONPATH=benchmarks $(BIN)/python -m scale $(SCALE_OPTIONS)
+
+scenarios: setup  ## Fly the library of campaigns and write docs/scenarios.md anew; three minutes of processor time
+	$(BIN)/python benchmarks/scenarios.py
 
 schema: setup  ## Write campaigns/schema.json and the tables of docs/campaign-file.md from the models
 	$(BIN)/relnav schema --out campaigns/schema.json --overwrite

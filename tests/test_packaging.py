@@ -42,8 +42,9 @@ def test_the_wheel_runs_a_campaign_from_any_folder(site, tmp_path):
 
     where = [sys.executable, "-c", "import relnav_sim; print(relnav_sim.__file__)"]
     assert str(site) in subprocess.run(where, cwd=tmp_path, env=environment, capture_output=True, text=True).stdout
-    for template in relnav("list", "templates").splitlines():
-        name = template.split()[0]
+    listed = [line.split()[0] for line in relnav("list", "templates").splitlines() if not line.startswith(" ")]
+    assert {"demo", "geo", "vbar-hold"} < set(listed)
+    for name in listed:
         relnav("new", f"{name}.yaml", "--from", name)
         relnav("validate", f"{name}.yaml")
     relnav("run", "demo.yaml", "--runs", "2")

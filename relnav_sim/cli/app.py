@@ -17,7 +17,7 @@ from relnav_sim.cli.group import Command, Commands
 from relnav_sim.cli.inspect import inspect
 from relnav_sim.cli.listing import list_names
 from relnav_sim.cli.merge import merge
-from relnav_sim.cli.new import TEMPLATES_HELP, new
+from relnav_sim.cli.new import LIBRARY_HELP, new
 from relnav_sim.cli.replay import replay
 from relnav_sim.cli.report import report
 from relnav_sim.cli.run import run
@@ -60,7 +60,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
 ANSWERS = ("validate", "budget", "list", "show", "schema", "inspect", "status", "compare")
 """Commands that print what they find out; the others write files or have another purpose."""
 
-_EPILOGS = {"run": _CODES_HELP, "new": TEMPLATES_HELP}
+_EPILOGS = {"run": _CODES_HELP, "new": LIBRARY_HELP}
 
 for name, command in COMMANDS.items():
     app.command(name, cls=Command, epilog=_EPILOGS.get(name))(guarded(command, answers=name in ANSWERS))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.new import TEMPLATES
+from relnav_sim.cli.library import campaigns_of, library_summaries
 from relnav_sim.cli.output import print_table, say
 
 LISTS = ("filters", "sensors", "dynamics", "noise", "campaigns", "templates")
@@ -19,44 +20,30 @@ def list_names(
         str, typer.Argument(metavar="WHAT", help="filters, sensors, dynamics, noise, campaigns or templates.")
     ],
 ) -> None:
-    """List the filters, sensors, dynamics, kinds of noise, the campaigns of this folder, or what `new` starts from."""
+    """List filters, sensors, dynamics, noise, or campaigns: those of this folder and of the library (templates)."""
     what = f"{what}s" if f"{what}s" in LISTS else what
     if what not in LISTS:
         from relnav_sim.campaign.problems import no_such
 
         raise UserError(no_such("list", what, LISTS))
-    rows: list[tuple[str, ...]]
-    headings: tuple[str, ...] = ()
     if what == "campaigns":
-        rows = [(str(path), _first_words(path)) for path in campaign_files(Path())]
+        _campaigns(campaigns_of(Path()))
     elif what == "templates":
-        rows = list(TEMPLATES.items())
+        print_table(library_summaries())
     else:
         from relnav_sim.cli.catalogue import entries
 
-        found = entries(what)
-        rows = [(entry.name, *entry.cost, entry.summary) for entry in found]
+        found = [(entry.name, *entry.cost, entry.summary) for entry in entries(what)]
+        print_table(found, ("filter", "operations", "bytes", "what it is") if what == "filters" else ())
         if what == "filters":
-            headings = ("filter", "operations", "bytes", "what it is")
-    if rows:
-        print_table(rows, headings)
-        if headings:
             say("\nOperations and bytes of one epoch of one run with 6 states and 3 channels, by formula.")
-    else:
-        say("there are none here; write one with: relnav new FILE")
 
 
-def campaign_files(folder: Path) -> list[Path]:
-    """Return the YAML files in a folder and in its `campaigns/`."""
-    found = (path for pattern in ("*.yaml", "campaigns/*.yaml") for path in folder.glob(pattern))
-    return sorted(path for path in found if not path.name.startswith("."))
-
-
-def _first_words(path: Path) -> str:
-    """Return the first comment of a campaign file, which says what it is for."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        for line, _ in zip(file, range(20), strict=False):
-            words = line.removeprefix("#").strip()
-            if line.startswith("#") and words and not words.startswith("yaml-language-server"):
-                return words
-    return ""
+def _campaigns(here: Sequence[tuple[Path, str]]) -> None:
+    """Print the campaigns of this folder and those of the library."""
+    if here:
+        say("In this folder:\n")
+        print_table([(str(path), words) for path, words in here])
+        say("")
+    say("In the library; to have one: relnav new my.yaml --from NAME\n")
+    print_table(library_summaries())

@@ -9,41 +9,31 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
+from relnav_sim.cli.library import FIRST, library_names, library_summaries, library_text
 from relnav_sim.cli.output import command, say
 
-TEMPLATES = {
-    "demo": "two filters and a radar in low orbit, with every section explained",
-    "leo": "a deputy that trails by 5 km; air by altitude, its density uncertain",
-    "sso": "a safety ellipse seen by differential GNSS, under a real gravity field",
-    "geo": "around a geostationary client: crosslink and camera, Sun, Moon and sunlight",
-    "eccentric": "an eccentric orbit, with dynamics that know of it and some that do not",
-    "angles-only": "a camera alone, with and without a known manoeuvre",
-    "rendezvous": "from one hold point on V-bar to the next",
-}
-"""Campaigns to start from, in the order of a reader's way; each a file in `campaign/templates`."""
-
-TEMPLATES_HELP = "\n\n".join(["Templates:", *(f"{name}: {words}" for name, words in TEMPLATES.items())])
+LIBRARY_HELP = "\n\n".join(["The library:", *(f"{name}: {words}" for name, words in library_summaries())])
 
 
 def new(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The file to write, for example my.yaml.")],
     template: Annotated[
-        str, typer.Option("--from", metavar="TEMPLATE", help=f"What to start from: {', '.join(TEMPLATES)}.")
-    ] = "demo",
+        str, typer.Option("--from", metavar="NAME", help=f"What to start from: {', '.join(library_names())}.")
+    ] = FIRST,
 ) -> None:
-    """Write a small commented campaign to start from, with a schema beside it for editors."""
-    from relnav_sim.campaign.problems import no_such
-    from relnav_sim.campaign.schema import schema_text
-    from relnav_sim.campaign.template import template_text
+    """Write a small commented campaign of the library to start from, with a schema beside it for editors."""
+    if template not in library_names():
+        from relnav_sim.campaign.problems import no_such
 
-    if template not in TEMPLATES:
-        raise UserError(no_such("template", template, TEMPLATES))
+        raise UserError(no_such("template", template, library_names()))
     if file.name in ("", ".", "..") or file.is_dir():
         raise UserError(f"'{file}' names no file; give one to write, for example my.yaml")
+    from relnav_sim.campaign.schema import schema_text
+
     schema = file.with_name("schema.json")
     try:
         with open(file, "x", encoding="utf-8") as stream:
-            stream.write(template_text(_name_of(file), template))
+            stream.write(library_text(template, _name_of(file)))
     except FileExistsError:
         raise UserError(f"{file} exists already; nothing was written") from None
     if not schema.exists():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 MOST_BUDGETS = 20
 """Of so many cases that are shown closely, each gets its budget; of more, none does."""
+MOST_EPOCHS = 50_000
+"""Of a run whose budget is made for a report: it holds some 7 kB an epoch."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,9 @@ def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> 
     except RefusedError as error:
         return f"No error budget: {str(error).removeprefix(f'{results.path}: ')}."
     config = campaign.cases[case.index].config
+    if config.clock.epochs > MOST_EPOCHS:
+        command = f"relnav budget CAMPAIGN --case {case.index} --result {shlex.quote(results.path.name)}"
+        return f"No error budget of this case, because a run has more than {MOST_EPOCHS} epochs; it is: {command}"
     known = budgeted_filters(config)
     name = next((name for name in ranked if name in known), None)
     if name is None:

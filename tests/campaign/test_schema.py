@@ -8,7 +8,7 @@ from relnav_sim.campaign.file_model import TOP_KEYS, file_shape
 from relnav_sim.campaign.loader import load_document
 from relnav_sim.campaign.reference import keys_of, places, renewed, shape_at
 from relnav_sim.campaign.schema import MODELINE, schema_text
-from relnav_sim.campaign.template import template_text
+from relnav_sim.cli.library import library_text
 from relnav_sim.filters import registry
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +60,7 @@ def test_shipped_campaigns_are_valid_and_name_the_schema(file):
 
 
 def test_the_template_is_valid_and_names_the_schema(tmp_path):
-    text = template_text("mine")
+    text = library_text("demo", "mine")
     assert text.splitlines()[0] == MODELINE
     (tmp_path / "mine.yaml").write_text(text, encoding="utf-8")
     assert load_campaign(tmp_path / "mine.yaml").name == "mine"

@@ -13,6 +13,7 @@ from relnav_sim import report
 from relnav_sim.report.glossary import TERMS, Definitions
 
 ResultMaker = Callable[..., Path]
+pytestmark = pytest.mark.usefixtures("unrendered")
 
 
 def _written(path: Path) -> tuple[str, str]:

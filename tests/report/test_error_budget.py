@@ -72,3 +72,10 @@ def test_a_case_has_its_tables_without_figures_too_and_names_the_command_where_t
     assert any(note.startswith("Error budget of ekf: ") for note in with_budget.notes)
     assert without.more_tables == with_budget.more_tables[:-2]
     assert any("relnav budget CAMPAIGN --case 0 --result budgeted.h5" in note for note in without.notes)
+
+
+def test_a_run_of_too_many_epochs_for_the_memory_gets_the_command(result, monkeypatch):
+    monkeypatch.setattr("relnav_sim.report.error_budget.MOST_EPOCHS", 10)
+    with open_results(result) as results:
+        said = budget_section(results, case_facts(results, 0, "rtn"), ["ekf"])
+    assert said.startswith("No error budget of this case, because a run has more than 10 epochs; it is: relnav budget")

@@ -90,7 +90,7 @@ def test_all_numbers_are_free(tmp_path):
 def test_the_example_of_the_page(tmp_path):
     page = PAGE.read_text(encoding="utf-8")
     path = tmp_path / "process_noise.yaml"
-    path.write_text(re.search(r"```yaml\n(.*?)```", page, re.DOTALL)[1])
+    path.write_text(re.search(r"```yaml\n(name: .*?)```", page, re.DOTALL)[1])
     found = load_campaign(path)
     filters = block(found, range(found.runs)).filters
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", page, re.MULTILINE)
