@@ -153,8 +153,8 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeyp
     index = write_report(path, tmp_path / "out", most_figures=4, workers=1)
     assert index.stat().st_size < 5_000_000
     page = Page(index.read_text(encoding="utf-8"))
-    assert len(page.images) == 2 + 6 + 1  # over all cases, and the first case
-    assert {f"case-{n}" for n in range(1, 26)} <= set(page.ids)
+    assert len(page.images) == 1 + 2 + 6 + 1  # the scenario, over all cases, and the first case
+    assert {f"case-{n}" for n in range(25)} <= set(page.ids)
     assert " ".join(page.text).count("figures of this case were left out") == 24
     assert "relnav figure invented.h5 errors --case case0024" in " ".join(page.text)
     assert (tmp_path / "out" / "tables" / "case_024_whole.csv").is_file()
@@ -167,7 +167,7 @@ def test_pictures_that_do_not_fit_are_linked(make_result: ResultMaker, tmp_path:
     assert index.stat().st_size < 190_000
     page = Page(index.read_text(encoding="utf-8"))
     assert 0 < len(page.images) < 10
-    assert sum(address.endswith(".png") for address in page.addresses) == 10
+    assert sum(address.endswith(".png") for address in page.addresses) == 11
 
 
 def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
