@@ -104,17 +104,29 @@ def accuracy_by_case(
 
 def _case_axis(panel: Panel, facts: Sequence[CaseFacts]) -> float:
     """Write number and name of the cases below the axis and return the room that these take, inches."""
-    names = short_labels([case.label for case in facts])
-    common = names[0].partition("=")[0] + "="
-    if shared := len(names) > 1 and all(name.startswith(common) and "," not in name for name in names):
-        names = [name.removeprefix(common) for name in names]
+    varied, names = _keys_apart(short_labels([case.label for case in facts]))
     every = -(-len(facts) // _MOST_TICKS)
     ticks = [f"{case.index}: {shown_name(name, 26)}" for case, name in zip(facts, names, strict=True)][::every]
     longest = max(map(len, ticks))
     upright = longest * len(ticks) > _LETTERS_ACROSS
     panel.set_xticks(range(0, len(facts), every), ticks, rotation=90 if upright else 0)
-    panel.set_xlabel(f"case: {shown_name(common[:-1], 40)}" if shared else "case")
-    return 0.42 + 0.055 * longest if upright else 0.36
+    panel.set_xlabel(f"case: {shown_name(varied, 50)}" if varied else "case")
+    return 0.42 + 0.05 * longest if upright else 0.36
+
+
+def _keys_apart(labels: Sequence[str]) -> tuple[str, list[str]]:
+    """Return what labels of one form vary, and its values: ``a=1, b=2`` and ``a=3, b=2`` are 1 and 3 of a.
+
+    Labels of several forms, such as names of values, stay as they are.
+    """
+    pairs = [[part.partition("=") for part in label.split(", ")] for label in labels]
+    keys = [[key for key, _, _ in row] for row in pairs]
+    if len(labels) < 2 or any(row != keys[0] for row in keys) or not all(sign for row in pairs for _, sign, _ in row):
+        return "", list(labels)
+    places = [place for place in range(len(keys[0])) if len({row[place] for row in pairs}) > 1]
+    return ", ".join(keys[0][place] for place in places), [
+        ", ".join(row[place][2] for place in places) for row in pairs
+    ]
 
 
 def accuracy_words(cases: Sequence[CaseFacts]) -> FigureWords:

@@ -156,10 +156,14 @@ def test_cases_stand_below_the_axis_by_number_and_name(results: Results, invent:
     panel = figures.accuracy_by_case(results).axes[0]
     assert panel.get_xlabel() == "case: a"
     assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: 1", "1: 2"]
-    labels = [f"a={n}, b=long name {n}" for n in range(20)]
+    labels = [f"a={n}, b=1, c=long name {n}" for n in range(20)]
     with open_results(invent(tmp_path, labels=labels, runs=1)) as many:
         panel = figures.accuracy_by_case(many).axes[0]
-        assert panel.get_xlabel() == "case"
+        assert panel.get_xlabel() == "case: a, c"
         ticks = panel.get_xticklabels()
-        assert [tick.get_text() for tick in ticks] == [f"{n}: {labels[n]}" for n in range(0, 20, 2)]
+        assert [tick.get_text() for tick in ticks] == [f"{n}: {n}, long name {n}" for n in range(0, 20, 2)]
         assert all(tick.get_rotation() == 90 for tick in ticks)
+    with open_results(invent(tmp_path, labels=["dusk", "noon"], runs=1)) as named:
+        panel = figures.accuracy_by_case(named).axes[0]
+        assert panel.get_xlabel() == "case"
+        assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: dusk", "1: noon"]
