@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from invented_results import invented_result
 
 from relnav_sim import LinearDynamics, LinearMeasurement, create_filter, load_campaign, run_filter
 from relnav_sim.notebook import MOST_ROWS, table_html
+from relnav_sim.results import open_results
+from relnav_sim.results.block import ResultsError
 from relnav_sim.wording import MISSING
 
 ROOT = Path(__file__).parents[1]
@@ -61,3 +64,28 @@ def test_a_history(runs):
 
 def test_what_stands_in_a_table_is_text():
     assert Cells(table_html("<b>", ["a & b"], [["<script>"]])).words == ["<b>", "a & b", "<script>"]
+
+
+def test_a_result(tmp_path):
+    path = invented_result(tmp_path, labels=("a=1", "b<2"), runs=5, failed={"ekf": [1]})
+    with open_results(path) as results:
+        assert repr(results) == f"<Results of invented: 2 cases, 3 filters, 5 runs planned, in {path}>"
+        words = Cells(results._repr_html_()).words
+        assert [words.count(name) for name in ("b<2", "ekf", "5")] == [3, 2, 6]
+        ok = ~results.statistic(0, "ekf", "failed").astype(bool)
+        assert f"{results.statistic(0, 'ekf', 'rms')[ok, 1, 6].mean():.3f}" in words
+    assert "file closed" in Cells(results._repr_html_()).words
+
+
+def test_a_result_as_a_frame(tmp_path, monkeypatch):
+    pandas = pytest.importorskip("pandas")
+    with open_results(invented_result(tmp_path, runs=4, failed={"ekf": [1]})) as results:
+        frame, columns = results.summary_frame(), results.summary()
+        assert list(frame.columns) == list(columns) and len(frame) == len(columns["run"])
+        mean = frame[~frame.failed].groupby("filter").settled_r_rms_m.mean()
+        kept = (columns["filter"] == "ekf") & ~columns["failed"]
+        assert mean["ekf"] == pytest.approx(columns["settled_r_rms_m"][kept].mean(), rel=1e-14)
+        assert isinstance(frame, pandas.DataFrame)
+        monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+        with pytest.raises(ResultsError, match="pip install pandas"):
+            results.summary_frame()

@@ -1,14 +1,20 @@
-"""What a campaign varies: `grid:` (every combination) and `zip:` (parallel lists) to the cases' values."""
+"""What a campaign varies: `grid:` (every combination) and `zip:` (parallel lists) to the cases' values.
+
+Values are a list, or have names: ``sensors: {dusk: {...}, noon: {...}}``. A name is what its value is called in labels,
+and no more: content, hashes and ids know the values alone.
+"""
 
 from __future__ import annotations
 
 import itertools
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+from relnav_sim.campaign.file_model import check_name
 from relnav_sim.campaign.paths import PathError, parse_path, replaced, value_at
 from relnav_sim.campaign.problems import Path, Problem, did_you_mean, dotted, listed, quoted
 
@@ -27,6 +33,7 @@ class Variable:
         path: The same as keys and positions.
         section: ``grid`` or ``zip``.
         values: The values as written.
+        keys: Where each value stands in its list, or its name.
         labels: A short word for each value, distinct.
         made: The first keys of the path up to one that the file does not have; the whole path where it has all.
     """
@@ -35,6 +42,7 @@ class Variable:
     path: Path
     section: str
     values: tuple[Any, ...]
+    keys: tuple[int | str, ...]
     labels: tuple[str, ...]
     made: Path
 
@@ -62,7 +70,8 @@ class Point:
         path = problem.path
         for variable, index in self.choices:
             if path[: len(variable.path)] == variable.path:
-                return Problem((variable.section, variable.text, index, *path[len(variable.path) :]), problem.sentence)
+                place = (variable.section, variable.text, variable.keys[index], *path[len(variable.path) :])
+                return Problem(place, problem.sentence)
             if path[: len(variable.made)] == variable.made:
                 sentence = f"nothing but this list gives {dotted(variable.made)}; {dotted(path)}: {problem.sentence}"
                 return Problem((variable.section, variable.text), sentence)
@@ -95,7 +104,7 @@ def read_variables(data: dict[str, Any], sections: tuple[str, ...]) -> tuple[tup
     cases = case_count(variables)
     if cases > MOST_CASES:
         problems.append(Problem(("grid",), f"makes {cases} cases; a campaign has at most {MOST_CASES}"))
-    return tuple(variables), tuple(problems)
+    return tuple(_with_paths_where_names_recur(variables)), tuple(problems)
 
 
 def case_count(variables: list[Variable] | tuple[Variable, ...]) -> int:
@@ -127,16 +136,49 @@ def _variable(text: str, values: Any, section: str, data: Any, sections: tuple[s
     if path[0] not in sections:
         hint = did_you_mean(str(path[0]), sections) or f"; a path begins with {listed(sections)}"
         raise PathError(f"{quoted(path[0])} cannot be varied{hint}")
-    if not isinstance(values, list) or not values:
-        raise PathError("must be a list of at least one value")
+    if not isinstance(values, list | dict) or not values:
+        raise PathError("must be a list of at least one value, or a section of values by name")
+    keys: Sequence[int | str] = list(values) if isinstance(values, dict) else range(len(values))
+    names = _checked_names(values) if isinstance(values, dict) else []
+    values = list(values.values()) if isinstance(values, dict) else values
     replaced(data, path, values[0])
     flat = [_leaves(value, text) for value in values]
     words = [sorted((name, _word(leaf)) for name, leaf in leaves.items()) for leaves in flat]
     for position, value in enumerate(words):
         if section == "grid" and value in words[:position]:
-            raise PathError(f"values {words.index(value) + 1} and {position + 1} of the list are the same; keep one")
+            first = words.index(value)
+            which = f"{names[first]} and {names[position]}" if names else f"{first + 1} and {position + 1} of the list"
+            raise PathError(f"values {which} are the same; keep one")
     made = next((path[:end] for end in range(1, len(path)) if value_at(data, path[:end]) is None), path)
-    return Variable(text, path, section, tuple(values), _labels(text, flat), made)
+    return Variable(text, path, section, tuple(values), tuple(keys), tuple(names) or _labels(text, flat), made)
+
+
+def _checked_names(values: dict[str, Any]) -> list[str]:
+    """Return the names of named values.
+
+    Raises:
+        PathError: One would not serve as a label, or is that of a case where nothing is varied.
+    """
+    for name in values:
+        if name.isdecimal():
+            raise PathError(f"the name {name} of a value would be taken for the number of a case; take another")
+        try:
+            check_name(name)
+        except ValueError as error:
+            raise PathError(f"the name {name!r} of a value: {error}") from None
+        if name == BASE_LABEL:
+            raise PathError(f"{name!r} is the case of a campaign that varies nothing; take another name, as nominal")
+    return list(values)
+
+
+def _with_paths_where_names_recur(variables: Sequence[Variable]) -> Iterator[Variable]:
+    """Yield the variables, their paths before the names of those that share one: ``truth.drag=low, sensors=low``."""
+    uses = Counter(name for variable in variables for name in variable.labels)
+    for variable in variables:
+        named = variable.keys == variable.labels
+        if named and any(uses[name] > 1 for name in variable.labels):
+            variable = replace(variable, labels=tuple(f"{variable.text}={name}" for name in variable.labels))
+        yield variable
 
 
 def _overlaps(variables: list[Variable]) -> list[Problem]:

@@ -90,7 +90,7 @@ class Settings(Options):
         "Changes no result",
     )
     stop: StopOptions | None = Field(
-        default=None, description="Stop before `runs` once a figure is known well enough; default: run them all"
+        default=None, description="Stop before `runs` once a value is known well enough; default: run them all"
     )
     bound: bool = Field(
         default=True,
@@ -110,14 +110,17 @@ SECTIONS: dict[str, tuple[Any, str]] = {
     "truth": (TruthSection, "What really happens: the two spacecraft, the forces on them and what varies between runs"),
     "sensors": (dict, "What is measured, and how badly: sensors by names of your choice"),
     "start": (StartOptions, "Where the filters start, all alike; default: at the first fix"),
-    "statistics": (StatisticsOptions, "What the figures of the report are taken over"),
+    "statistics": (StatisticsOptions, "What the values of the report are taken over"),
 }
 DEFAULTS: dict[str, Options] = {"start": FirstFixStart(), "statistics": StatisticsOptions()}
 """What a section is where the file has none; the other sections must stand."""
 
 FILTERS = "The filters to compare, by names of your choice"
-GRID = "Paths with lists of values: a case for every combination"
-ZIP = "Paths with equally long lists of values: a case for each position, all lists moving together"
+GRID = (
+    "Paths with lists of values, or with values by name (`sensors: {dusk: {...}, noon: {...}}`), "
+    "which name the cases: a case for every combination"
+)
+ZIP = "Paths with equally many values, written as in `grid`: a case for each position, all moving together"
 STRESS = "Truths that no filter is told of, by names of your choice: paths with values; flown by `relnav run --stress`"
 
 TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip", "stress")
@@ -125,7 +128,8 @@ TOP_KEYS = (*Settings.model_fields, *SECTIONS, "filters", "grid", "zip", "stress
 
 def file_model() -> type[Options]:
     """Return the model of a whole campaign file over everything that is registered now."""
-    lists = dict[str, Annotated[list[Any], Field(min_length=1)]]
+    some = Field(min_length=1)
+    lists = dict[str, Annotated[list[Any], some] | Annotated[dict[Name, Any], some]]
     overrides = dict[Name, Annotated[dict[str, Any], Field(min_length=1)]]
     sections: dict[str, Any] = {
         key: (kind, Field(default=DEFAULTS[key], description=words) if key in DEFAULTS else Field(description=words))

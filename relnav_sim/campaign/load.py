@@ -308,7 +308,7 @@ def _same_cases(cases: Sequence[Case]) -> list[Problem]:
         first = seen.setdefault(case.id, index)
         if first != index:
             labels = dict.fromkeys((cases[first].label, case.label))
-            which = " and ".join(labels) if len(labels) > 1 else f"{first + 1} and {index + 1}, both {case.label},"
+            which = " and ".join(labels) if len(labels) > 1 else f"{first} and {index}, both {case.label},"
             place = ("stress", case.stress) if case.stress else ()
             problems.append(Problem(place, f"the cases {which} mean the same; keep one"))
     return problems

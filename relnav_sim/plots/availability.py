@@ -108,10 +108,10 @@ def availability_words(case: CaseFacts) -> FigureWords:
     shares = availability(case.filters)
     told = ", ".join(f"{sensor} {significant(100 * float(share.mean()))} %" for sensor, share in shares.items())
     caption = (
-        "Share of the runs in which each sensor gives readings: one within its usual time between them. "
+        "Share of the runs in which each sensor gives measurements: one within its usual time between them. "
         "Shaded: outages, where fewer than half of the runs have any."
     )
     return FigureWords(
         " ".join([caption, *thinned(case)]),
-        f"A panel per sensor, the share of runs with readings against time. Mean over time: {told}.",
+        f"A panel per sensor, the share of runs with measurements against time. Mean over time: {told}.",
     )

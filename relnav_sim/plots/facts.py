@@ -44,8 +44,7 @@ class CaseFacts:
     """One case.
 
     Attributes:
-        number: Its number from 1.
-        index: Its number from 0, by which a result knows it.
+        index: Its number, from 0.
         label: What it varies, in words.
         axes: The axes of every figure.
         times_s: Stored epochs (K,), s; empty where no run has been computed.
@@ -65,7 +64,6 @@ class CaseFacts:
         matters_percent: Differences in position RMS below this do not matter, percent.
     """
 
-    number: int
     index: int
     label: str
     axes: Axes
@@ -174,7 +172,6 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
     settle_s = float(case_setting(results, index, "statistics.settle_s", 0.0))
     times_s = results.time_s(index) if held else np.empty(0)
     return CaseFacts(
-        number=index + 1,
         index=index,
         label=label,
         axes=axes,

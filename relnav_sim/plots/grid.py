@@ -94,7 +94,7 @@ def heat_map_words(case: CaseFacts, along: Sequence[str]) -> FigureWords:
     """Return the words of `heat_map`."""
     return FigureWords(
         f"Position RMS ({case.when}) of the best filter of each cell over {along[0]} and {along[1]}.",
-        f"Heat map of the smallest position RMS over {along[0]} and {along[1]}; the overview table has the figures.",
+        f"Heat map of the smallest position RMS over {along[0]} and {along[1]}; the overview table has the values.",
     )
 
 

@@ -89,7 +89,8 @@ def observability_words(case: CaseFacts) -> FigureWords:
         for names, found in alike(case.filters)[:_MOST_NAMED]
     ]
     return FigureWords(
-        "Posterior over prior sigma in the direction of which the readings so far tell least, without what the start "
+        "Posterior over prior sigma in the direction of which the measurements so far tell least, without what "
+        "the start "
         f"knew. 1: nothing is told; above the dotted line at {NOT_OBSERVABLE:g} a direction is not observable. "
         f"At the end: {'; '.join(told)}.",
         f"Ratio of sigmas in the weakest direction against time, logarithmic. At the end: {'; '.join(told)}.",

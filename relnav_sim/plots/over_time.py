@@ -9,6 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, axis_names
+from relnav_sim.plots.coinciding import coinciding, shared_name
 from relnav_sim.plots.data import (
     Case,
     chosen_filters,
@@ -30,12 +31,14 @@ from relnav_sim.plots.style import (
     BOUND,
     FORMAL,
     INK,
+    filter_key,
     house_style,
     key,
     legend_above,
     legend_height,
     line_styles,
     margins,
+    marks,
     nested_width,
     new_figure,
     shown_name,
@@ -87,30 +90,30 @@ def rms_over_time(
     if at_start and until_s is None:
         until_s = start_span(results, facts)
     view = window(facts, from_s, until_s)
-    items = chosen_filters(facts, filters)
+    groups = coinciding(chosen_filters(facts, filters))
+    items = [group[0] for group in groups]
     styles = line_styles(facts.all_filters)
     bounds = perfect_bounds(results, facts, view.rows, items)
     with house_style():
-        labels = [shown_name(item.name) for item in items] + ["formal"] + [label for label, _ in bounds]
+        labels = [*map(shared_name, groups), "formal", *(label for label, _ in bounds)]
         figure = new_figure(2.8 + legend_height(labels))
         panels = figure.subplots(2, 1, sharex=True)
-        handles: list[Any] = []
+        handles = [filter_key(facts.all_filters, item.name) for item in items]
         for place, item in enumerate(items):
             look = styles[item.name]
             kept = slice(None) if run is None else [run_row(item, facts, run)]
             errors, sigmas = (read(results, facts, item, view.rows)[kept] for read in (errors_of, sigmas_of))
             for panel, part in zip(panels, (slice(0, 3), slice(3, 6)), strict=True):
-                (line,) = panel.plot(
+                panel.plot(
                     view.times,
                     rms_over_runs(errors[..., part]),
                     color=look.colour,
                     linestyle=look.dashes,
                     linewidth=nested_width(place, len(items)),
+                    **marks(facts.all_filters, item.name, len(view.times)),
                 )
-                panel.plot(
-                    view.times, rms_over_runs(sigmas[..., part]), color=look.colour, linestyle=":", linewidth=0.9
-                )
-            handles.append(line)
+                formal = rms_over_runs(sigmas[..., part])
+                panel.plot(view.times, formal, color=look.colour, linestyle=":", linewidth=0.9)
         for panel, quantity, unit in zip(panels, ("position", "velocity"), ("m", "m/s"), strict=True):
             if any(item.completed for item in items):
                 for dashes, (_, bound) in zip(_bound_dashes(bounds), bounds, strict=True):
@@ -184,10 +187,11 @@ def covariance_against_error(
     """
     facts = facts_of(results, case, axes)
     view = window(facts, from_s, until_s)
-    items = [item for item in chosen_filters(facts, filters) if item.completed]
+    groups = coinciding([item for item in chosen_filters(facts, filters) if item.completed])
+    items = [group[0] for group in groups]
     styles = line_styles(facts.all_filters)
     bounds = perfect_bounds(results, facts, view.rows, items)
-    labels = [shown_name(item.name) for item in items] + ["formal"] + [label for label, _ in bounds]
+    labels = [*map(shared_name, groups), "formal", *(label for label, _ in bounds)]
     with house_style():
         figure = new_figure(3.45 + legend_height(labels))
         panels = figure.subplots(3, 2, sharex=True)
@@ -205,15 +209,10 @@ def covariance_against_error(
                 width = nested_width(place, len(items), 1.8)
                 panel.plot(
                     view.times, factor * rms_over_runs(errors[..., part]), color=look.colour, linewidth=width,
-                    linestyle=look.dashes,
+                    linestyle=look.dashes, **marks(facts.all_filters, item.name, len(view.times)),
                 )  # fmt: skip
-                panel.plot(
-                    view.times,
-                    factor * rms_over_runs(sigmas[..., part]),
-                    color=look.colour,
-                    linestyle=":",
-                    linewidth=1.1,
-                )
+                formal = factor * rms_over_runs(sigmas[..., part])
+                panel.plot(view.times, formal, color=look.colour, linestyle=":", linewidth=1.1)
             for dashes, (_, bound) in zip(_bound_dashes(bounds), bounds, strict=True):
                 panel.plot(view.times, factor * bound[:, index], color=BOUND, linestyle=dashes, linewidth=1.0)
             if items:
@@ -226,7 +225,7 @@ def covariance_against_error(
         for panel in panels[-1]:
             time_axis(panel, view.times, view.unit)
         margins(figure, 0.5, 0.16, 0.18 + legend_height(labels), 0.36, hspace=0.24, wspace=0.58)
-        handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
+        handles = [filter_key(facts.all_filters, item.name) for item in items]
         handles += [key(FORMAL, ":", 1.1), *(key(BOUND, dashes, 1.0) for dashes in _bound_dashes(bounds))]
         legend_above(figure, handles, labels)
     return figure
@@ -257,9 +256,10 @@ def consistency_over_time(
     """
     facts = facts_of(results, case)
     view = window(facts, from_s, until_s)
-    items = [item for item in chosen_filters(facts, filters) if item.completed]
+    groups = coinciding([item for item in chosen_filters(facts, filters) if item.completed])
+    items = [group[0] for group in groups]
     styles = line_styles(facts.all_filters)
-    labels = [shown_name(item.name) for item in items] + ["95 % band"]
+    labels = [*map(shared_name, groups), "95 % band"]
     sensors = _shown_sensors(items) if "nis" in which else ()
     drawn: list[tuple[Which, str]] = [*((quantity, "") for quantity in which), *(("nis", name) for name in sensors)]
     with house_style():
@@ -283,6 +283,7 @@ def consistency_over_time(
                     color=look.colour,
                     linestyle=look.dashes,
                     linewidth=nested_width(place, len(items), 1.8),
+                    **marks(facts.all_filters, item.name, len(view.times)),
                 )
                 alone = _isolated(mean)
                 panel.plot(view.times[alone], mean[alone], ".", color=look.colour, markersize=2.5, mew=0)
@@ -295,7 +296,7 @@ def consistency_over_time(
         margins(figure, 0.5, 0.16, 0.06 + legend_height(labels), 0.36, hspace=gap, wspace=0.1)
         from matplotlib.patches import Patch
 
-        handles = [key(styles[item.name].colour, styles[item.name].dashes, 1.2) for item in items]
+        handles = [filter_key(facts.all_filters, item.name) for item in items]
         legend_above(figure, [*handles, Patch(color=BAND)], labels)
     return figure
 

@@ -120,7 +120,7 @@ _KINDS = (
                words=conditions.range_words),
     FigureKind("events", "RMS around outages, acquisitions and manoeuvres", conditions.error_around_events,
                words=conditions.events_words),
-    FigureKind("availability", "share of the runs in which each sensor gives readings, with outages shaded",
+    FigureKind("availability", "share of the runs in which each sensor gives measurements, with outages shaded",
                availability.availability_over_time, words=availability.availability_words),
     FigureKind("whiteness", "autocorrelation of a filter's residuals over all runs, by channel",
                residuals.residual_whiteness, words=residuals.residual_whiteness_words),

@@ -48,7 +48,7 @@ def residuals_over_time(times_s: Array, channels: Sequence[tuple[ChannelCheck, A
             panel.set_ylabel(f"[{shown}]")
             heading(panel, shown_name(check.name, 40))
             if not len(there):
-                say(panel, "no reading")
+                say(panel, "no measurement")
                 continue
             drawn = there[:: max(1, len(there) // _MOST_DOTS)]
             times, spread = times_s[drawn] / length, 3 * sigma[drawn] * scale
@@ -87,7 +87,7 @@ def nis_over_time(times_s: Array, sensors: Mapping[str, tuple[NisCheck, Array, I
             panel.set_ylabel("NIS / dof [-]")
             heading(panel, shown_name(sensor, 40))
             if not len(there):
-                say(panel, "no reading")
+                say(panel, "no measurement")
                 continue
             drawn = there[:: max(1, len(there) // _MOST_DOTS)]
             panel.plot(times_s[drawn] / length, nis[drawn] / dof[drawn], ".", color=_COLOUR, markersize=1.8, mew=0)
@@ -108,7 +108,8 @@ def nis_words(name: str, sensors: Sequence[NisCheck], run: int) -> FigureWords:
     """Return the words of `nis_over_time`."""
     parts = [f"{one.sensor} {one.ratio:.3f}" for one in sensors]
     return FigureWords(
-        f"NIS of {name} in run {run} over its degrees of freedom. Line: mean over 50 readings; dashed: the expectation "
+        f"NIS of {name} in run {run} over its degrees of freedom. Line: mean over 50 measurements; dashed: the "
+        "expectation "
         "1; dotted: where a single one lies in 95 % of all cases.",
         f"NIS over its degrees of freedom against time; means over all: {', '.join(parts)}.",
     )
@@ -124,7 +125,7 @@ def autocorrelation(channels: Sequence[ChannelCheck]) -> Figure:
             white = check.whiteness
             panel.set_ylabel("[-]")
             if not white.lags:
-                say(panel, "too few readings")
+                say(panel, "too few measurements")
                 continue
             lags = np.arange(1, white.lags + 1)
             panel.axhspan(-white.bound, white.bound, color=BAND, linewidth=0, alpha=0.7)
@@ -133,7 +134,7 @@ def autocorrelation(channels: Sequence[ChannelCheck]) -> Figure:
             reach = _RAISED * max(float(np.abs(white.correlation).max()), 2 * white.bound)
             panel.set_ylim(-reach, reach)
             panel.set_xlim(0, white.lags + 1)
-        panels[-1].set_xlabel("lag [readings]")
+        panels[-1].set_xlabel("lag [measurements]")
         margins(figure, 0.5, 0.12, 0.18, 0.36, hspace=0.24, wspace=0.1)
     return figure
 
@@ -146,7 +147,8 @@ def autocorrelation_words(name: str, channels: Sequence[ChannelCheck]) -> Figure
         if one.whiteness.lags
     ]
     return FigureWords(
-        f"Autocorrelation of the residuals of {name} between readings so many apart. Grey: where that of white noise "
+        f"Autocorrelation of the residuals of {name} between measurements so many apart. Grey: where that of "
+        "white noise "
         "lies at 95 % of the lags.",
         f"Autocorrelation against lag, a panel for each channel: {'; '.join(parts) or 'too few readings'}.",
     )

@@ -41,7 +41,7 @@ def box_plots(results: Results, case: Case = 0, filters: Sequence[str] | None = 
 def boxes_words(case: CaseFacts) -> FigureWords:
     """Return the words of `box_plots`."""
     text = (
-        f"Spread over runs, one figure per run (RMS and ANEES: {case.when}). Box: middle half of the runs; line: "
+        f"Spread over runs, one value per run (RMS and ANEES: {case.when}). Box: middle half of the runs; line: "
         "median; whiskers: up to 1.5 box lengths; dots: single runs. Dashed: ANEES of a consistent filter."
     )
     never = [f"{item.name} {item.never_converged} of {item.completed}" for item in case.filters if item.never_converged]

@@ -30,6 +30,7 @@ _LABEL_INCH = 0.16  # height of an axis label and its distance from the figure's
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#332288")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 _MARKERS = "os^Dv<>"
+_MARKS = 7  # shapes on a line over time
 INK = "#222222"
 FAINT = "#8a8a8a"
 BAND = "#c9ccd1"  # spread over runs, chi-square bands
@@ -97,6 +98,29 @@ def marker(filters: Sequence[str], name: str) -> str:
     """Return the shape of one filter's points, the same in every figure; no two have the same in the same colour."""
     index = filters.index(name)
     return _MARKERS[(index + index // len(PALETTE)) % len(_MARKERS)]
+
+
+def marks(filters: Sequence[str], name: str, points: int) -> dict[str, Any]:
+    """Return the options that put a filter's shape on its line here and there, so that it is known without colours.
+
+    Each filter's shapes stand at epochs of their own: on lines that coincide all of them show.
+
+    Args:
+        filters: All filters, in the order of the result.
+        name: The filter.
+        points: How many points its line has.
+    """
+    every = max(1, points // _MARKS)
+    start = every * (2 * filters.index(name) + 1) // (2 * len(filters))
+    return {"marker": marker(filters, name), "markevery": (start, every), "markersize": 3.2, "markeredgewidth": 0}
+
+
+def filter_key(filters: Sequence[str], name: str) -> Any:
+    """Return the line of a filter for a legend, with its colour, dashes and shape."""
+    look = line_styles(filters)[name]
+    handle = key(look.colour, look.dashes, 1.2)
+    handle.set(marker=marker(filters, name), markersize=3.2, markeredgewidth=0)
+    return handle
 
 
 def nested_width(place: int, count: int, widest: float = 2.4) -> float:

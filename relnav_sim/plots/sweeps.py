@@ -39,6 +39,7 @@ from relnav_sim.plots.style import (
 from relnav_sim.plots.sweep_points import Point, Trend, trends
 from relnav_sim.plots.words import BOUND_NOTE, FigureWords
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, mean_interval
+from relnav_sim.wording import short_labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -50,6 +51,7 @@ Quantity = Literal["position", "velocity"]
 _NORM = {"position": "r", "velocity": "v"}
 _LOG_FROM_RATIO = 8.0
 _MOST_TICKS = 16
+_LETTERS_ACROSS = 44  # that fit beside one another below a figure
 
 
 def accuracy_by_case(
@@ -57,19 +59,17 @@ def accuracy_by_case(
 ) -> Figure:
     """Draw the position RMS of every filter in every case, with its 95 % interval over runs, and the bound.
 
-    Cases stand on the horizontal axis by their number from 1.
+    Cases stand on the horizontal axis by number and name; of many cases every second one, third one and so on is named.
 
     Args:
         results: An opened result.
         cases: The cases; default: all but stressed ones.
         filters: The filters; default: all.
     """
-    from matplotlib.ticker import MaxNLocator
-
     facts = [case_facts(results, case) for case in (results.nominal if cases is None else cases)]
     names = tuple(results.filters if filters is None else filters)
     styles = line_styles(results.filters)
-    numbers = np.array([case.number for case in facts], dtype=float)
+    numbers = np.arange(len(facts), dtype=float)
     limits = np.array([settled_bound(results, case, "position") for case in facts])
     with house_style():
         labels = [shown_name(name) for name in names] + ([PERFECT_BOUND] if np.isfinite(limits).any() else [])
@@ -93,24 +93,48 @@ def accuracy_by_case(
         else:
             say(panel, "no completed run")
         panel.set_ylabel("position RMS [m]")
-        panel.set_xlabel("case number")
         panel.set_xlim(numbers.min() - 0.6, numbers.max() + 0.6)
         panel.grid(visible=False, axis="x")
-        if len(facts) > _MOST_TICKS:
-            panel.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        else:
-            panel.set_xticks(numbers, [str(case.number) for case in facts])
-        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), 0.36, hspace=0.1, wspace=0.1)
+        below = _case_axis(panel, facts)
+        figure.set_figheight(2.0 + legend_height(labels) + below)
+        margins(figure, 0.55, 0.16, 0.06 + legend_height(labels), below, hspace=0.1, wspace=0.1)
         legend_above(figure, handles, labels)
     return figure
 
 
+def _case_axis(panel: Panel, facts: Sequence[CaseFacts]) -> float:
+    """Write number and name of the cases below the axis and return the room that these take, inches."""
+    varied, names = _keys_apart(short_labels([case.label for case in facts]))
+    every = -(-len(facts) // _MOST_TICKS)
+    ticks = [f"{case.index}: {shown_name(name, 26)}" for case, name in zip(facts, names, strict=True)][::every]
+    longest = max(map(len, ticks))
+    upright = longest * len(ticks) > _LETTERS_ACROSS
+    panel.set_xticks(range(0, len(facts), every), ticks, rotation=90 if upright else 0)
+    panel.set_xlabel(f"case: {shown_name(varied, 50)}" if varied else "case")
+    return 0.42 + 0.05 * longest if upright else 0.36
+
+
+def _keys_apart(labels: Sequence[str]) -> tuple[str, list[str]]:
+    """Return what labels of one form vary, and its values: ``a=1, b=2`` and ``a=3, b=2`` are 1 and 3 of a.
+
+    Labels of several forms, such as names of values, stay as they are.
+    """
+    pairs = [[part.partition("=") for part in label.split(", ")] for label in labels]
+    keys = [[key for key, _, _ in row] for row in pairs]
+    if len(labels) < 2 or any(row != keys[0] for row in keys) or not all(sign for row in pairs for _, sign, _ in row):
+        return "", list(labels)
+    places = [place for place in range(len(keys[0])) if len({row[place] for row in pairs}) > 1]
+    return ", ".join(keys[0][place] for place in places), [
+        ", ".join(row[place][2] for place in places) for row in pairs
+    ]
+
+
 def accuracy_words(cases: Sequence[CaseFacts]) -> FigureWords:
     """Return the words of `accuracy_by_case`."""
-    best = [f"case {case.number} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
+    best = [f"case {case.index} {case.by_accuracy[0].name}" for case in cases if case.by_accuracy]
     return FigureWords(
-        f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. The table "
-        f"says which case a number is. {BOUND_NOTE}",
+        f"RMS of the position error ({cases[0].when}) in every case: mean over runs with its 95 % interval. "
+        f"{BOUND_NOTE}",
         f"Position RMS per case and filter with intervals. Smallest: {', '.join(best)}.",
     )
 
@@ -190,8 +214,8 @@ def sweep_words(case: CaseFacts, along: str) -> FigureWords:
     """Return the words of `sweep_trend`."""
     return FigureWords(
         f"Position and velocity RMS ({case.when}) against {along}, mean over runs with 95 % intervals. Other varied "
-        f"values are those of case {case.number}. {BOUND_NOTE}",
-        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the figures.",
+        f"values are those of case {case.index}. {BOUND_NOTE}",
+        f"Two panels, position and velocity RMS of every filter against {along}; the overview table has the values.",
     )
 
 

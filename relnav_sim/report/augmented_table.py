@@ -35,19 +35,19 @@ def augmented_table(case: CaseFacts) -> Table | None:
     for name, unit in states.items():
         shown, factor = _SHOWN_UNITS.get(unit, (unit, 1.0))
         figures: tuple[tuple[str, Callable[[AugmentedStates], Array]], ...] = (
-            ("rms error, settled", lambda extra: extra.rms[:, _SETTLED]),
-            ("mean error, settled", lambda extra: extra.mean[:, _SETTLED]),
+            ("rms error, steady state", lambda extra: extra.rms[:, _SETTLED]),
+            ("mean error, steady state", lambda extra: extra.mean[:, _SETTLED]),
             ("formal sigma at the end", lambda extra: extra.sigma[:, -1]),
         )
         for place, (what, of) in enumerate(figures):
             cells = numbers([mean_interval(factor * _of_state(item, name, of)) for item in case.filters])
             rows.append(Row(f"{name}, {what}", cells, shown, opens_block=place == 0 and bool(rows)))
     return Table(
-        name=f"case_{case.number:03d}_augmented",
+        name=f"case_{case.index:03d}_augmented",
         title="Augmented states",
         caption=f"States that a filter carries behind position and velocity. {INTERVALS} Errors are missing where the "
         "truth is not known; a state that is only considered keeps its mean at 0 and its sigma.",
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )

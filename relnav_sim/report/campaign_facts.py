@@ -34,7 +34,7 @@ def headline_facts(results: Results) -> tuple[str, ...]:
     if {"duration_s", "step_s"} <= clock.keys():
         facts.append(f"{clock['duration_s']:g} s in steps of {clock['step_s']:g} s")
     if results.replay is not None:
-        facts.insert(0, "recorded readings")
+        facts.insert(0, "recorded measurements")
     return (*facts, f"seed {results.seed}", f"hash {results.campaign_hash[:_HASH_SHOWN]}")
 
 
@@ -102,7 +102,7 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
         "sensors": _sensors(results),
         "varied": ", ".join(varied) or "nothing",
         "runs": f"{results.planned_runs} of each case",
-        "recorded readings": "" if results.replay is None else recorded_in_words(results.replay),
+        "recorded measurements": "" if results.replay is None else recorded_in_words(results.replay),
         "scored against": "" if results.replay is None else results.replay.truth,
         "stopping rule": stopping_in_words(results.stopping) if results.stopping else "",
         "result file": results.path.name,

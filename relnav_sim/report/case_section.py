@@ -112,7 +112,7 @@ def _with_budget(
     words = error_budget_words(found.curves)
     picture = draw(
         figure_folder,
-        f"case_{case.number:03d}_budget",
+        f"case_{case.index:03d}_budget",
         lambda: Drawing(error_budget_over_time(found.curves), words.caption, words.alt),
         found.curves.filter,
     )
@@ -121,7 +121,7 @@ def _with_budget(
 
 def budget_table(section: CaseSection) -> Table | None:
     """Return the error budget by source of a case; None where it has none."""
-    name = f"case_{section.number:03d}_budget"
+    name = f"case_{section.index:03d}_budget"
     return next((table for table in (*section.more_tables, *section.file_tables) if table.name == name), None)
 
 
@@ -140,7 +140,7 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
         notes.append(f"No run yet of {', '.join(case.waiting)}.")
     notes.extend(editing_notes(case))
     if not case.filters:
-        return CaseSection(case.number, case.label, tuple(notes), None, (), ())
+        return CaseSection(case.index, case.label, tuple(notes), None, (), ())
     missing: list[str] = []
 
     def tables(makers: Mapping[str, Callable[[], Table | None]]) -> tuple[Table, ...]:
@@ -153,7 +153,7 @@ def _section(ranking: Ranking, cases: int) -> CaseSection:
     other = tables({**case_table_makers(ranking), **whole})
     shown = cases <= _MOST_CASES_WITH_WHOLE_SPAN
     return CaseSection(
-        number=case.number,
+        index=case.index,
         label=case.label,
         notes=tuple(notes),
         table=table,

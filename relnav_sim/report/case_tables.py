@@ -46,9 +46,9 @@ from relnav_sim.statistics.intervals import (
 )
 from relnav_sim.wording import MISSING, listed, significant
 
-_AVAILABILITY_NOTE = " Epochs with a reading: share of the epochs of the headline span."
+_AVAILABILITY_NOTE = " Epochs with a measurement: share of the epochs of the headline span."
 _KNOWN = {
-    "rejected": "readings that were rejected (share)",
+    "rejected": "measurements that were rejected (share)",
     "underweighted": "updates that were underweighted (share)",
     "ess": "effective sample size",
     "resampled": "updates that resampled (share)",
@@ -174,7 +174,7 @@ def convergence_table(case: CaseFacts) -> Table:
     named = (
         (f"below {case.convergence_m:g} m {held}", "convergence"),
         (f"below {case.convergence_m:g} m to the end", "convergence_final"),
-        (f"below {RELATIVE_CONVERGENCE:g} times the settled RMS {held}", "convergence_relative"),
+        (f"below {RELATIVE_CONVERGENCE:g} times the steady-state RMS {held}", "convergence_relative"),
     )
     rows = []
     for label, name in named:
@@ -251,7 +251,7 @@ def _availability_rows(case: CaseFacts) -> list[Row]:
         return []
     return [
         Row(
-            f"epochs with a reading, {sensor}",
+            f"epochs with a measurement, {sensor}",
             tuple(Number(share, decimals=1) for share in found),
             "%",
             opens_block=not n,
@@ -269,10 +269,10 @@ def _readings(case: CaseFacts, sensor: str, item: FilterFacts) -> float:
 
 def _table(case: CaseFacts, what: str, title: str, caption: str, rows: Sequence[Row]) -> Table:
     return Table(
-        name=f"case_{case.number:03d}_{what}",
+        name=f"case_{case.index:03d}_{what}",
         title=title,
         caption=caption,
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )

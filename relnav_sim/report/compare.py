@@ -184,7 +184,8 @@ def _known_apart(sides: tuple[Side, Side], names: tuple[str, str], known: tuple[
         names = (f"{names[0]} of {sides[0].name}", f"{names[1]} of {sides[1].name}")
     one, other = (f"{name} is known {when or 'in flight'}" for name, when in zip(names, known, strict=True))
     return [
-        f"{one}, {other}: a row that is known later has had more readings and is no filter to fly, so its verdict is "
+        f"{one}, {other}: a row that is known later has had more measurements and is no filter to fly, so its "
+        "verdict is "
         "not one between two filters."
     ]
 
@@ -214,8 +215,8 @@ def _table(first: Side, second: Side, found: dict[_Row, tuple[Array, Array]], la
                 opens_block=key.metric is POSITION_RMS,
             )
         )
-    headings = ("filters", "figure", first.name, second.name, "difference", "%", "verdict", "p", "runs")
-    words = ("filters", "figure", "verdict", "runs")
+    headings = ("filters", "quantity", first.name, second.name, "difference", "%", "verdict", "p", "runs")
+    words = ("filters", "quantity", "verdict", "runs")
     return Table(
         name="comparison",
         title=f"{first.name} against {second.name}",

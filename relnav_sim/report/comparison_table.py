@@ -35,12 +35,12 @@ def comparison_table(ranking: Ranking) -> Table:
     ]
     case = ranking.case
     return Table(
-        name=f"case_{case.number:03d}_comparison",
+        name=f"case_{case.index:03d}_comparison",
         title=f"Comparison of filters ({case.when})",
         caption="First minus second on their common runs: mean over runs with its 95 % interval. The verdict is the "
         "first's. Verdicts, intervals and p (sign-flip test, after Holm) hold at 95 % for all pairs of the case "
         "together: zero lies in an interval where the verdict is undecided. Decided at: runs at which a difference of "
-        "this size would be told apart with a probability of 0.8. "
+        "this size would be significant with a probability of 0.8. "
         f"{fewest_in_words(len(ranking.position), 'pair')}",
         corner="filters",
         columns=tuple(columns),

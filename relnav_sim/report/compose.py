@@ -55,6 +55,7 @@ _READING = (
     "each other.",
     "ANEES is the squared error in units of the filter's own covariance, per dimension: 1 for a consistent filter, "
     "more where it is overconfident, less where it is conservative.",
+    "Filters that a legend joins, as kf = ekf, have the same numbers in every run, to six digits.",
     "NIS is the squared innovation in units of its own covariance: on average the measurement's dimension.",
     "CPU time is measured while blocks of runs are filtered together; it depends on the machine. Operations and bytes "
     "are those of one epoch of one run by the filter's formula, without what its models compute and with all the "

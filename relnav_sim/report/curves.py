@@ -15,6 +15,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.plots.axes import AXIS_COMPONENTS, axis_names
+from relnav_sim.plots.coinciding import coinciding
 from relnav_sim.plots.data import bound_of, errors_of, rms_over_runs, sigmas_of
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
@@ -80,12 +81,13 @@ def case_curves(results: Results, case: CaseFacts, points: int, with_axes: bool)
     counts = [item.completed for item in items]
     chi_square_counts = [item.completed for item in items if item.nis_is_chi_square]
     return {
-        "number": case.number,
+        "number": case.index,
         "label": visible(case.label),
         "time": packed(case.times_s[rows]),
         "kept": [len(rows), len(case.times_s)],
         "settle": case.settle_s,
         "filters": {visible(item.name): _filter_curves(results, case, item, rows, with_axes) for item in items},
+        "groups": [[visible(item.name) for item in group] for group in coinciding(items)],
         "bound": {}
         if bound is None
         else {"position": packed(bound[:, 6], True), "velocity": packed(bound[:, 7], True)},

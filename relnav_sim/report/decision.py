@@ -102,7 +102,7 @@ def _achieves(decision: Decision, name: str) -> Iterator[Clause]:
     if above >= decision.margin_percent:
         case = next(case for case, _ in decision.cases if case.index == index)
         yield Clause(", at most ")
-        yield at_row(case, name, f"{significant(above)} % above the best of a case (case {index + 1})")
+        yield at_row(case, name, f"{significant(above)} % above the best of a case (case {index})")
 
 
 def _requirements(name: str, judged: Sequence[Judgement]) -> Iterator[Clause]:
@@ -163,7 +163,7 @@ def _loss(decision: Decision, name: str) -> Clause:
         words = f"(position RMS {significant(1 + one.estimate / 100)} times as large)"
     else:
         words = f"{significant(one.estimate)} %{between(one.low, one.high)}"
-    where = f" (case {case.index + 1})" if len(decision.cases) > 1 else ""
+    where = f" (case {case.index})" if len(decision.cases) > 1 else ""
     return at_row(case, name, f"{words}{where}")
 
 
@@ -195,7 +195,7 @@ def _regret(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
         return
     size, index, found = max(known, key=lambda each: each[0])
     row = found.filters.index(name)
-    own, table = found.worst[row], f"case_{index + 1:03d}_regret"
+    own, table = found.worst[row], f"case_{index:03d}_regret"
     under = found.worst_case(name)
     if math.isinf(size):
         words = Clause(f"infinite (it fails under {under})", table, regret_anchor(index, row))
@@ -305,7 +305,7 @@ def _case_by_case(decision: Decision, labels: Sequence[str]) -> Iterator[Sentenc
         yield (Clause(f"Case by case: {'; '.join(parts)} of {count} cases."),)
         return
     words = [
-        [Clause(f"case {case.index + 1} ({label}) "), *_in_one_case(case, choice)]
+        [Clause(f"case {case.index} ({label}) "), *_in_one_case(case, choice)]
         for (case, choice), label in zip(decision.cases, labels, strict=True)
     ]
     yield (Clause("Case by case: "), *joined(words, "; "), Clause("."))
@@ -346,7 +346,7 @@ def _too_few(decision: Decision) -> str:
         for item in decision.cases[0][0].candidates
         if item.name in (best, *effects)
     ]
-    first = f"position RMS of case {decision.cases[0][0].index + 1}" if len(decision.cases) > 1 else "position RMS"
+    first = f"position RMS of case {decision.cases[0][0].index}" if len(decision.cases) > 1 else "position RMS"
     runs_said = counted(runs, "run")
     return (
         f"{runs_said} in common can't decide between {counted(len(effects) + 1, 'filter')} ({first}: {listed(sizes)})."

@@ -37,16 +37,16 @@ def decision_table(decision: Decision, labels: Sequence[str], over: str, enough:
     many = len(decision.cases) > 1
     for (case, choice), label in zip(decision.cases, labels, strict=True):
         against = _reference(decision, case, choice)
-        heading = f"{case.index + 1}: {label}"
+        heading = f"{case.index}: {label}"
         for place, row in enumerate(_case_rows(case, choice, against, decision.margin_percent, enough)):
             cells = (Words(row.label), *row.cells) if many else row.cells
-            name = (heading if not place else f"{case.index + 1}") if many else row.label
+            name = (heading if not place else f"{case.index}") if many else row.label
             rows.append(
                 replace(
                     row,
                     label=name,
                     cells=cells,
-                    key=str(case.index + 1),
+                    key=str(case.index),
                     opens_block=many and not place,
                     record=heading if many else "",
                     anchor=decision_anchor(case.index, place),
@@ -74,7 +74,7 @@ def decision_table(decision: Decision, labels: Sequence[str], over: str, enough:
 
 def decision_anchor(index: int, place: int) -> str:
     """Return the id of a row of `decision_table`: of a case, its number from 0, and of a filter's place in it."""
-    return f"decision-{index + 1}-{place}"
+    return f"decision-{index}-{place}"
 
 
 def refusal_in_words(refusal: Refusal, runs: int, ratio: Interval) -> str:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CSS_PIXELS_PER_INCH = 160
+_MARKUP = 400  # bytes of a figure in the page but for its pixels and words, definitions of terms included
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,8 @@ def draw(folder: Path, name: str, make: Callable[[], Drawing | None], filter: st
 
 def within(pictures: Iterable[Picture], most_bytes: int) -> tuple[tuple[Picture, ...], int]:
     """Return the pictures, the ones that no longer fit only linked, and how many bytes are left."""
-    kept = []
+    pictures, kept = list(pictures), []
+    most_bytes -= sum(len(picture.caption.encode()) + len(picture.alt.encode()) + _MARKUP for picture in pictures)
     for picture in pictures:
         if len(picture.data_uri) > most_bytes:
             kept.append(replace(picture, data_uri=""))

@@ -54,7 +54,7 @@ def editing_table(case: CaseFacts) -> Table | None:
     add("runs diverged for 10 N epochs", lambda item, held: _share(held.lost > 0), "%")
     add("runs recovered", lambda item, held: _share(held.recoveries > 0), "%")
     for end, words in (
-        ("rejecting", "ends with readings rejected"),
+        ("rejecting", "ends with measurements rejected"),
         ("adopted", "ends off the truth, fault adopted"),
         ("not_seen", "ends inside, not yet recovered"),
     ):
@@ -63,14 +63,14 @@ def editing_table(case: CaseFacts) -> Table | None:
     add("longest time to recover, median", lambda item, held: median_interval(held.recovery), "s", opens=True)
     add("longest time to recover, of all runs", lambda item, held: _exact(_largest(held)), "s")
     return Table(
-        name=f"case_{case.number:03d}_editing",
+        name=f"case_{case.index:03d}_editing",
         title="Measurement editing",
         caption=f"{INTERVALS} Rejected: share of the tests, {case.when}. A lock-out: as many rejections in a row as "
         "the filter's max_rejects N. Diverged for 10 N epochs: NEES above its 99.9 % quantile so long without a break. "
         "Recovered: after a lock-out, NEES inside and no sensor locked out for 10 N epochs in a row; the time is from "
-        "the first of the rejections to the first of those epochs. A filter that takes readings again and is off "
+        "the first of the rejections to the first of those epochs. A filter that takes measurements again and is off "
         "the truth has adopted a fault, and is not recovered. Shares of runs have exact intervals.",
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
@@ -82,9 +82,9 @@ def editing_notes(case: CaseFacts) -> list[str]:
     for end, what in (
         (
             "adopted",
-            "take readings again that had locked them out, and are off the truth: a fault reported and adopted",
+            "take measurements again that had locked them out, and are off the truth: a fault reported and adopted",
         ),
-        ("rejecting", "still reject readings"),
+        ("rejecting", "still reject measurements"),
     ):
         place = EDIT_ENDS.index(end)
         ended = {item.name: int((item.editing.end == place).sum()) for item in case.filters if item.editing is not None}

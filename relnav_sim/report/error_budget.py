@@ -67,7 +67,7 @@ def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> 
     known = budgeted_filters(config)
     name = next((name for name in ranked if name in known), None)
     if name is None:
-        return "No error budget: the gain of every filter depends on the readings."
+        return "No error budget: the gain of every filter depends on the measurements."
     try:
         budget = error_budget(campaign, case.index, name)
     except ValueError as error:
@@ -118,7 +118,7 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
     from relnav_sim.budget.table import budget_rows, phase_rows
 
     by_source = Table(
-        name=f"case_{case.number:03d}_budget",
+        name=f"case_{case.index:03d}_budget",
         title=f"Error budget of {budget.filter}",
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
@@ -138,7 +138,7 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
         rows=_rows(budget_rows(budget, case.settle_s)),
     )
     by_phase = Table(
-        name=f"case_{case.number:03d}_budget_phases",
+        name=f"case_{case.index:03d}_budget_phases",
         title=f"Error budget of {budget.filter} by phase",
         caption="Position sigma of each source at the end of each phase, m. -: below a thousandth of the total.",
         corner="source",

@@ -38,12 +38,12 @@ def by_part_table(case: CaseFacts) -> Table | None:
             label = f"inside the {100 * probability:g} % {shape}, {what}"
             rows.append(Row(label, _cells(case, _coverage(case, place, level)), "%"))
     return Table(
-        name=f"case_{case.number:03d}_axes_and_planes",
+        name=f"case_{case.index:03d}_axes_and_planes",
         title=f"Consistency by axis and plane ({case.when})",
         caption=f"{describe_axes(case.axes)}. ANEES: squared error in units of the formal covariance of one or two "
         "components, correlation included, per component: 1 when consistent. Inside: share of the stored epochs. "
         f"{INTERVALS}",
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
@@ -69,14 +69,14 @@ def correlations_table(case: CaseFacts) -> Table | None:
             Row(f"correlation of {AXIS_COMPONENTS[i]} and {AXIS_COMPONENTS[j]}", tuple(cells), opens_block=not n)
         )
     return Table(
-        name=f"case_{case.number:03d}_correlations",
+        name=f"case_{case.index:03d}_correlations",
         title=f"Formal and actual covariance at t = {case.times_s[-1]:g} s",
         caption=f"{describe_axes(case.axes)}. Formal: mean over the completed runs of the filter's covariance. Actual: "
         "mean over the runs of e e^T, the mean error not taken out, as the filter states none; correlations with their "
         "95 % interval (Fisher 1921). Ratio of actual to formal sigma in the direction in which it is smallest and "
         "largest: above the band the filter is overconfident there, below it conservative. A direction is named by "
         "the components of the displacement, in formal sigmas.",
-        corner="figure",
+        corner="quantity",
         columns=tuple(
             Column(label, item.name, opens_group=label == "formal")
             for item in case.filters

@@ -14,9 +14,9 @@ from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.statistics.intervals import mean_interval
 from relnav_sim.wording import significant
 
-INTERVALS = "Figures are means over runs; in brackets their 95 % interval."
+INTERVALS = "Values are means over runs; in brackets their 95 % interval."
 _ONE_RUN = "One run only: there are no intervals."
-_NO_RUN = "No run was completed: there are no figures."
+_NO_RUN = "No run was completed: there are no values."
 WORST_RUNS = 2
 _HEADINGS = {"r": "r = |position|", "v": "v = |velocity|"}
 
@@ -46,7 +46,7 @@ def case_table(case: CaseFacts, span: Span) -> Table:
     ]
     where = f"t ≥ {case.settle_s:g} s" if span == "settled" else "the whole span"
     return Table(
-        name=f"case_{case.number:03d}_{span}",
+        name=f"case_{case.index:03d}_{span}",
         title=f"Errors over {where}",
         caption=" ".join(
             [f"Mean and standard deviation (std) of the error over time, {where}.", *reading_notes([case])]
@@ -72,7 +72,7 @@ def failures_table(case: CaseFacts) -> Table:
         for failure in case.failures
     ]
     return Table(
-        name=f"case_{case.number:03d}_failures",
+        name=f"case_{case.index:03d}_failures",
         title=f"Failed runs ({len(case.failures)})",
         caption="Epoch: the first that failed. The other runs are not affected.",
         corner="run",
@@ -94,7 +94,7 @@ def worst_runs_table(case: CaseFacts) -> Table:
         Row(f"run {run}", (Words("; ".join(words)), Words(case.trace_command(run)))) for run, words in found.items()
     ]
     return Table(
-        name=f"case_{case.number:03d}_worst",
+        name=f"case_{case.index:03d}_worst",
         title="Worst runs",
         caption=f"The {WORST_RUNS} completed runs of each filter with the largest position RMS ({case.when}).",
         corner="run",

@@ -33,7 +33,7 @@ def render(page: Page) -> str:
         parts += [plain_markdown(sentence) for sentence in (*page.regret.sentences, *page.regret.missing)]
         parts += [*_pictures(page.regret.pictures), *_tables(*page.regret.tables)]
     for case in page.cases:
-        parts.append(f"## Case {case.number}: {plain_markdown(case.label)}")
+        parts.append(f"## Case {case.index}: {plain_markdown(case.label)}")
         parts += [plain_markdown(note) for note in (*case.notes, *case.missing)]
         parts += _tables(case.table)
         parts += _pictures(case.pictures)
@@ -41,7 +41,7 @@ def render(page: Page) -> str:
     parts += ["## Campaign", _code("\n".join(page.commands))]
     parts.append("\n".join(f"- {plain_markdown(name)}: {plain_markdown(value)}" for name, value in page.settings))
     parts += [*_tables(page.filters, page.all_settings), _code(page.campaign_text)]
-    parts.append("## How to read the figures")
+    parts.append("## How to read the values")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
     return "\n\n".join(part.strip("\n") for part in [*parts, plain_markdown(page.footer)]) + "\n"
 

@@ -30,10 +30,10 @@ def observability_table(case: CaseFacts) -> Table | None:
             cells += [Number(ratio, decimals=4, mark="failed" if blind else ""), Words(words)]
         rows.append(Row(f"{what}, t = {case.times_s[place]:g} s", tuple(cells)))
     return Table(
-        name=f"case_{case.number:03d}_observability",
+        name=f"case_{case.index:03d}_observability",
         title="Observability",
-        caption="Ratio of posterior to prior sigma in the direction of position and velocity of which the readings so "
-        "far tell least, by their information alone, scaled by the sigmas of the start. 1: nothing is told; above "
+        caption="Ratio of posterior to prior sigma in the direction of position and velocity of which the measurements "
+        "so far tell least, by their information alone, scaled by the sigmas of the start. 1: nothing is told; above "
         f"{NOT_OBSERVABLE:g} it is not observable. A direction is that of the state at the start; where several are "
         "not observable none is named.",
         corner="end of phase",

@@ -41,13 +41,13 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [
-            f"{c.number}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
+            f"{c.index}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
         ]
         columns.insert(0, Column("filter", numeric=False))
         rows = [
             replace(
                 row,
-                label=f"{ranking.case.number}" if place else heading,
+                label=f"{ranking.case.index}" if place else heading,
                 cells=(Words(row.label), *row.cells),
                 opens_block=not place,
                 record=heading,
@@ -92,13 +92,13 @@ def _rows(ranking: Ranking, others: Sequence[Metric]) -> list[Row]:
         [_above_best(ranking, item.name) for item in case.filters],
         *(metric.row(case, case.span) for metric in others),
     )
-    key = str(case.number)
+    key = str(case.index)
     rows = [
-        Row(item.name, cells, key=key, order=case.number)
+        Row(item.name, cells, key=key, order=case.index)
         for item, cells in zip(case.filters, zip(*columns, strict=True), strict=True)
     ]
     waiting = Words("no run yet", span=len(columns))
-    return rows + [Row(name, (waiting,), key=key, order=case.number) for name in case.waiting]
+    return rows + [Row(name, (waiting,), key=key, order=case.index) for name in case.waiting]
 
 
 def _column(metric: Metric) -> Column:

@@ -19,7 +19,7 @@ class CaseSection:
     ``missing`` says of each part that could not be made why.
     """
 
-    number: int
+    index: int
     label: str
     notes: tuple[str, ...]
     table: Table | None
@@ -101,7 +101,7 @@ class Page:
         pictures += self.regret.pictures if self.regret is not None else ()
         pictures += [self.scenario.picture] if self.scenario is not None and self.scenario.picture else []
         about_regret = self.regret.missing if self.regret is not None else ()
-        parts = [f"Case {case.number}: {sentence}" for case in self.cases for sentence in case.missing]
+        parts = [f"Case {case.index}: {sentence}" for case in self.cases for sentence in case.missing]
         return (*self.missing, *about_regret, *parts, *(picture.missing for picture in pictures if picture.missing))
 
 

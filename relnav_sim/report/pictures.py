@@ -71,7 +71,7 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
         closely: Whether to add the figures that one case is enough for: the trajectory, the runs to look at.
     """
     case = ranking.case
-    start = f"case_{case.number:03d}"
+    start = f"case_{case.index:03d}"
 
     def rms() -> Drawing:
         figure = plots.rms_over_time(results, case)

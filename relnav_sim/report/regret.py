@@ -47,18 +47,18 @@ def regret_section(results: Results, figure_folder: Path) -> RegretSection | Non
     by_case: dict[int, Regret] = {}
     for place, index in enumerate(cases):
         try:
-            found = attempted(f"The regret of case {index + 1}", partial(regret, results, index), missing)
+            found = attempted(f"The regret of case {index}", partial(regret, results, index), missing)
         except RefusedError as error:  # not all of it has been computed yet
             missing.append(str(error))
             continue
         if found is None:
             continue
         by_case[index] = found
-        label = f"Case {index + 1}: " if len(results.nominal) > 1 else ""
+        label = f"Case {index}: " if len(results.nominal) > 1 else ""
         tables += [_regret_table(found, index, label), _rms_table(found, index, label)]
         if place < MOST_SHOWN:
             sentences += [f"{label}{sentence}" for sentence in in_sentences(found)]
-            picture = draw(figure_folder, f"case_{index + 1:03d}_regret", partial(_drawing, found, results.filters))
+            picture = draw(figure_folder, f"case_{index:03d}_regret", partial(_drawing, found, results.filters))
             pictures += [picture] if picture is not None else []
     if len(cases) > MOST_SHOWN:
         sentences.append(f"The regret of {len(cases) - MOST_SHOWN} more cases is in tables/*.csv.")
@@ -171,9 +171,9 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
         Row(name, (*cells, worst[row], Words(found.worst_case(name))), anchor=regret_anchor(index, row))
         for row, (name, *cells) in enumerate(zip(found.filters, *by_case, strict=True))
     ]
-    when = "settled span" if found.span == "settled" else "whole span"
+    when = "steady state" if found.span == "settled" else "whole span"
     return Table(
-        name=f"case_{index + 1:03d}_regret",
+        name=f"case_{index:03d}_regret",
         title=f"{label}Regret",
         caption=f"Position RMS ({when}, mean over the {counted(len(found.runs), 'run')} that all filters have) over "
         "the smallest of any filter in the same case, less 1. Intervals hold together at "
@@ -189,7 +189,7 @@ def _regret_table(found: Regret, index: int, label: str) -> Table:
 
 def regret_anchor(index: int, row: int) -> str:
     """Return the id of a row of the table of regret of a case, its number from 0."""
-    return f"regret-{index + 1}-{row}"
+    return f"regret-{index}-{row}"
 
 
 def _cells(found: Regret, case: str) -> list[Cell]:
@@ -228,7 +228,7 @@ def _rms_table(found: Regret, index: int, label: str) -> Table:
         by_case.append(cells)
     rows = [Row(name, tuple(cells)) for name, *cells in zip(found.filters, *by_case, strict=True)]
     return Table(
-        name=f"case_{index + 1:03d}_stressed_rms",
+        name=f"case_{index:03d}_stressed_rms",
         title=f"{label}Position RMS under stress",
         caption="Mean over the same runs. No Cramér-Rao bound goes with stressed cases: that of the stressed truth "
         "would be one for filters that are told of it. Consistency and all else stand in the sections of the cases.",

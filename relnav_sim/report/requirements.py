@@ -30,6 +30,7 @@ from relnav_sim.wording import listed, short_labels, significant
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
+_SPANS = {"settled": "steady state", "whole": "whole run"}
 _SIZE = {"r": "position errors", "v": "velocity errors"}
 _MARKS = {"pass": "best", "fail": "failed", "undecided": ""}
 
@@ -64,15 +65,15 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return _interpreted(requirement, below)
         case RmsRequirement():
             size = f"{requirement.limit:g} {_unit(requirement.quantity)}"
-            return f"RMS of {_errors_of(requirement.quantity)} below {size}, {requirement.span} span"
+            return f"RMS of {_errors_of(requirement.quantity)} below {size}, {_SPANS[requirement.span]}"
         case NeesRequirement():
             part = "" if requirement.block == "full" else f", {requirement.block}"
             low, high = _sigma_limits(requirement)
-            return f"ANEES{part} between {low:.3g} and {high:.3g}, {requirement.span} span"
+            return f"ANEES{part} between {low:.3g} and {high:.3g}, {_SPANS[requirement.span]}"
         case NisRequirement():
             of = "" if requirement.sensor is None else f" of {requirement.sensor}"
             low, high = _sigma_limits(requirement)
-            return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {requirement.span} span"
+            return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {_SPANS[requirement.span]}"
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
             return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
@@ -93,24 +94,24 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         rows.append(
             Row(
                 f"{item.name}: {words}" if opens else item.name,
-                (Words(f"{item.case + 1}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
-                key=str(item.case + 1),
+                (Words(f"{item.case}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
+                key=str(item.case),
                 opens_block=opens,
                 record=item.name,
                 anchor=requirement_anchor(place),
             )
         )
-    labels = ("case", "filter", "figure", "verdict", "certainty", "runs", "looked at")
+    labels = ("case", "filter", "value", "verdict", "certainty", "runs", "looked at")
     return Table(
         name="requirements",
         title="Requirements",
-        caption="The figure that the requirement limits, with its interval at the requirement's confidence (95 % "
+        caption="The value that the requirement limits, with its interval at the requirement's confidence (95 % "
         "unless the campaign says otherwise). Pass: the whole interval meets the limit; fail: the whole interval "
-        "misses it. Certainty: the largest one-sided confidence at which the side of the figure could be claimed. "
+        "misses it. Certainty: the largest one-sided confidence at which the side of the value could be stated. "
         "Runs are independent, epochs of a run are not: shares of runs (ensemble and temporal interpretation) have "
         "exact intervals, shares of epochs (mixed) count as many independent trials as their spread over runs allows.",
         corner="requirement",
-        columns=tuple(Column(label, numeric=label == "figure") for label in labels),
+        columns=tuple(Column(label, numeric=label == "value") for label in labels),
         rows=tuple(rows),
     )
 

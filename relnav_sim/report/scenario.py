@@ -40,7 +40,7 @@ def scenario_picture(results: Results, case: CaseFacts, folder: Path) -> Picture
         words = scenario_words(case, ranges)
         return Drawing(plots.scenario(results, case, case.axes), words.caption, words.alt)
 
-    return draw(folder, f"case_{case.number:03d}_scenario", drawing)
+    return draw(folder, f"case_{case.index:03d}_scenario", drawing)
 
 
 def told_table(results: Results, index: int) -> Table:
@@ -102,7 +102,7 @@ def _limitations(results: Results) -> Iterator[str]:
 
 
 def _which_case(results: Results, index: int) -> str:
-    return f" Values of case {index + 1}." if len(results.nominal) > 1 else ""
+    return f" Values of case {index}." if len(results.nominal) > 1 else ""
 
 
 def _row(label: str, simulated: str, entries: Mapping[str, Any], of: Any) -> Row:

@@ -42,7 +42,7 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
         if len(computed) <= _MOST_CASES_IN_WORDS:
             labels = short_labels([ranking.case.label for ranking in computed])
             sentences += [
-                f"Case {ranking.case.number} ({label}): {verdict(ranking)}"
+                f"Case {ranking.case.index} ({label}): {verdict(ranking)}"
                 for ranking, label in zip(computed, labels, strict=True)
             ]
     sentences += [*_not_observable(computed), *_known_later(computed)]
@@ -321,7 +321,7 @@ def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
             if item.completed <= WORST_RUNS:
                 continue
             (row,) = item.worst_rows(ranking.case.span, 1)
-            place = (ranking.case.number, int(item.runs[row]))
+            place = (ranking.case.index, int(item.runs[row]))
             names.setdefault(place, []).append(item.name)
             times.setdefault(place, []).append(float(item.times_median(ranking.case.span)[row]))
             if item.diverged[row]:

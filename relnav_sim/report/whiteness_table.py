@@ -25,7 +25,7 @@ def whiteness_table(case: CaseFacts) -> Table | None:
     level = (1 - CONFIDENCE) / max(len(own) for own in checks.values())
     figures: tuple[tuple[str, Callable[[ChannelCheck], Cell]], ...] = (
         ("verdict", lambda one: _verdict(one, level)),
-        ("readings", lambda one: Words(str(one.count), one.count)),
+        ("measurements", lambda one: Words(str(one.count), one.count)),
         ("mean residual in formal sigmas", lambda one: Number(one.normalised_mean, decimals=4)),
         ("RMS residual in formal sigmas", lambda one: Number(one.normalised_sigma, decimals=3)),
         ("autocorrelation at lag 1", lambda one: _at(one, 0)),
@@ -43,16 +43,18 @@ def whiteness_table(case: CaseFacts) -> Table | None:
         for place, (label, of) in enumerate(figures)
     ]
     return Table(
-        name=f"case_{case.number:03d}_whiteness",
+        name=f"case_{case.index:03d}_whiteness",
         title=f"Residuals by channel ({case.when})",
         caption="Residuals before the update, z - h(prediction), over the root of their formal variance, at every "
-        f"reading of all completed runs.{_rejected(case)} When consistent: mean 0, RMS 1, and white. Autocorrelation "
-        "between readings so many apart; in brackets the band of white noise at one lag, 95 %. Correlated: more than "
+        f"measurement of all completed runs.{_rejected(case)} When consistent: mean 0, RMS 1, and white. "
+        "Autocorrelation "
+        "between measurements so many apart; in brackets the band of white noise at one lag, 95 %. Correlated: "
+        "more than "
         "chance allows (Ljung and Box 1978, all channels of a filter together at 5 %) and above 0.05 at some lag; "
         "white within 0.05: not above it. Biased: a mean beyond chance and above 0.1 sigma. A filter whose noise is "
         "correlated, whose model leaves something out or whose gain is wrong has correlated residuals."
         + (f" {untested}" if (untested := untested_residuals(case)) else ""),
-        corner="figure",
+        corner="quantity",
         columns=tuple(Column(item.name) for item in case.filters),
         rows=tuple(rows),
     )
@@ -61,7 +63,7 @@ def whiteness_table(case: CaseFacts) -> Table | None:
 def _rejected(case: CaseFacts) -> str:
     """Return a sentence on what is left out where filters edit their readings; empty elsewhere."""
     edits = any(item.editing is not None for item in case.filters)
-    return " Readings that a filter rejected are not among them; Measurement editing counts those." if edits else ""
+    return " Measurements that a filter rejected are not among them; Measurement editing counts those." if edits else ""
 
 
 def untested_residuals(case: CaseFacts) -> str:
@@ -72,7 +74,7 @@ def untested_residuals(case: CaseFacts) -> str:
 
 def _verdict(one: ChannelCheck, level: float) -> Cell:
     if not one.whiteness.lags:
-        return Words("too few readings")
+        return Words("too few measurements")
     findings = {"correlated": one.is_correlated(level), "biased": one.is_biased(level)}
     said = [word for word, found in findings.items() if found]
     if said:

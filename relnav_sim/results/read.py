@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.measurements.channel import Channel
+from relnav_sim.notebook import MOST_ROWS, table_html
 from relnav_sim.results import layout
 from relnav_sim.results.block import AugmentedStates, BySensor, Editing, ResultsError
 from relnav_sim.results.by_channel import ByChannel
@@ -21,8 +22,10 @@ from relnav_sim.results.observability import Observability
 from relnav_sim.results.series import Series as Series
 from relnav_sim.results.settings import filter_settings
 from relnav_sim.results.summary_columns import summary_columns
+from relnav_sim.wording import counted, significant
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 _SERIES = {spec.name: spec for spec in layout.SERIES}
@@ -44,6 +47,25 @@ class Results(HeldResult):
         (True, 6)
     """
 
+    def __repr__(self) -> str:
+        held = f"{counted(len(self.cases), 'case')}, {counted(len(self.filters), 'filter')}"
+        return f"<Results of {self.campaign_name}: {held}, {counted(self.planned_runs, 'run')} planned, in {self.path}>"
+
+    def _repr_html_(self) -> str:
+        places = [(index, name) for index, case in enumerate(self.headers) for name in case.filters]
+        rows = [self._in_short(*place) for place in places[:MOST_ROWS]] + [[]] * (len(places) - MOST_ROWS)
+        headings = ["case", "", "filter", "runs", "failed", "steady-state position RMS, m"]
+        return table_html(repr(self).strip("<>"), headings, rows)
+
+    def _in_short(self, index: int, filter: str) -> list[str]:
+        """Return a row of the table of a notebook: runs held, runs failed, mean position RMS of the others."""
+        words = [str(index), self.cases[index], filter]
+        if not self._file or not (runs := len(self.case_runs(index, filter))):
+            return [*words, "file closed" if not self._file else "0", "", ""]
+        failed = self.statistic(index, filter, "failed").astype(bool)
+        sizes = self.statistic(index, filter, "rms")[~failed, 1, 6]
+        return [*words, str(runs), str(int(failed.sum())), significant(float(np.mean(sizes)) if sizes.size else np.nan)]
+
     def summary(self) -> dict[str, NDArray[Any]]:
         """Return the per-run statistics as flat columns.
 
@@ -53,6 +75,24 @@ class Results(HeldResult):
         stressed, ``stress`` names what each was flown under, empty for none.
         """
         return summary_columns(self)
+
+    def summary_frame(self) -> pandas.DataFrame:
+        """Return `summary` as a pandas DataFrame, a row for each case, filter and run.
+
+        Raises:
+            ResultsError: pandas is not installed.
+
+        Examples:
+            The mean position RMS of each filter in each case, failed runs left out::
+
+                frame = results.summary_frame()
+                frame[~frame.failed].groupby(["case_label", "filter"]).settled_r_rms_m.mean()
+        """
+        if importlib.util.find_spec("pandas") is None:
+            raise ResultsError("pandas is not installed; pip install pandas brings it")
+        import pandas
+
+        return pandas.DataFrame(self.summary())
 
     def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
         """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""

@@ -97,7 +97,7 @@ def judge(results: Results, name: str, requirement: AnyRequirement, case: int, f
             finding, basis = _lost(results, requirement, case, filter)
     if finding is None and basis == EVERY_EPOCH:
         failed = results.statistic(case, filter, "failed") == 1
-        basis = "no completed run" if failed.all() else "no figure in the span"
+        basis = "no completed run" if failed.all() else "no value in the span"
     return Judgement(name, requirement, case, filter, finding, basis)
 
 
@@ -109,12 +109,12 @@ def _rms(results: Results, rule: RmsRequirement, case: int, filter: str) -> Find
 
 def _nis(results: Results, rule: NisRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
     span = layout.SPANS.index(rule.span)
-    basis = EVERY_EPOCH if rule.sensor is None else f"every reading of {rule.sensor}"
+    basis = EVERY_EPOCH if rule.sensor is None else f"every measurement of {rule.sensor}"
     total, dof = results.nis_sum(case, filter)[:, span], results.dof_sum(case, filter)[:, span]
     if rule.sensor is not None:
         by_sensor = results.by_sensor(case, filter)
         if by_sensor is None or rule.sensor not in by_sensor.names:
-            return None, f"no reading of {rule.sensor}"
+            return None, f"no measurement of {rule.sensor}"
         place = by_sensor.names.index(rule.sensor)
         total, dof = by_sensor.nis_sum[:, span, place], by_sensor.dof_sum[:, span, place]
     known = (results.statistic(case, filter, "failed") == 0) & (dof > 0)
@@ -158,7 +158,7 @@ def _converged(results: Results, rule: ConvergedRequirement, case: int, filter: 
 def _recovered(results: Results, rule: RecoveryRequirement, case: int, filter: str) -> tuple[Finding | None, str]:
     editing = results.editing(case, filter)
     if editing is None:
-        return None, "the filter edits no reading"
+        return None, "the filter edits no measurement"
     found = recovered_in_time(editing, results.statistic(case, filter, "failed") == 1, rule.within_s)
     runs, met, possible = (int(part.sum()) for part in (found.concerned, found.met, found.possible))
     basis = f"the {counted(runs, 'run')} locked out or diverged"

@@ -203,3 +203,49 @@ def test_paths():
         parse_path("a..b", data)
     with pytest.raises(PathError):
         parse_path("a[x]", data)
+
+
+NAMED = "grid:\n  sensors.radar.noise: {calm: {kind: gaussian}, glint: {kind: mixture, scale: 2, fraction: 0.1}}\n"
+LISTED = "grid:\n  sensors.radar.noise: [{kind: gaussian}, {kind: mixture, scale: 2, fraction: 0.1}]\n"
+
+
+def test_names_of_values_are_the_labels_and_nothing_else(base):
+    named, listed = parse_campaign(base + NAMED), parse_campaign(base + LISTED)
+    assert [case.label for case in named.cases] == ["calm", "glint"]
+    assert [case.id for case in named.cases] == [case.id for case in listed.cases]
+    assert [case.variables for case in named.cases] == [case.variables for case in listed.cases]
+    assert (named.hash, named.content) == (listed.hash, listed.content)
+
+
+def test_names_beside_lists_in_zip_and_under_stress(base):
+    text = base + NAMED + "zip:\n  clock.duration_s: {short: 300, long: 600}\n  statistics.settle_s: [100, 200]\n"
+    assert labels(text) == [
+        f"{noise}, {span}, statistics.settle_s={settle}"
+        for noise in ("calm", "glint")
+        for span, settle in (("short", 100), ("long", 200))
+    ]
+    stressed = parse_campaign(base + NAMED + "stress:\n  noisy:\n    sensors.radar.range_sigma_m: {times: 3}\n")
+    assert [case.label for case in stressed.stressed] == ["calm, stress=noisy", "glint, stress=noisy"]
+
+
+def test_names_that_two_paths_share_have_their_paths_before_them(base):
+    text = base + "grid:\n  clock.duration_s: {low: 300, high: 600}\n  sensors.radar.range_sigma_m: {low: 2, high: 4}\n"
+    assert labels(text)[1] == "clock.duration_s=low, sensors.radar.range_sigma_m=high"
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ("{}", "must be a list of at least one value, or a section of values by name"),
+        ("{'12': 2}", "the name 12 of a value would be taken for the number of a case"),
+        ("{a/b: 2}", "the name 'a/b' of a value: a name has 1 to 64 letters"),
+        ("{nan: 2}", "the name 'nan' of a value: pandas and R"),
+        ("{base: 2}", "'base' is the case of a campaign that varies nothing; take another name, as nominal"),
+        ("{a: 2, b: 2.0}", "values a and b are the same; keep one"),
+        ("{a: 2, b: fast}", "sigma_m.b: must be a number, not the text 'fast'"),
+    ],
+)
+def test_names_that_do_not_serve(base, values, sentence):
+    (problem,) = problems(base + f"grid:\n  sensors.radar.range_sigma_m: {values}\n")
+    assert sentence in problem
+    assert problem.startswith("campaign:") and "grid.sensors.radar.range_sigma_m" in problem

@@ -233,6 +233,6 @@ def test_readings_in_another_unit_are_no_matter_of_tuning(relnav, tmp_path):
         row[place] = repr(float(row[place]) / 1e3) if row[place] else ""
     (tmp_path / "km.csv").write_text("\n".join([lines[0], *(",".join(row) for row in rows)]))
     done = relnav("replay", "pass.yaml", "--measurements", "km.csv", "--filter", "ekf")
-    assert "check the units, frame and times of the readings" in done.output
+    assert "check the units, frame and times of the measurements" in done.output
     own = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--overwrite")
     assert "check the units" not in own.output

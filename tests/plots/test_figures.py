@@ -1,12 +1,15 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
 from relnav_sim import plots as figures
+from relnav_sim.plots.coinciding import coinciding
+from relnav_sim.plots.facts import case_facts
 from relnav_sim.plots.style import WIDTH_INCH, pdf, png, shown_name
-from relnav_sim.results import open_results
+from relnav_sim.results import open_results, seal
 from relnav_sim.results.read import Results
 
 ResultMaker = Callable[..., Path]
@@ -81,7 +84,7 @@ def test_every_axis_names_its_unit_and_figures_are_half_a_column_wide(results: R
         assert figure.get_figwidth() == WIDTH_INCH
         labels = [label for panel in figure.axes for label in (panel.get_xlabel(), panel.get_ylabel()) if label]
         assert labels
-        assert all("[" in label or label == "case number" for label in labels)
+        assert all("[" in label or label.partition(":")[0] == "case" for label in labels)
 
 
 def test_accuracy_by_case_shows_the_mean_over_runs(results: Results) -> None:
@@ -125,3 +128,42 @@ def test_matplotlib_settings_are_left_alone(results: Results) -> None:
 def test_a_dollar_sign_is_no_formula() -> None:
     assert shown_name("a$b$c") == r"a\$b\$c"
     assert shown_name("x" * 30) == "x" * 21 + "…"
+
+
+def test_filters_with_the_same_numbers_share_a_line(invent: ResultMaker, tmp_path: Path) -> None:
+    path = invent(tmp_path, runs=3)
+    with h5py.File(path, "r+") as file:
+        del file.attrs[seal.ATTRIBUTE]  # of the numbers as they were
+        for name, stored in file["case_000/ekf"].items():
+            file[f"case_000/ukf/{name}"][...] = stored[...]
+    with open_results(path) as results:
+        assert [[item.name for item in group] for group in coinciding(case_facts(results, 0).filters)] == [
+            ["kf"],
+            ["ekf", "ukf"],
+        ]
+        figure = figures.rms_over_time(results, 0)
+        names = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert names[:2] == ["kf", "ekf = ukf"]
+        shapes = [line.get_marker() for line in figure.axes[0].lines if line.get_marker() != "None"]
+        assert len(shapes) == len(set(shapes)) == 2
+    with h5py.File(path, "r+") as file:
+        file["case_000/ukf/rms"][1] *= 1 + 1e-5
+    with open_results(path) as results:
+        assert len(coinciding(case_facts(results, 0).filters)) == 3
+
+
+def test_cases_stand_below_the_axis_by_number_and_name(results: Results, invent: ResultMaker, tmp_path: Path) -> None:
+    panel = figures.accuracy_by_case(results).axes[0]
+    assert panel.get_xlabel() == "case: a"
+    assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: 1", "1: 2"]
+    labels = [f"a={n}, b=1, c=long name {n}" for n in range(20)]
+    with open_results(invent(tmp_path, labels=labels, runs=1)) as many:
+        panel = figures.accuracy_by_case(many).axes[0]
+        assert panel.get_xlabel() == "case: a, c"
+        ticks = panel.get_xticklabels()
+        assert [tick.get_text() for tick in ticks] == [f"{n}: {n}, long name {n}" for n in range(0, 20, 2)]
+        assert all(tick.get_rotation() == 90 for tick in ticks)
+    with open_results(invent(tmp_path, labels=["dusk", "noon"], runs=1)) as named:
+        panel = figures.accuracy_by_case(named).axes[0]
+        assert panel.get_xlabel() == "case"
+        assert [tick.get_text() for tick in panel.get_xticklabels()] == ["0: dusk", "1: noon"]

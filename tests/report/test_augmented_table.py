@@ -25,11 +25,11 @@ def test_errors_of_extra_states_in_the_units_of_campaigns(make_result) -> None:
     table = augmented_table(replace(case, filters=(replace(first, augmented=extra, ok=ok), second)))
     assert table is not None
     cells = {row.label: (row.unit, row.cells) for row in table.rows}
-    unit, (found, other) = cells["azimuth_bias, rms error, settled"]
+    unit, (found, other) = cells["azimuth_bias, rms error, steady state"]
     # The third run failed.
     assert unit == "deg" and isinstance(found, Number) and np.isclose(found.value, 0.15)
     assert not isinstance(other, Number) or np.isnan(other.value)
     unit, (found, _) = cells["drag, formal sigma at the end"]
     assert unit == "um/s^2" and isinstance(found, Number) and np.isclose(found.value, 2.0)
-    unit, (found, _) = cells["drag, mean error, settled"]
+    unit, (found, _) = cells["drag, mean error, steady state"]
     assert not isinstance(found, Number) or np.isnan(found.value)

@@ -110,7 +110,7 @@ def test_a_figure_that_fails_costs_only_itself(
     path = made(make_result, {"runs": 3})
     out = tmp_path / "out"
     (out / "figures").mkdir(parents=True)
-    (out / "figures" / "case_001_boxes.png").write_bytes(b"of an earlier report")
+    (out / "figures" / "case_000_boxes.png").write_bytes(b"of an earlier report")
 
     def failing(*_: Any) -> None:
         raise ZeroDivisionError("not \x1b[31m today <b>")
@@ -120,17 +120,17 @@ def test_a_figure_that_fails_costs_only_itself(
     done = CliRunner().invoke(app, ["report", str(path), "--out", str(out)])
     assert done.exit_code == 0
     reason = "could not be made: ZeroDivisionError: not \\x1b[31m today <b>"
-    figure_line, table_line = f"The figure case_001_boxes {reason}", f"The table of errors {reason}"
+    figure_line, table_line = f"The figure case_000_boxes {reason}", f"The table of errors {reason}"
     assert figure_line in done.stderr.splitlines()
-    assert f"Case 1: {table_line}" in done.stderr.splitlines()
+    assert f"Case 0: {table_line}" in done.stderr.splitlines()
     html = (out / "index.html").read_text(encoding="utf-8")
     for line in (figure_line, table_line):
         assert line.replace("<", "&lt;").replace(">", "&gt;") in html
         assert line.partition(":")[0].replace("_", "\\_") in (out / "report.md").read_text(encoding="utf-8")
-    assert "figures/case_001_boxes.png" not in html
+    assert "figures/case_000_boxes.png" not in html
     held = {file.name for file in (out / "figures").iterdir()}
-    assert {"case_001_rms.png", "case_001_consistency.pdf"} <= held
-    assert not {"case_001_boxes.png", "case_001_boxes.pdf"} & held, "the earlier report's would pass for this one's"
+    assert {"case_000_rms.png", "case_000_consistency.pdf"} <= held
+    assert not {"case_000_boxes.png", "case_000_boxes.pdf"} & held, "the earlier report's would pass for this one's"
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -1,5 +1,6 @@
 """The page in a real browser: nothing complains, nothing is asked for, nothing is wider than a telephone."""
 
+import csv
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -105,3 +106,37 @@ def test_it_reads_without_scripts_and_prints(browser: Tab, pages: dict[int, Path
     assert (tmp_path / "page.pdf").stat().st_size > 20_000
     html = pages[8].read_text(encoding="utf-8")
     assert '<section id="series" hidden>' in html and html.count("<img ") > 5
+
+
+def test_a_table_is_downloaded_as_it_stands(browser: Tab, pages: dict[int, Path]) -> None:
+    browser.open(pages[8], 1280)
+    browser.run("""
+globalThis.kept = [];
+URL.createObjectURL = (blob) => { kept.push(blob); return "#"; };
+HTMLAnchorElement.prototype.click = function () { kept.push(this.download); };
+document.querySelector("#overview button.csv").click();
+0""")
+    assert browser.run("kept[1]") == "overview.csv"
+    rows = list(csv.reader(browser.run("kept[0].text()").splitlines()))
+    with open(pages[8].parent / "tables" / "overview.csv", encoding="utf-8") as file:
+        written = list(csv.DictReader(file))
+    assert len({len(row) for row in rows}) == 1
+    shown = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+    assert [row["filter"] for row in shown] == [row["filter"] for row in written]
+    numbers = [
+        [float(row["position RMS [m]"]) for row in table if row["position RMS [m]"] != "no run yet"]
+        for table in (shown, written)
+    ]
+    assert numbers[0] == numbers[1]
+
+
+def test_a_table_that_goes_on_has_a_shadow_and_no_broken_word(browser: Tab, pages: dict[int, Path]) -> None:
+    browser.open(pages[8], 400)
+    cut = "[...document.querySelectorAll('.scroll')].filter((part) => part.scrollWidth > part.clientWidth)"
+    assert browser.run(f"{cut}.length") > 3
+    assert browser.run(f"{cut}.every((part) => getComputedStyle(part).backgroundAttachment.includes('local'))")
+    wide = (
+        "[...document.querySelectorAll('thead th,tbody th')].filter((cell) => cell.scrollWidth > cell.clientWidth + 1)"
+    )
+    assert browser.run(f"{wide}.map((cell) => cell.textContent)") == []
+    assert browser.run("getComputedStyle(document.querySelector('.sortable tbody th')).overflowWrap") != "anywhere"

@@ -147,7 +147,7 @@ def test_the_overview_has_a_row_per_case_and_filter(make_result: ResultMaker) ->
     with open_results(make_result(labels=("a=1", "a=2"), runs=6)) as results:
         rankings = [rank(case_facts(results, index)) for index in range(2)]
     table = overview_table(rankings)
-    assert [row.key for row in table.rows] == ["1"] * 3 + ["2"] * 3
+    assert [row.key for row in table.rows] == ["0"] * 3 + ["1"] * 3
     assert [row.cells[0].text for row in table.rows] == ["kf", "ekf", "ukf"] * 2
     verdicts = [row.cells[3] for row in table.rows[:3]]
     assert [cell.mark for cell in verdicts] == ["", "best", ""]

@@ -158,7 +158,7 @@ def test_worst_runs_and_how_to_see_them(make_result: ResultMaker) -> None:
 
 def test_where_no_run_was_completed(make_result: ResultMaker) -> None:
     facts = facts_of(make_result(runs=8, filters={"ekf": 1.0}, failed={"ekf": range(8)}))
-    assert "No run was completed: there are no figures." in reading_notes([facts])
+    assert "No run was completed: there are no values." in reading_notes([facts])
     tables = [make() for make in case_table_makers(rank(facts)).values()]
     for table in (*filter(None, tables), case_table(facts, "settled")):
         assert all(not cell.has_interval or "of 8" in cell.note for row in table.rows for cell in row.cells
@@ -168,9 +168,9 @@ def test_where_no_run_was_completed(make_result: ResultMaker) -> None:
 def test_a_case_is_named_once_in_the_overview_and_always_in_csv(make_result: ResultMaker) -> None:
     with open_results(make_result(labels=("a=1", "a=2"), runs=6)) as results:
         table = overview_table([rank(case_facts(results, index)) for index in range(2)])
-    assert [row.label for row in table.rows] == ["1: a=1", "1", "1", "2: a=2", "2", "2"]
+    assert [row.label for row in table.rows] == ["0: a=1", "0", "0", "1: a=2", "1", "1"]
     headings = [line.split(",")[0] for line in comma_separated(table).splitlines()[1:]]
-    assert headings == ["1: a=1"] * 3 + ["2: a=2"] * 3
+    assert headings == ["0: a=1"] * 3 + ["1: a=2"] * 3
 
 
 @pytest.mark.usefixtures("unrendered")

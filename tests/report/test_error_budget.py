@@ -43,7 +43,7 @@ def test_the_best_filter_that_has_one_gets_its_budget_beside_its_runs(result):
     with open_results(result) as results:
         found = budget_section(results, case_facts(results, 0, "rtn"), ["huber", "ekf"])
         assert budget_section(results, case_facts(results, 0, "rtn"), ["huber"]) == (
-            "No error budget: the gain of every filter depends on the readings."
+            "No error budget: the gain of every filter depends on the measurements."
         )
     assert found.note.startswith("Error budget of ekf: position error of 12 runs") and "linear here" in found.note
     by_source, by_phase = found.tables

@@ -76,7 +76,7 @@ def test_every_table_of_a_report(make_result: ResultMaker, tmp_path: Path) -> No
     )  # fmt: skip
     folder = write_report(path, tmp_path / "out", formats=["latex"], most_figures=0)
     names = {file.stem for file in folder.glob("*.tex")}
-    assert {"overview", "requirements", "filters", "case_001_settled", "case_002_comparison"} <= names
+    assert {"overview", "requirements", "filters", "case_000_settled", "case_001_comparison"} <= names
     for file in folder.glob("*.tex"):
         text = file.read_text(encoding="utf-8")
         assert len(widths(text)) == 1, file.name

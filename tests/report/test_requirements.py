@@ -244,11 +244,11 @@ def test_words_and_table(make_result: ResultMaker) -> None:
     assert words == [
         "99.7 % of position errors below 1 m inside 500 m, mixed interpretation",
         "converged within 60 s in 95 % of the runs",
-        "RMS of vx errors below 0.001 m/s, settled span",
+        "RMS of vx errors below 0.001 m/s, steady state",
     ]
     assert len(table.rows) == 9 and table.rows[0].label.startswith("docking: 99.7 %")
     assert (
-        "Requirement sharp (RMS of vx errors below 0.001 m/s, settled span): missed by kf, ekf and ukf."
+        "Requirement sharp (RMS of vx errors below 0.001 m/s, steady state): missed by kf, ekf and ukf."
         in in_sentences(found)
     )
 

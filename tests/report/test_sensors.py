@@ -81,10 +81,10 @@ def test_availability_has_a_row_for_each_sensor(case: CaseFacts) -> None:
     table = reliability_table(case)
     epochs, item = case.filters[0].per_run("epochs", 1).sum(), case.filters[0]
     for sensor in ("camera", "lidar"):
-        shown = cells(table, f"epochs with a reading, {sensor}")[0].value
+        shown = cells(table, f"epochs with a measurement, {sensor}")[0].value
         assert shown == pytest.approx(100 * item.of_sensor(sensor, "updates", "settled").sum() / epochs)
-    assert cells(table, "epochs with a reading, camera")[0].shown == "56.2"
-    assert "Epochs with a reading" in table.caption
+    assert cells(table, "epochs with a measurement, camera")[0].shown == "56.2"
+    assert "Epochs with a measurement" in table.caption
 
 
 def test_the_tables_name_it_in_every_form(case: CaseFacts) -> None:
@@ -113,7 +113,7 @@ def test_the_page_shows_both(result: Path, tmp_path: Path) -> None:
     said: list[str] = []
     write_report(result, tmp_path / "out", ("md",), say=said.append)
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert said == [] and (tmp_path / "out" / "figures" / "case_001_availability.png").exists()
+    assert said == [] and (tmp_path / "out" / "figures" / "case_000_availability.png").exists()
     assert "camera: azimuth [rad], elevation [rad]; lidar: range [m]" in text.replace("\\", "")
 
 
@@ -125,13 +125,13 @@ def test_requirements_on_the_innovations(result: Path) -> None:
     assert [found["camera", name].verdict for name in ("ekf", "bold")] == ["pass", "fail"]
     assert [found["all", name].verdict for name in ("ekf", "bold")] == ["pass", "fail"]
     camera = found["camera", "ekf"]
-    assert camera.finding is not None and camera.basis == "every reading of camera"
+    assert camera.finding is not None and camera.basis == "every measurement of camera"
     pooled = by_sensor.nis_sum[:, 0, 0].sum() / by_sensor.dof_sum[:, 0, 0].sum()
     assert camera.finding.figure.estimate == pytest.approx(pooled, rel=1e-12)
     radar: Judgement = found["radar", "ekf"]
-    assert radar.finding is None and radar.verdict == "undecided" and radar.basis == "no reading of radar"
+    assert radar.finding is None and radar.verdict == "undecided" and radar.basis == "no measurement of radar"
     assert requirement_in_words(camera.requirement) == (
-        "NIS per degree of freedom of camera between 0.81 and 1.21, whole span"
+        "NIS per degree of freedom of camera between 0.81 and 1.21, whole run"
     )
     assert len(table.rows) == 6
 

@@ -61,7 +61,7 @@ def test_too_few_runs_decide_nothing_however_far_the_filters_are_apart(make_resu
 def test_cases_are_counted(make_result: ResultMaker) -> None:
     sentences = summarise(rankings_of(make_result(labels=("a=1", "a=2", "a=3"), filters={"kf": 1.0, "ekf": 0.5})))
     assert sentences[0] == "ekf has the smallest position error in all 3 cases (the next is 100 % worse)."
-    assert sentences[2].startswith("Case 2 (a=2): ekf has the smallest")
+    assert sentences[2].startswith("Case 1 (a=2): ekf has the smallest")
 
 
 def test_consistency_is_told_in_words(make_result: ResultMaker) -> None:

@@ -12,7 +12,7 @@ from relnav_sim.wording import MINUS, shown_number
 
 def table(rows: tuple[Row, ...]) -> Table:
     columns = (Column("mean", "ekf"), Column("std", "ekf"), Column("why", numeric=False))
-    return Table("case_001", "Errors", "A caption.", "error", columns, rows)
+    return Table("case_000", "Errors", "A caption.", "error", columns, rows)
 
 
 ROWS = (

@@ -121,7 +121,7 @@ def test_the_campaign_can_be_computed_again(page: Page) -> None:
 def test_csv_markdown_and_html_show_the_same_figures(report: Path, page: Page) -> None:
     with open_results(report.parent.parent / "invented.h5") as results:
         expected = results.statistic(1, "u$k$f", "mean")[:, 1, 0].mean()
-    with open(report.parent / "tables" / "case_002_settled.csv", encoding="utf-8") as file:
+    with open(report.parent / "tables" / "case_001_settled.csv", encoding="utf-8") as file:
         row = next(row for row in csv.DictReader(file) if row["error"] == "x")
     assert float(row["u$k$f mean"]) == pytest.approx(expected, rel=1e-12)
     assert float(row["u$k$f mean low 95"]) < expected < float(row["u$k$f mean high 95"])
@@ -132,9 +132,9 @@ def test_csv_markdown_and_html_show_the_same_figures(report: Path, page: Page) -
 
 def test_figures_are_written_as_png_and_pdf(report: Path) -> None:
     names = {path.name for path in (report.parent / "figures").iterdir()}
-    for name in ("accuracy_by_case", "case_001_rms", "case_002_boxes", "case_001_errors_kf", "case_002_errors_u_k_f_2"):
+    for name in ("accuracy_by_case", "case_000_rms", "case_001_boxes", "case_000_errors_kf", "case_001_errors_u_k_f_2"):
         assert {f"{name}.png", f"{name}.pdf"} <= names
-    assert (report.parent / "figures" / "case_001_rms.pdf").read_bytes().startswith(b"%PDF")
+    assert (report.parent / "figures" / "case_000_rms.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_the_markdown_is_safe_and_complete(report: Path) -> None:
@@ -153,11 +153,11 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeyp
     index = write_report(path, tmp_path / "out", most_figures=4, workers=1)
     assert index.stat().st_size < 5_000_000
     page = Page(index.read_text(encoding="utf-8"))
-    assert len(page.images) == 2 + 6 + 1  # over all cases, and the first case
-    assert {f"case-{n}" for n in range(1, 26)} <= set(page.ids)
+    assert len(page.images) == 1 + 2 + 6 + 1  # the scenario, over all cases, and the first case
+    assert {f"case-{n}" for n in range(25)} <= set(page.ids)
     assert " ".join(page.text).count("figures of this case were left out") == 24
     assert "relnav figure invented.h5 errors --case case0024" in " ".join(page.text)
-    assert (tmp_path / "out" / "tables" / "case_025_whole.csv").is_file()
+    assert (tmp_path / "out" / "tables" / "case_024_whole.csv").is_file()
 
 
 @pytest.mark.slow
@@ -167,7 +167,7 @@ def test_pictures_that_do_not_fit_are_linked(make_result: ResultMaker, tmp_path:
     assert index.stat().st_size < 190_000
     page = Page(index.read_text(encoding="utf-8"))
     assert 0 < len(page.images) < 10
-    assert sum(address.endswith(".png") for address in page.addresses) == 10
+    assert sum(address.endswith(".png") for address in page.addresses) == 11
 
 
 def test_workers_change_nothing(make_result: ResultMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,7 @@ def test_the_requirement_judges_recoveries(result):
     for case, name in ((STEPPED, "gate"), (FAULTY, "gate"), (FAULTY, "restart")):
         assert found[case, name].verdict == "fail", (case, name)
     assert found[QUIET, "restart"].basis == "no run was locked out or diverged"
-    assert found[STEPPED, "unedited"].basis == "the filter edits no reading"
+    assert found[STEPPED, "unedited"].basis == "the filter edits no measurement"
 
 
 def test_the_report_says_who_adopted_a_fault(result):

@@ -94,7 +94,7 @@ def test_the_section_on_regret_holds_the_numbers(out, tmp_path):
         assert headline_facts(results)[1:3] == ("2 cases", "4 stressed cases")
     assert section.missing == () and [picture.missing for picture in section.pictures] == ["", ""]
     assert [table.name for table in section.tables] == [
-        "stresses", "case_001_regret", "case_001_stressed_rms", "case_002_regret", "case_002_stressed_rms",
+        "stresses", "case_000_regret", "case_000_stressed_rms", "case_001_regret", "case_001_stressed_rms",
     ]  # fmt: skip
     stresses, table = section.tables[:2]
     assert [(row.label, row.cells[0].text) for row in stresses.rows] == [
@@ -120,10 +120,10 @@ def test_the_report_keeps_all_but_the_section_on_regret_to_the_nominal_cases(out
     text = (tmp_path / "small" / "report.md").read_text(encoding="utf-8")
     overview = text[text.index("## Overview") : text.index("## Regret")]
     assert "stress" not in overview
-    assert text[text.index("## Regret") : text.index("## Case 1")].count("](figures/case_00") == 2
+    assert text[text.index("## Regret") : text.index("## Case 0")].count("](figures/case_00") == 2
     assert "Flown under the stress heavy, of which no filter is told" in text
     tables = tmp_path / "small" / "tables"
-    assert (tables / "case_001_stressed_rms.tex").exists() and (tables / "stresses.csv").exists()
+    assert (tables / "case_000_stressed_rms.tex").exists() and (tables / "stresses.csv").exists()
 
 
 def test_rows_that_are_known_only_later_set_no_standard(tmp_path):

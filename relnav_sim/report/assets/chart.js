@@ -11,6 +11,10 @@
     ["chart-case", "chart-quantity", "chart-log", "chart-whole"].map((id) => document.getElementById(id));
   const legend = document.getElementById("chart-legend");
   const DASHES = ["", "7 3", "4 2 1 2"];
+  // Shapes of the filters' points in the order of the figures: circle, square, triangle, diamond, triangles down, left, right.
+  const SHAPES = ["M-3 0A3 3 0 1 0 3 0A3 3 0 1 0 -3 0Z", "M-2.7 -2.7H2.7V2.7H-2.7Z", "M0 -3.4L3.2 2.6H-3.2Z", "M0 -3.8L3.2 0L0 3.8L-3.2 0Z", "M0 3.4L3.2 -2.6H-3.2Z", "M-3.4 0L2.6 -3.2V3.2Z", "M3.4 0L-2.6 -3.2V3.2Z"];
+  const MARKS = 7;
+  const lookOf = (filter) => { const place = data.filters.indexOf(filter), round = Math.floor(place / 7); return { place, colour: `var(--f${place % 7})`, dash: DASHES[round % 3], shape: SHAPES[(place + round) % 7] }; };
   const KINDS = {
     position: { label: "position RMS", unit: "m", log: true, formal: "formal" },
     velocity: { label: "velocity RMS", unit: "m/s", log: true, formal: "formal" },
@@ -51,16 +55,20 @@
     times = unpack(one.time);
     zoom = [times[0], times[times.length - 1]];
     cursor = null;
-    legend.replaceChildren(...Object.keys(one.filters).map((name) => {
-      const button = document.createElement("button");
-      const place = data.filters.indexOf(name);
+    legend.replaceChildren(...one.groups.map((names) => {
+      const button = document.createElement("button"), look = lookOf(names[0]);
+      const shown = () => names.some((name) => !hidden.has(name));
+      const sample = element("svg", { viewBox: "0 0 30 10", width: 30, height: 10, "aria-hidden": "true" });
+      sample.append(
+        element("path", { d: "M0 5H30", style: `stroke:${look.colour}`, "stroke-width": 1.8, "stroke-dasharray": look.dash, fill: "none" }),
+        element("path", { d: look.shape, transform: "translate(15 5)", style: `fill:${look.colour}` }));
       button.type = "button";
-      button.style.setProperty("--own", `var(--f${place % 7})`);
-      button.textContent = name;
-      button.setAttribute("aria-pressed", String(!hidden.has(name)));
+      button.append(sample, names.join(" = "));
+      button.setAttribute("aria-pressed", String(shown()));
       button.addEventListener("click", () => {
-        hidden.has(name) ? hidden.delete(name) : hidden.add(name);
-        button.setAttribute("aria-pressed", String(!hidden.has(name)));
+        const change = shown() ? "add" : "delete";
+        names.forEach((name) => hidden[change](name));
+        button.setAttribute("aria-pressed", String(shown()));
         collect();
       });
       return button;
@@ -72,17 +80,17 @@
     kind = KINDS[quantityChoice.value];
     const name = quantityChoice.value;
     lines = [];
-    for (const [filter, curves] of Object.entries(one.filters)) {
-      if (hidden.has(filter)) continue;
-      const place = data.filters.indexOf(filter);
-      const look = { colour: `var(--f${place % 7})`, dash: DASHES[Math.floor(place / 7) % 3], filter };
+    for (const names of one.groups) {
+      const seen = names.filter((each) => !hidden.has(each));
+      if (!seen.length) continue;
+      const curves = one.filters[seen[0]], look = { ...lookOf(seen[0]), filter: seen.join(" = ") };
       lines.push({ ...look, values: unpack(curves[name]), width: 1.6, main: true });
       if (!kind.formal) continue;
       const formal = unpack(curves[`${name}_formal`]);
       const parts = kind.signed ? [formal.map((v) => 3 * v), formal.map((v) => -3 * v)] : [formal];
       parts.forEach((values) => lines.push({ ...look, values, width: 1, dash: kind.signed ? "5 3" : "1.5 2.5" }));
     }
-    if (one.bound[name]) lines.push({ colour: "var(--ink)", dash: "7 3 1.5 3", values: unpack(one.bound[name]), width: 1.3, filter: "bound", main: true });
+    if (one.bound[name]) lines.push({ colour: "var(--ink)", dash: "7 3 1.5 3", values: unpack(one.bound[name]), width: 1.3, filter: "PCRB, perfect model", main: true });
     draw();
   };
 
@@ -158,6 +166,11 @@
         pen = "L";
       }
       inner.append(element("path", { d: path, style: `stroke:${line.colour}`, "stroke-width": line.width, "stroke-dasharray": line.dash }));
+      if (!line.main || !line.shape) continue;
+      for (let k = 0; k < MARKS; k++) {  // each filter's shapes at epochs of their own, so that those of lines that coincide all show
+        const i = nearest(zoom[0] + (zoom[1] - zoom[0]) * (k + (line.place + 0.5) / data.filters.length) / MARKS), v = line.values[i];
+        if (Number.isFinite(v) && !(logarithmic && v <= 0)) inner.append(element("path", { class: "mark", d: line.shape, transform: `translate(${fx(times[i]).toFixed(1)} ${fy(v).toFixed(1)})`, style: `fill:${line.colour}` }));
+      }
     }
     if (cursor !== null) inner.append(element("line", { class: "cursor", x1: fx(times[cursor]), x2: fx(times[cursor]), y1: box.top, y2: box.bottom }));
     parts.push(inner, element("path", { class: "frame", d: `M${box.left} ${box.top}V${box.bottom}H${box.right}` }));
@@ -173,7 +186,7 @@
       return;
     }
     const values = lines.filter((line) => line.main).map((line) => `${line.filter} ${shown(line.values[cursor])}`);
-    const median = kind.signed ? ` (${Object.entries(one.filters).filter(([name]) => !hidden.has(name)).map(([name, each]) => `${name}: run ${each.median}`).join(", ")})` : "";
+    const median = kind.signed ? ` (${one.groups.map((names) => names.filter((name) => !hidden.has(name))).filter((names) => names.length).map((names) => `${names.join(" = ")}: run ${one.filters[names[0]].median}`).join(", ")})` : "";
     reading.textContent = `t = ${shown(times[cursor])} s: ${values.join(", ")}${kind.unit ? ` ${kind.unit}` : ""}${median}`;
   };
 

@@ -27,6 +27,36 @@
     }));
   }
 
+  // Each table as CSV: the numbers that sorting goes by, where a cell has one, and what else stands in the cell.
+  const quoted = (text) => /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+  const words = (part) => part ? part.textContent.trim().replace(/\s+/g, " ").replaceAll("\u2212", "-") : "";
+  const safe = (text) => /^[=+@\t]|^-(?![\d.\u221e])/.test(text) ? `'${text}` : text;  // no formula in a spreadsheet
+  const commaSeparated = (table) => {
+    const heads = [...table.tHead.rows].map((row) => [...row.cells].flatMap((cell) => Array(cell.colSpan).fill(words(cell))));
+    const labels = heads.length < 2 ? heads[0] : [heads[0][0], ...heads[1].map((label, place) => `${heads[0][place + 1]} ${label}`.trim())];
+    const lines = [labels.flatMap((label, place) => place ? [label, `${label}, interval and note`] : [label]).map(safe)];
+    for (const row of table.tBodies[0].rows) {
+      if (row.hidden) continue;
+      lines.push([...row.cells].flatMap((cell, place) => {
+        if (!place) return [safe(words(cell))];
+        const number = cell.querySelector(".n"), more = [...cell.querySelectorAll(".ci")].map(words).join(" ");
+        const value = !number ? safe(words(cell)) : cell.dataset.order === "inf" ? words(number) : cell.dataset.order;
+        return [value, safe(more), ...Array(2 * (cell.colSpan - 1)).fill("")];
+      }));
+    }
+    return lines.map((line) => line.map(quoted).join(",")).join("\n") + "\n";
+  };
+  for (const button of document.querySelectorAll("button.csv")) {
+    button.hidden = false;
+    button.addEventListener("click", () => {
+      const figure = button.closest("figure"), link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob([commaSeparated(figure.querySelector("table"))], { type: "text/csv" }));
+      link.download = `${figure.id}.csv`;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    });
+  }
+
   // Columns of the tables that stand under one filter's heading.
   const columnsOf = (table, wanted) => {
     const groups = [];

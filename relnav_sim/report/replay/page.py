@@ -17,8 +17,10 @@ from relnav_sim.simulation.replayed import Replay
 from relnav_sim.wording import counted
 
 UNSCORED = (
-    "No truth is known for these readings, so nothing here says how far the estimates are from it. The residuals can "
-    "show that a filter is wrong; they can't show that it is right: an error that no reading feels leaves no trace in "
+    "No truth is known for these measurements, so nothing here says how far the estimates are from it. The "
+    "residuals can "
+    "show that a filter is wrong; they can't show that it is right: an error that no measurement feels leaves no "
+    "trace in "
     "them."
 )
 
@@ -74,11 +76,13 @@ class ReplayPage:
 _READING = (
     "NIS is the squared residual in units of the covariance that the filter states for it; over its degrees of freedom "
     "it is 1 on average where that covariance is right. More: overconfident; less: conservative.",
-    "Residuals of a filter that is right are white: no reading says anything about the next one's residual. What "
+    "Residuals of a filter that is right are white: no measurement says anything about the next one's residual. What "
     "correlates them is wrong in the dynamics, in the process noise, or in what the filter is told of the sensor.",
-    "The smoother sees all readings. Where the filter is right, the change from filtered to smoothed estimate has the "
+    "The smoother sees all measurements. Where the filter is right, the change from filtered to smoothed estimate "
+    "has the "
     "covariance P_f - P_s; a larger change says that the process noise does not cover what the dynamics leave out.",
-    "Filters with a mixture as noise, or that reweight readings, have a NIS that is not chi-square; its mean still is "
+    "Filters with a mixture as noise, or that reweight measurements, have a NIS that is not chi-square; its mean "
+    "still is "
     "its degrees of freedom.",
 )
 
@@ -113,7 +117,7 @@ def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Pat
         sections=tuple(_section(replay, one, place, figure_folder) for place, one in enumerate(filters)),
         files=tuple((file.path, file.sha256) for file in replay.files),
         reading=_READING,
-        footer=f"Written by relnav {version} from recorded readings.",
+        footer=f"Written by relnav {version} from recorded measurements.",
         filter_names=tuple(one.name for one in filters),
     )
 

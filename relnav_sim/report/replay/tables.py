@@ -27,7 +27,8 @@ def scores_table(filters: Sequence[FilterFigures], truth: str, settle_s: float) 
     return Table(
         "scores",
         "Errors",
-        f"Estimate minus {truth}; position in m, velocity in m/s; whole run and settled (t ≥ {settle_s:g} s). Runs "
+        f"Estimate minus {truth}; position in m, velocity in m/s; whole run and steady state (t ≥ {settle_s:g} "
+        "s). Runs "
         "that failed are left out.",
         "filter",
         tuple(Column(label) for label in columns),
@@ -48,20 +49,22 @@ def sensors_table(filters: Sequence[FilterFigures]) -> Table:
                 Words(nis.sensor),
                 Number(nis.updates, decimals=0),
                 Number(nis.ratio, *band, decimals=3),
-                Words(nis.finding or "no reading"),
+                Words(nis.finding or "no measurement"),
                 Number(100 * least, decimals=1) if not place else Words(""),
             )
             rows.append(Row(one.name, cells, opens_block=not place, record=one.name))
     return Table(
         "sensors",
         "Innovations",
-        f"NIS summed over all readings of a sensor, over its expectation; {_BAND} if residuals are white. Last: share "
-        "of the estimates, in the component where it is smallest, that later readings moved by less than 3 sigma of "
+        f"NIS summed over all measurements of a sensor, over its expectation; {_BAND} if residuals are white. "
+        "Last: share "
+        "of the estimates, in the component where it is smallest, that later measurements moved by less than 3 "
+        "sigma of "
         f"that move; {100 * SMOOTHER_SHARE:g} % or more is agreement.",
         "filter",
         (
             Column("sensor", numeric=False),
-            Column("readings"),
+            Column("measurements"),
             Column("NIS / dof"),
             Column("finding", numeric=False),
             Column("within 3 sigma of the smoother [%]"),
@@ -76,7 +79,8 @@ def channels_table(filter: FilterFigures, number: int) -> Table:
     return Table(
         f"channels_{number:03d}",
         "Residuals by channel",
-        "Residual: reading minus what the filter expected, before the update. In sigmas: over the standard deviation "
+        "Residual: measurement minus what the filter expected, before the update. In sigmas: over the standard "
+        "deviation "
         f"that the filter stated for it, of which mean 0 and RMS 1 are consistent. Whiteness: lag-1 autocorrelation, "
         f"share of the lags outside ±1.96/√N, and the probability of Ljung and Box that white noise is as correlated; "
         f"below {level:.2g} and with a correlation that matters it counts as a finding.",
@@ -84,7 +88,7 @@ def channels_table(filter: FilterFigures, number: int) -> Table:
         tuple(
             Column(label, numeric=label != "finding")
             for label in (
-                "readings",
+                "measurements",
                 "mean",
                 "std",
                 "mean [sigma]",

@@ -41,8 +41,8 @@ def shared_findings(filters: Sequence[FilterFigures]) -> str:
     if not shared:
         return ""
     return (
-        f"All {len(filters)} filters find the residuals of {listed(shared)} not white; they share the readings, so "
-        f"this is one finding and not {len(filters)}: that of the readings, of what all filters believe alike, or "
+        f"All {len(filters)} filters find the residuals of {listed(shared)} not white; they share the measurements, so "
+        f"this is one finding and not {len(filters)}: that of the measurements, of what all filters believe alike, or "
         f"chance ({100 * (1 - CONFIDENCE):.0f} % of the filters that are right have such a finding)."
     )
 
@@ -64,7 +64,8 @@ def _by_residuals(filter: FilterFigures, runs: int) -> str:
         findings.append(f"filter and smoother disagree in {listed(apart)}")
     if any(one.ratio > _OTHER_READINGS for one in overconfident):
         findings.append(
-            "so far off that no noise explains it: check the units, frame and times of the readings, and the dynamics"
+            "so far off that no noise explains it: check the units, frame and times of the measurements, and the "
+            "dynamics"
         )
     if failed:
         findings.append(f"{failed} of {runs} runs failed")
@@ -75,7 +76,7 @@ def _by_residuals(filter: FilterFigures, runs: int) -> str:
         return f"{word}: {'; '.join(findings)}"
     read = [one for one in checks.nis if one.band is not None]
     if not read:
-        return "not tested: no reading reached it"
+        return "not tested: no measurement reached it"
     agree = "; filter and smoother agree" if checks.smoother.count.any() else ""
     return f"consistent: {_nis(read)}; residuals white{agree}"
 
@@ -86,7 +87,8 @@ def _against_truth(scores: Scores) -> str:
     if not np.isfinite(position_m):
         return ""
     return (
-        f"; against the truth {significant(position_m)} m RMS{' settled' * bool(settled)}, ANEES {significant(anees)}"
+        f"; against the truth {significant(position_m)} m RMS{' in steady state' * bool(settled)}, ANEES "
+        f"{significant(anees)}"
     )
 
 

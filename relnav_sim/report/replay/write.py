@@ -54,7 +54,7 @@ def _markdown(page: ReplayPage) -> str:
     for section in page.sections:
         parts += [f"## {plain_markdown(section.name)}", plain_markdown(section.verdict), markdown(section.table)]
         parts += [_picture(picture) for picture in section.pictures]
-    parts.append("## Readings")
+    parts.append("## Measurements")
     parts.append("\n".join(f"- {plain_markdown(path)}: SHA-256 {digest}" for path, digest in page.files))
     parts.append("## How to read it")
     parts.append("\n".join(f"- {plain_markdown(sentence)}" for sentence in page.reading))
