@@ -225,8 +225,8 @@ def _lost(name: str, regrets: Mapping[int, Regret]) -> Iterator[Sentence]:
             lost = " and ".join(f"{how} in {count}" for how, count in counts if count)
             if lost:
                 words = f"{lost} of {counted(len(found.runs), 'run')}"
-                parts.append([Clause(words, f"case_{index + 1:03d}_stressed_rms")])
-                parts[-1].append(Clause(f" ({under}{f', case {index + 1}' if len(regrets) > 1 else ''})"))
+                parts.append([Clause(words, f"case_{index:03d}_stressed_rms")])
+                parts[-1].append(Clause(f" ({under}{f', case {index}' if len(regrets) > 1 else ''})"))
     left = len(parts) - _MANY_FILTERS
     if parts:
         more = f" and under {left} more" if left > 0 else ""

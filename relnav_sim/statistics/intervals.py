@@ -295,13 +295,13 @@ def lag1_band(samples: int, level: float = CONFIDENCE) -> Band:
 
 
 def _of_differences(sample: Array, test: SignFlips | None, level: float) -> Interval:
-    """Return the mean of differences with the interval of their test; runs that never differ are surely equal."""
+    """Return the mean of differences with the interval of their test; enough runs that never differ are equal."""
     if len(sample) == 0:
         return Interval(math.nan, math.nan, math.nan, level, 0)
     with np.errstate(over="ignore", invalid="ignore"):
         mean = float(sample.mean())
     low, high = (math.nan, math.nan) if test is None else test.limits(level)
-    if len(sample) > 1 and not sample.any():
+    if len(sample) >= fewest_runs(1 - level) and not sample.any():
         low, high = 0.0, 0.0
     return Interval(mean, low, high, level, len(sample))
 

@@ -91,7 +91,7 @@ def test_runs_lost_under_a_stress_are_told_though_the_regret_is_small(make_resul
     said = _decision(markdown)
     assert said.strip().startswith("Fly a")
     assert "Under stress a diverged in 7 of 12 runs (noisy)." in said
-    assert html.count('id="case_001_stressed_rms"') == 1 and 'href="#case_001_stressed_rms"' in html
+    assert html.count('id="case_000_stressed_rms"') == 1 and 'href="#case_000_stressed_rms"' in html
 
 
 def test_the_error_budget_is_of_a_filter_that_may_be_flown(make_result: ResultMaker) -> None:
