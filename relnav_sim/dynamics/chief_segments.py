@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from relnav_sim.arrays import Array
@@ -14,6 +12,7 @@ from relnav_sim.dynamics.by_epoch import PerChunk
 from relnav_sim.dynamics.motion import Motion, ZonalMotion
 from relnav_sim.dynamics.orbit_filter import OrbitFilter
 from relnav_sim.dynamics.relative_flow import Legs, Segment
+from relnav_sim.kernels.compiling import working_cpu_s
 
 TOGETHER = 1024
 """States whose segments are computed together: few enough for the cache."""
@@ -49,11 +48,11 @@ class ChiefSegments:
             )
         stack, within = divmod(place, self._together)
         if stack not in self._stacks:
-            begin = time.process_time()
+            begin = working_cpu_s()
             first = stack * self._together
             states = self._chief[:, first : first + self._together]
             self._stacks[stack] = self._motion.legs(states, self._first_epoch + first)
-            self.cpu_s += time.process_time() - begin
+            self.cpu_s += working_cpu_s() - begin
         return self._stacks[stack], within
 
 
@@ -91,13 +90,13 @@ class ChiefFollower:
         """
         if self._segments is not None and first_epoch < self._next_epoch:
             return self._segments
-        begin = time.process_time()
+        begin = working_cpu_s()
         self._next_epoch = first_epoch + fixes.shape[1]
         estimates = self._filter.advance(fixes, forces)
         # The first step of a chunk begins at the last epoch of the one before.
         known = estimates if self._before is None else np.concatenate([self._before, estimates], axis=1)
         self._before = estimates[:, -1:]
-        self._past_cpu_s = self.cpu_s + time.process_time() - begin
+        self._past_cpu_s = self.cpu_s + working_cpu_s() - begin
         self._segments = ChiefSegments(known, self._next_epoch - known.shape[1], self._motion)
         return self._segments
 
@@ -140,12 +139,12 @@ class NominalChief:
 
     def _segments(self, epochs: Array) -> tuple[Array, Legs]:
         """Return the states of a chunk, (CHUNK_EPOCHS, 1, 6), and the legs that begin there."""
-        begin = time.process_time()
+        begin = working_cpu_s()
         chunk = int(epochs[0]) // CHUNK_EPOCHS
         while len(self._starts) <= chunk:
             known = len(self._starts) - 1
             self._starts.append(self._motion.walk(self._starts[-1], known * CHUNK_EPOCHS, CHUNK_EPOCHS)[-1])
         states = self._motion.walk(self._starts[chunk], chunk * CHUNK_EPOCHS, CHUNK_EPOCHS - 1)
         legs = self._motion.legs(states[None], chunk * CHUNK_EPOCHS)
-        self.cpu_s += time.process_time() - begin
+        self.cpu_s += working_cpu_s() - begin
         return states[:, None], legs

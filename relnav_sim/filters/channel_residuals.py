@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.interface import Step
 from relnav_sim.filters.belief import Belief
 from relnav_sim.filters.readings import Readings
+from relnav_sim.kernels.compiling import working_cpu_s
 from relnav_sim.measurements.interface import Measurement, linearised
 
 
@@ -88,7 +88,7 @@ class ResidualRecorder:
             read: Runs that have one, (runs,).
             epoch: Number of the epoch.
         """
-        begin = time.process_time()
+        begin = working_cpu_s()
         mean = np.ascontiguousarray(belief.mean)
         expected = np.where(read[:, None], z, measurement.predict(mean, epoch))
         residual, H, R = linearised(measurement, expected, mean, epoch)
@@ -100,7 +100,7 @@ class ResidualRecorder:
         channels = one.sensor.channels
         own.residual[:, k] = np.where(there, residual[:, channels], np.nan)
         own.sigma[:, k] = np.where(there, np.sqrt(variance[:, channels]), np.nan)
-        self.cpu_s += time.process_time() - begin
+        self.cpu_s += working_cpu_s() - begin
 
     def reject(self, place: int, k: int, refused: Mask) -> None:
         """Take down what the filter has not taken of the reading of the sensor in that place at column k.

@@ -116,7 +116,11 @@ class Uncompiled:
             with suppress(ArithmeticError, ValueError), np.errstate(all="ignore"):
                 return _interpreted(self.function)(*arguments)
             # Python gives up where compiled code goes on with NaN or inf.
-        return self.compiled()(*arguments)
+        global _loading_cpu_s
+        before = time.process_time()
+        kernel = self.compiled()
+        _loading_cpu_s += time.process_time() - before
+        return kernel(*arguments)
 
     def compiled(self) -> Callable[..., Any]:
         """Return what is compiled, from the folder of compiled code where it is kept already.
@@ -134,6 +138,15 @@ class Uncompiled:
 
 
 _called: dict[str, None] | None = None
+_loading_cpu_s = 0.0
+
+
+def working_cpu_s() -> float:
+    """Return the processor time of this process, s, without that in which kernels were loaded or compiled.
+
+    The first of several filters would else be said to cost what all of them have need of.
+    """
+    return time.process_time() - _loading_cpu_s
 
 
 @contextmanager

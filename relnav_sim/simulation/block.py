@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from relnav_sim.containment import Containment
 from relnav_sim.filters.belief import Filter, Gaussian
 from relnav_sim.filters.registry import filter_kinds
 from relnav_sim.filters.run import FilterHistory
+from relnav_sim.kernels.compiling import working_cpu_s
 from relnav_sim.results.block import BlockResult, Failure, FilterResult
 from relnav_sim.sensors import relative_sensors
 from relnav_sim.simulation.afterwards import Afterwards, lag_epochs
@@ -237,12 +237,12 @@ class FilterTrack:
             if self._repeated is not None:
                 self._repeated.add(chunk)
                 return
-            begin = time.process_time() - self._fed.shared_cpu_s
+            begin = working_cpu_s() - self._fed.shared_cpu_s
             before = np.asarray(self._belief.mean).copy() if self._watch is not None else None
             self._belief, history = self._fed.advance(
                 self._belief, chunk, self._prior, self._reached, self._watch is not None or self._whiteness is not None
             )
-            self._cpu_s += time.process_time() - self._fed.shared_cpu_s - begin - history.residuals_cpu_s
+            self._cpu_s += working_cpu_s() - self._fed.shared_cpu_s - begin - history.residuals_cpu_s
             self._steps += history.nis.size
             if self._afterwards is not None:
                 self._afterwards.add(chunk, history)
@@ -256,12 +256,12 @@ class FilterTrack:
         if self.broken is not None:
             return
         with self._breaking_alone():
-            begin = time.process_time()
+            begin = working_cpu_s()
             for chunk, history in self._known_afterwards():
-                self._cpu_s += time.process_time() - begin
+                self._cpu_s += working_cpu_s() - begin
                 if chunk.truth_is_known:
                     self._score(chunk, history)
-                begin = time.process_time()
+                begin = working_cpu_s()
         self._afterwards = self._repeated = None  # with what they have kept
 
     def _known_afterwards(self) -> Iterator[tuple[Chunk, FilterHistory]]:
