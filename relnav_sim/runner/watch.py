@@ -23,8 +23,8 @@ from relnav_sim.runner.time_left import TimeLeft
 
 HERE = "here"
 BEAT_EVERY_S = 60.0
-ETA_EVERY_S, ETA_EACH_S = 1.0, 0.01
-"""The time left is found out at most so often, and the more seldom the more is running."""
+ETA_EVERY_S, ETA_EACH_S, ETA_SHARE = 1.0, 0.01, 0.02
+"""The time left is found out at most so often: the more seldom the more is running, and in this share of the time."""
 SLOW_TIMES, SLOW_AT_LEAST_S = 5.0, 60.0
 """A task is called slow after so many times what its like have taken, and after so long at least."""
 UNKNOWN_TIMES = 20.0
@@ -141,6 +141,7 @@ class Watch:
         self._places = 0.0
         self._looked = self._beaten = time.monotonic()
         self._eta: tuple[float, float] | None = None
+        self._eta_took_s = 0.0
         self._log_failed = False
 
     @contextmanager
@@ -264,13 +265,16 @@ class Watch:
     def left_s(self) -> float:
         """Seconds to go, by the plan's costs corrected by those measured; of one moment to the next the same.
 
-        It looks at all that is running, so that after each block it would cost more than all else that a block does.
+        It looks at all that is running and all cases that are left, so that after each block it would cost more than
+        all else that a block does.
         """
-        every_s = min(ETA_EACH_S * len(self._running), ETA_EVERY_S)
+        every_s = max(min(ETA_EACH_S * len(self._running), ETA_EVERY_S), self._eta_took_s / ETA_SHARE)
         if self._eta is None or time.monotonic() - self._eta[0] >= every_s:
+            begin = time.process_time()
             running = [(running.task, running.elapsed_s) for running in self._running.values()]
             places = max(self._places, len(running))
             self._eta = (time.monotonic(), self._time_left.left_s(running, places))
+            self._eta_took_s = time.process_time() - begin
         return self._eta[1]
 
     def trouble_in_words(self) -> str:
