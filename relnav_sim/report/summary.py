@@ -10,8 +10,9 @@ import numpy as np
 from relnav_sim.campaign.warnings import together
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import Span
+from relnav_sim.report.cost import cost_in_words
 from relnav_sim.report.layouts import WORST_RUNS
-from relnav_sim.report.metrics import ANEES, CPU, diverged_note
+from relnav_sim.report.metrics import ANEES, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.results.observability import not_observable
 from relnav_sim.statistics.intervals import Interval
@@ -24,8 +25,6 @@ _RUNS_NAMED = 3
 _FAR_OFF = 1.5
 """Runs with a position RMS below this multiple of the median are not worth a look."""
 _FILTERS_NAMED = 4
-_LEAST_CPU_S = 0.2
-"""In less, what a process does for the first time is a part of what it takes: a filter alike was 4 times as cheap."""
 _SIGMA_MARGIN = 0.05
 """A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
 _SIGMA_KNOWN = 0.25
@@ -48,7 +47,12 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
                 for ranking, label in zip(computed, labels, strict=True)
             ]
     sentences += [*_not_observable(computed), *_known_later(computed)]
-    sentences += [*_limit(computed), *_consistency(computed), *_convergence(computed), *_cost(computed)]
+    sentences += [
+        *_limit(computed),
+        *_consistency(computed),
+        *_convergence(computed),
+        *cost_in_words(_per_filter(computed)),
+    ]
     return (*sentences, *_worth_a_look(computed), *_diverged(computed), *_missing(rankings), *_failures(rankings))
 
 
@@ -297,32 +301,6 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
         return [f"No run reached {level}.", *untold]
     text = f"Median time to {level}: {listed([f'{listed(names)} {time}' for time, names in medians.items()])}"
     return [f"{text}; never reached by {listed(never)}." if never else f"{text}.", *untold]
-
-
-def _cost(rankings: Sequence[Ranking]) -> list[str]:
-    costs = {
-        name: float(np.mean(np.concatenate([CPU.per_run(item, span)[item.ok] for item, span in sizes])))
-        for name, sizes in _per_filter(rankings)
-    }
-    known = sorted((cost, name) for name, cost in costs.items() if math.isfinite(cost) and cost > 0)
-    if not known:
-        return []
-    took_s = [sum(_cpu_s(item) for item, _ in sizes) for _, sizes in _per_filter(rankings)]
-    if len(known) > 1 and min(took_s) < _LEAST_CPU_S:
-        return [
-            f"Cost: not compared; {significant(max(min(took_s), 1e-3), 1)} s of CPU time, which is all that a filter "
-            "took, is too little to measure."
-        ]
-    least, cheapest = known[0]
-    others = [f"{name} takes {significant(cost / least)} times that" for cost, name in known[1:]]
-    text = f"Cost: {cheapest} {significant(least)} {CPU.unit} of CPU per filter step"
-    return [f"{text}; {listed(others)}." if others else f"{text}."]
-
-
-def _cpu_s(item: FilterFacts) -> float:
-    """Return the processor time that a filter took for its completed runs of a case, s."""
-    epochs = item.stored["epochs"][item.ok, 0]
-    return float(np.nansum(item.cpu_us[item.ok] * epochs)) / 1e6
 
 
 def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:

@@ -9,8 +9,10 @@ from typer.testing import CliRunner
 
 from benchmarks.scenarios import choice_of, decision_of, decisions_on, page_of
 from relnav_sim import load_campaign, simulate
+from relnav_sim.campaign import loader
 from relnav_sim.campaign.blocks import run_seconds
 from relnav_sim.campaign.warnings import campaign_warnings
+from relnav_sim.cli import library
 from relnav_sim.cli.app import app
 from relnav_sim.cli.library import campaigns_of, first_words, library_names, library_summaries, library_text
 from relnav_sim.kernels.compiling import interpreted
@@ -151,3 +153,8 @@ class TestCampaigns:
         listed = invoke("list", "campaigns").stdout
         assert listed.index("mine.yaml") < listed.index("In the library")
         assert "mkdocs" not in listed
+
+
+def test_no_larger_file_is_listed_than_the_loader_takes():
+    """Two numbers, since a list must not wait for the loader to be imported."""
+    assert library._MOST_BYTES == loader.MOST_BYTES

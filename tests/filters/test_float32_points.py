@@ -146,7 +146,7 @@ def test_a_state_without_variance_is_known(kind):
     np.testing.assert_array_equal(found.covariance[..., 1, 1], 0.0)
 
 
-@pytest.mark.parametrize("kind", ["ukf", "student_t"])
+@pytest.mark.parametrize("kind", ["ukf", "student_t", "iekf", "two_step", "adaptive_alpha_kf", "mkf"])
 def test_a_covariance_that_is_lost_fails_its_run_alone(kind):
     """Of a condition of 1e12, which a covariance in float32 does not hold; that of the other run is 1."""
     given = problem(1e12)

@@ -114,16 +114,6 @@ def test_noise_is_needed_in_every_channel(kind):
     assert found.failures[0].epoch == 0
 
 
-@pytest.mark.parametrize("kind", ["iekf", "two_step", "adaptive_alpha_kf", "mkf"])
-def test_a_covariance_that_is_lost_fails_its_run_alone(kind):
-    given = problem(1e12)
-    z, prior = np.stack([given.z, 0 * given.z]), np.stack([given.cov0, np.eye(6)])
-    with pytest.warns(RuntimeWarning, match="not positive definite any more in float32; take ud_ekf"):
-        found = run_filter(given.filter(kind, arithmetic="float32"), z, np.zeros(6), prior)
-    assert [failure.run for failure in found.failures] == [0]
-    assert np.isnan(found.mean[0, -1]).all() and np.isfinite(found.mean[1]).all()
-
-
 def test_a_state_in_two_numbers_is_met_in_every_direction():
     """At 1e8, where one number of float32 for a state of 1e4 loses more than 1e-3 of the least sigma."""
     for seed, worse in ((1, True), (3, True), (5, False)):
