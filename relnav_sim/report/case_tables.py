@@ -238,7 +238,8 @@ def reliability_table(case: CaseFacts) -> Table:
         "Reliability and diagnostics",
         "Rates with their Wilson interval. Diverged: failed, or beyond the 0.9999 ellipsoid of its own covariance for "
         "more than 5 % of the last half of the run, or, where the result holds a bound, beyond it for 50 s with a "
-        "position error above ten times the bound of a perfect model, at the stored epochs. Below: what the filters report of their own working, mean over updates."
+        "position error above ten times the bound of a perfect model, at the stored epochs. Below: what the filters "
+        "report of their own working, mean over updates."
         f"{_AVAILABILITY_NOTE if _availability_rows(case) else ''}",
         rows,
     )
