@@ -28,9 +28,10 @@ from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.reservations import Background
-from relnav_sim.report.scenario import limitations, scenario_picture, told_table
+from relnav_sim.report.scenario import limitations, scenario_picture
 from relnav_sim.report.summary import summarise
 from relnav_sim.report.tables import Table
+from relnav_sim.report.told import told_table
 from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.safe_path import safe_path
 from relnav_sim.statistics.requirements import Judgement
