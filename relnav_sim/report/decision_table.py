@@ -70,6 +70,7 @@ def decision_table(decision: Decision, labels: Mapping[int, str], over: str, eno
         corner="case" if many else "filter",
         columns=(*([Column("filter", numeric=False)] if many else []), *columns),
         rows=tuple(rows),
+        stacks=True,
     )
 
 

@@ -114,6 +114,7 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         corner="requirement",
         columns=tuple(Column(label, numeric=label == "value") for label in labels),
         rows=tuple(rows),
+        stacks=True,
     )
 
 

@@ -56,6 +56,7 @@ def told_table(results: Results, index: int) -> Table:
         corner="effect",
         columns=(Column("simulated", numeric=False), *(Column(name, numeric=False) for name in names)),
         rows=tuple(rows),
+        stacks=True,
     )
 
 
@@ -186,7 +187,7 @@ class _Asked:
         if isinstance(options, RelativeSensorOptions):
             return chosen is None or name in chosen
         if options.role == "force":
-            return entry.get("known_thrust", "measured") == "measured"  # the default where there is one
+            return (entry.get("known_thrust") or "measured") == "measured"  # the default where there is one
         return any(
             options.role in each.direction_from and any(each.needs_direction()) and self.used(other, entry)
             for other, each in self.sensors.items()
