@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
@@ -62,3 +62,26 @@ class Origin:
     """
 
     of: str
+
+
+Told = Literal["noise", "absence", "never", "states", "latency", "arrival"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Marks an option of a sensor, or of its noise, as an effect that reports show beside what filters are told of it.
+
+    Options with the same name make one effect, which is there where the first of them is set. An option of a sensor
+    without a mark is part of its white noise where its key has ``sigma`` in it.
+
+    Args:
+        name: What it is, as ``field of view``.
+        told: What filters are told: ``noise``, white noise, by their `assumed_noise`; ``absence``, the measurement that
+            is missing tells it; ``never``; ``states``, those filters know of it that carry it as augmented states;
+            ``latency``, by their `assumed_latency`; ``arrival``, by their `out_of_sequence`.
+        states: Kinds of the augmented states that carry it; default: the sensor's `error_states`.
+    """
+
+    name: str
+    told: Told
+    states: tuple[str, ...] = ()

@@ -257,7 +257,7 @@ def _check_process_noise(name: str, entry: FilterEntry) -> Iterator[Problem]:
         yield Problem(
             path,
             f"the {entry.kind} filter is not a single Gaussian of position and velocity, whose corrections tell the "
-            "process noise; take another form, or a filter such as ekf or ukf",
+            "process noise; take acceleration_psd_m2_s3 or snc_rtn, or a filter such as ekf or ukf",
         )
 
 

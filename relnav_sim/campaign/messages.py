@@ -78,6 +78,8 @@ def _sentence(place: Path, details: list[ErrorDetails], data: Any, shape: Shape,
     expected = listed(list(dict.fromkeys(word for detail in details for word in _expected(detail, known))))
     if value is None:
         return f"has no value; it must be {expected}"
+    if isinstance(value, str) and known is not None and value in known.keys:
+        return f"must be {expected}, not {_shown(value)}; write {{{value}: ...}}"
     return f"must be {expected}, not {_shown(value)}{_hint(place, value, details)}"
 
 
@@ -97,6 +99,9 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
         whole: What the whole file may hold.
         kinds: Other kinds of the section that know the key.
     """
+    if key == "kind" and section.keys and key not in section.keys:  # what it is, is said by which key it has
+        named = str(value) if str(value) in section.keys else ""
+        return f"unknown key; write {named}: ... in its place" if named else _known_here(section)
     # A key that the section of the file knows is unknown to the kind that a case has in its place.
     meant = [] if key in section.keys else section.keys
     known_elsewhere = bool(kinds or whole.homes.get(key))  # and so no misspelling of what is known here
@@ -108,8 +113,12 @@ def unknown_key(key: str, value: Any, section: Shape, whole: Shape, kinds: Seque
         words = [quoted(dotted(home)) if home else "the top level" for home in homes[:3]]
         hint = f"; it belongs in {listed(words)}"
     elif not hint and 0 < len(section.keys) <= MOST_KEYS_NAMED:
-        hint = f"; known here: {', '.join(section.keys)}"
+        return _known_here(section)
     return f"unknown key{hint}"
+
+
+def _known_here(section: Shape) -> str:
+    return f"unknown key; known here: {', '.join(section.keys)}"
 
 
 def _unknown_kind(value: Any, section: Shape | None) -> str:

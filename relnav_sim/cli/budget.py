@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def budget(
     file: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="The campaign, a YAML file.")],
     named: Annotated[
-        str, typer.Option("--case", metavar="CASE", help="The case, by number from 0, label or id.")
+        str, typer.Option("--case", metavar="CASE", help="The case, by number from 0, id, or label as printed.")
     ] = "0",
     filters: Annotated[
         list[str] | None,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def chosen_case(results: Results, case: str | None) -> int:
     """Return the index of the case of a number, label or id; None: the first."""
-    return results.case_index(int(case) if case is not None and case.isdecimal() else case or 0)
+    return results.case_index(case or 0)
 
 
 def chosen_runs(results: Results, result: Path, runs: Sequence[int]) -> list[int]:

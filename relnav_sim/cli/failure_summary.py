@@ -39,7 +39,7 @@ def failure_summary(results: Results) -> list[str]:
 def divergence_summary(results: Results) -> list[str]:
     """Return how many runs diverged without failing, by the share of time outside their own ellipsoid, and the first.
 
-    The report counts those far beyond the Cramér-Rao bound, too.
+    The report also counts those that were outside it earlier, far beyond the Cramér-Rao bound.
     """
     from relnav_sim.statistics.divergence import diverged
 

@@ -21,7 +21,7 @@ def figure(
         str | None, typer.Argument(metavar="KIND", help="What to draw; without a result and a kind all are listed.")
     ] = None,
     case: Annotated[
-        str | None, typer.Option(help="The case, by number from 0, label or id.", show_default="the first")
+        str | None, typer.Option(help="The case, by number from 0, id, or label as printed.", show_default="the first")
     ] = None,
     filters: Annotated[
         list[str] | None,
@@ -72,7 +72,7 @@ def figure(
         picture = drawn(
             result,
             kind,
-            case=int(case) if case is not None and case.isdecimal() else case,
+            case=case,
             filter=filters or None,
             run=run,
             axes=axes.value if axes is not None else None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from relnav_sim.cli.failures import Exit
 from relnav_sim.cli.output import command, say
+from relnav_sim.cli.usage import UsageError, asks_for_help, usage_in_words
 
 # What other programs call it.
 _ELSEWHERE = {
@@ -28,7 +31,17 @@ class Command(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """The commands of relnav."""
+    """The commands of relnav; a mistake in the arguments of one is a sentence, as any other mistake is."""
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        """Return the context of the options before the command."""
+        with _in_a_sentence():
+            return super().make_context(*args, **extra)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Read the arguments of the command and run it."""
+        with _in_a_sentence():
+            return super().invoke(ctx)
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, that of help with them."""
@@ -43,6 +56,17 @@ class Commands(TyperGroup):
             say(f"relnav: no command is named {word!r}; {hint}", err=True)
             raise typer.Exit(Exit.BAD_INPUT)
         return super().resolve_command(ctx, args)
+
+
+@contextmanager
+def _in_a_sentence() -> Iterator[None]:
+    try:
+        yield
+    except UsageError as error:
+        if asks_for_help(error):
+            raise
+        say(usage_in_words(error), err=True)
+        raise typer.Exit(Exit.BAD_INPUT) from None
 
 
 def _flags_unlabelled(params: list[Any]) -> list[Any]:

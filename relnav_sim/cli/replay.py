@@ -56,7 +56,7 @@ def replay(
             show_default="by the sensors' names and what they read",
         ),
     ] = None,
-    case: Annotated[str, typer.Option(help="The case, by number from 0, label or id.")] = "0",
+    case: Annotated[str, typer.Option(help="The case, by number from 0, id, or label as printed.")] = "0",
     filters: Annotated[
         list[str] | None,
         typer.Option("--filter", metavar="NAME", help="A filter; repeat for several.", show_default="all"),

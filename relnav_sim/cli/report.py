@@ -39,7 +39,8 @@ def report(
         typer.Option(
             "--case",
             metavar="CASE",
-            help="A case to show closely, with its tables and figures, by number from 0, id or label; may be repeated.",
+            help="A case to show closely, with its tables and figures, by number from 0, id, or label as printed; may "
+            "be repeated.",
             show_default="all, of more than 50 the first",
         ),
     ] = None,
@@ -77,7 +78,7 @@ def report(
             target,
             formats=words,
             axes=axes.value,
-            cases=_chosen(case),
+            cases=case or None,
             say=lambda words: say(words, err=True),
             tell=decision.append,
         )
@@ -90,11 +91,6 @@ def report(
         raise typer.Exit(Exit.REQUIREMENT_MISSED)
     if verdict == "undecided":
         raise typer.Exit(Exit.REQUIREMENT_UNDECIDED)
-
-
-def _chosen(cases: list[str] | None) -> list[int | str] | None:
-    """Return cases by their number where it is one."""
-    return [int(case) if case.isdecimal() else case for case in cases] if cases else None
 
 
 def _checked(path: Path) -> str:

@@ -84,7 +84,7 @@ def tune(
         typer.Option(
             "--case",
             metavar="CASE",
-            help="Tune on this case, by number from 0, label or id; may be repeated.",
+            help="Tune on this case, by number from 0, id, or label as printed; may be repeated.",
             show_default="all",
         ),
     ] = None,

@@ -291,7 +291,7 @@ def _check_noise(kind: FilterKind, dynamics: Dynamics, noise: AddedNoiseOptions)
     if noise.adaptive is not None and not kind.matches_covariance:
         raise ValueError(
             f"{what}.adaptive: this filter is not a single Gaussian of position and velocity, whose corrections tell "
-            "the process noise; take another form, or a filter such as ekf or ukf"
+            "the process noise; take acceleration_psd_m2_s3 or snc_rtn, or a filter such as ekf or ukf"
         )
 
 

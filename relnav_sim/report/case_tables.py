@@ -237,8 +237,9 @@ def reliability_table(case: CaseFacts) -> Table:
         "reliability",
         "Reliability and diagnostics",
         "Rates with their Wilson interval. Diverged: failed, or beyond the 0.9999 ellipsoid of its own covariance for "
-        "more than 5 % of the last half of the run, or, where the result holds a bound, more than ten times the bound "
-        "off for 50 s at the stored epochs. Below: what the filters report of their own working, mean over updates."
+        "more than 5 % of the last half of the run, or, where the result holds a bound, beyond it for 50 s with a "
+        "position error above ten times the bound of a perfect model, at the stored epochs. Below: what the filters "
+        "report of their own working, mean over updates."
         f"{_AVAILABILITY_NOTE if _availability_rows(case) else ''}",
         rows,
     )

@@ -19,7 +19,7 @@ from relnav_sim.report.case_section import budget_table, compose_case, rank_case
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.decision import decision_section
 from relnav_sim.report.drawing import within
-from relnav_sim.report.error_budget import MOST_BUDGETS
+from relnav_sim.report.error_budget import MOST_BUDGETS, budget_title
 from relnav_sim.report.evidence import decided
 from relnav_sim.report.overview import over_in_words, overview_table
 from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection, ScenarioSection
@@ -28,8 +28,10 @@ from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
 from relnav_sim.report.reservations import Background
-from relnav_sim.report.scenario import limitations, scenario_picture, told_table
+from relnav_sim.report.scenario import limitations, scenario_picture
 from relnav_sim.report.summary import summarise
+from relnav_sim.report.tables import Table
+from relnav_sim.report.told import told_table
 from relnav_sim.results.stopping import stopping_in_words
 from relnav_sim.safe_path import safe_path
 from relnav_sim.statistics.requirements import Judgement
@@ -240,17 +242,26 @@ def _decision(
         return None
     case_of = {ranking.case.index: ranking.case for ranking in rankings}
     cases = [case_of[case.index] for case, _ in decision.cases]
+    budget_case, budget = _budget_of(sections, decision.overall.chosen)
     known = Background(
-        labels=tuple(short_labels([case.label for case in cases])),
+        labels=dict(zip([case.index for case in cases], short_labels([case.label for case in cases]), strict=True)),
         over=over_in_words(cases),
         judged=tuple(judged),
         regrets=regret.by_case if regret is not None else {},
-        budget=next((table for section in sections if (table := budget_table(section))), None),
+        budget=budget,
+        budget_case=budget_case,
         waiting=tuple(dict.fromkeys(name for ranking in rankings for name in ranking.case.waiting)),
         shared_field=shared,
         replayed=results.replay is not None,
     )
     return decision_section(decision, known)
+
+
+def _budget_of(sections: Sequence[CaseSection], chosen: str | None) -> tuple[int, Table | None]:
+    """Return the error budget that a decision cites, of its filter where there is one, with its case; the first."""
+    found = [(section.index, table) for section in sections if (table := budget_table(section))]
+    own = [each for each in found if chosen is not None and each[1].title == budget_title(chosen)]
+    return next(iter((*own, *found)), (0, None))
 
 
 def _not_shown(results: Results, sections: Sequence[CaseSection]) -> tuple[str, ...]:

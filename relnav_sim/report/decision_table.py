@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 from relnav_sim.report.metrics import numbers
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.decision import OVERCONFIDENT, Candidate, CaseEvidence, Choice, Decision, Refusal
 from relnav_sim.statistics.equivalence import Effect
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
-from relnav_sim.wording import significant
+from relnav_sim.wording import counted, significant
 
 MOST_CASES = 6
 """Of more cases the table is in the files only."""
@@ -24,20 +25,20 @@ _EFFECTS: Mapping[Effect, str] = {
 }
 
 
-def decision_table(decision: Decision, labels: Sequence[str], over: str, enough: bool = True) -> Table:
+def decision_table(decision: Decision, labels: Mapping[int, str], over: str, enough: bool = True) -> Table:
     """Return the table of a decision.
 
     Args:
         decision: The decision.
-        labels: The labels of the cases that it is about.
+        labels: The labels of the cases that it is about, by their numbers.
         over: The span of the figures, in words.
         enough: Whether the runs are enough for a decision; else no filter is called chosen.
     """
     rows = []
     many = len(decision.cases) > 1
-    for (case, choice), label in zip(decision.cases, labels, strict=True):
+    for case, choice in decision.cases:
         against = _reference(decision, case, choice)
-        heading = f"{case.index}: {label}"
+        heading = case_in_tables(case.index, labels[case.index])
         for place, row in enumerate(_case_rows(case, choice, against, decision.margin_percent, enough)):
             cells = (Words(row.label), *row.cells) if many else row.cells
             name = (heading if not place else f"{case.index}") if many else row.label
@@ -69,6 +70,7 @@ def decision_table(decision: Decision, labels: Sequence[str], over: str, enough:
         corner="case" if many else "filter",
         columns=(*([Column("filter", numeric=False)] if many else []), *columns),
         rows=tuple(rows),
+        stacks=True,
     )
 
 
@@ -93,7 +95,7 @@ def refusal_in_words(refusal: Refusal, runs: int, ratio: Interval) -> str:
         case "no run":
             return "has no completed run in some case"
         case "failed" | "diverged":
-            return f"{refusal.reason} in {refusal.count} of {runs} runs"
+            return f"{refusal.reason} in {refusal.count} of {counted(runs, 'run')}"
         case "requirement":
             return f"misses requirement {refusal.what}"
         case "overconfident":

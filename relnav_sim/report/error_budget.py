@@ -42,6 +42,11 @@ class BudgetSection:
     note: str
 
 
+def budget_title(filter: str) -> str:
+    """Return the title of the table of a filter's budget by source."""
+    return f"Error budget of {filter}"
+
+
 def budget_section(results: Results, case: CaseFacts, ranked: Sequence[str]) -> BudgetSection | str:
     """Return the error budget of the best filter of a case that has one; else in a sentence why there is none.
 
@@ -119,7 +124,7 @@ def _tables(budget: Budget, case: CaseFacts) -> tuple[Table, Table]:
 
     by_source = Table(
         name=f"case_{case.index:03d}_budget",
-        title=f"Error budget of {budget.filter}",
+        title=budget_title(budget.filter),
         caption="Linear covariance analysis along the nominal truth. "
         f"Sigmas from {case.settle_s:g} s on, and at the end. "
         "Share: of the position's variance. Halved: by how much the position sigma falls when the source is half as "

@@ -23,6 +23,7 @@ from relnav_sim.report.metrics import (
 )
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
+from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.intervals import NO_INTERVAL, Interval
 from relnav_sim.wording import short_labels
 
@@ -41,7 +42,8 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
     columns = [*map(_column, _ERRORS), _ABOVE_BEST, *map(_column, others)]
     if len(cases) > 1:
         headings = [
-            f"{c.index}: {label}" for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
+            case_in_tables(c.index, label)
+            for c, label in zip(cases, short_labels([c.label for c in cases]), strict=True)
         ]
         columns.insert(0, Column("filter", numeric=False))
         rows = [

@@ -23,6 +23,7 @@ from relnav_sim.report.metrics import numbers
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.block import ResultsError
+from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.findings import Verdict
 from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, judge, overall
 from relnav_sim.wording import listed, short_labels, significant
@@ -94,7 +95,7 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         rows.append(
             Row(
                 f"{item.name}: {words}" if opens else item.name,
-                (Words(f"{item.case}: {cases[item.case]}"), Words(item.filter), *_cells(item)),
+                (Words(case_in_tables(item.case, cases[item.case])), Words(item.filter), *_cells(item)),
                 key=str(item.case),
                 opens_block=opens,
                 record=item.name,
@@ -113,6 +114,7 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
         corner="requirement",
         columns=tuple(Column(label, numeric=label == "value") for label in labels),
         rows=tuple(rows),
+        stacks=True,
     )
 
 
@@ -140,21 +142,43 @@ def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def margin_in_words(item: Judgement) -> str:
-    """Return how far the interval of a met requirement stays from the limit; nothing where that is not known."""
+def margin(item: Judgement) -> float:
+    """Return how far the interval of a met requirement stays from the limit, in the unit of `margin_in_words`.
+
+    Infinite where that is not known; of one requirement the smallest is the worst.
+    """
     if item.finding is None or item.verdict != "pass":
-        return ""
+        return math.inf
     figure, requirement = item.finding.figure, item.requirement
     match requirement:
         case RmsRequirement():
-            return f"margin {significant(100 * (1 - figure.high / requirement.limit), 2)} % of the limit"
+            return 100 * (1 - figure.high / requirement.limit)
         case NeesRequirement() | NisRequirement():
             low, high = _sigma_limits(requirement)
-            return f"margin {significant(min(figure.low - low, high - figure.high), 2)}"
+            return min(figure.low - low, high - figure.high)
         case FailedRequirement() | DivergedRequirement():
-            return f"margin {significant(100 * (requirement.at_most - figure.high), 2)} % of the runs"
+            return 100 * (requirement.at_most - figure.high)
         case ErrorsRequirement() | ConvergedRequirement() | RecoveryRequirement():
-            return f"margin {significant(100 * (figure.low - requirement.share), 2)} percentage points"
+            return 100 * (figure.low - requirement.share)
+
+
+def margin_in_words(item: Judgement) -> str:
+    """Return how far the interval of a met requirement stays from the limit; nothing where that is not known."""
+    size = margin(item)
+    if math.isinf(size):
+        return ""
+    match item.requirement:
+        case RmsRequirement():
+            unit = " % of the limit"
+        case NeesRequirement():
+            unit = " of the ANEES"
+        case NisRequirement():
+            unit = " of the NIS"
+        case FailedRequirement() | DivergedRequirement():
+            unit = " % of the runs"
+        case ErrorsRequirement() | ConvergedRequirement() | RecoveryRequirement():
+            unit = " percentage points"
+    return f"margin {significant(size, 2)}{unit}"
 
 
 def _said_of(several: bool) -> tuple[tuple[Verdict, str], ...]:

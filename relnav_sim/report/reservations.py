@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from relnav_sim.report.decision_table import decision_anchor
 from relnav_sim.report.sentences import Clause, Sentence, joined
 from relnav_sim.report.tables import Table
+from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.decision import OVERCONFIDENT, CaseEvidence, Decision
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.regret import Regret
@@ -21,28 +22,35 @@ class Background:
     """What a decision is told with.
 
     Attributes:
-        labels: The labels of the decision's cases.
+        labels: The labels of the decision's cases, by their numbers from 0.
         over: The span of the figures, in words.
         judged: The requirements, in the order of their table.
         regrets: The regret of each case, by its number from 0.
         budget: The table of an error budget, the filter it is of in its title; None without one.
+        budget_case: The number of its case.
         waiting: Filters without any run yet.
         shared_field: Whether filters know all of the truth's gravity field.
         replayed: Whether the readings are recorded ones.
     """
 
-    labels: tuple[str, ...]
+    labels: Mapping[int, str]
     over: str
     judged: tuple[Judgement, ...] = ()
     regrets: Mapping[int, Regret] = field(default_factory=dict)
     budget: Table | None = None
+    budget_case: int = 0
     waiting: tuple[str, ...] = ()
     shared_field: bool = False
     replayed: bool = False
 
+    def named(self, index: int) -> str:
+        """Return a case as a sentence names it in brackets: its number and label."""
+        return f"case {case_in_tables(index, self.labels[index])}"
 
-def what_would_help(budget: Table | None) -> Iterator[Sentence]:
+
+def what_would_help(known: Background) -> Iterator[Sentence]:
     """Yield which source of error would be worth most to halve, from the table of the error budget."""
+    budget = known.budget
     if budget is None:
         return
     gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]
@@ -50,7 +58,8 @@ def what_would_help(budget: Table | None) -> Iterator[Sentence]:
         return
     gain, source = max(gains)
     words = Clause(f"{source}, {significant(gain, 2)} % less position error if halved", budget.name)
-    yield (Clause("What would help most: "), words, Clause(f" ({budget.title[0].lower()}{budget.title[1:]})."))
+    where = f", {known.named(known.budget_case)}" if len(known.labels) > 1 else ""
+    yield (Clause("What would help most: "), words, Clause(f" ({budget.title[0].lower()}{budget.title[1:]}{where})."))
 
 
 def _gain(text: str) -> float:

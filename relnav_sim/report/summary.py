@@ -14,6 +14,7 @@ from relnav_sim.report.cost import cost_in_words
 from relnav_sim.report.layouts import WORST_RUNS
 from relnav_sim.report.metrics import ANEES, diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
+from relnav_sim.results.case_names import case_in_words
 from relnav_sim.results.observability import not_observable
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import between, counted, listed, short_labels, significant
@@ -43,7 +44,7 @@ def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
         if len(computed) <= _MOST_CASES_IN_WORDS:
             labels = short_labels([ranking.case.label for ranking in computed])
             sentences += [
-                f"Case {ranking.case.index} ({label}): {verdict(ranking)}"
+                f"{case_in_words(ranking.case.index, label).replace('c', 'C', 1)}: {verdict(ranking)}"
                 for ranking, label in zip(computed, labels, strict=True)
             ]
     sentences += [*_not_observable(computed), *_known_later(computed)]

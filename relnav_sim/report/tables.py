@@ -108,7 +108,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``name`` is its file's name, ``corner`` heads the column of row headings."""
+    """A table: ``name`` is its file's name, ``corner`` heads the column of row headings.
+
+    On a narrow screen a table that ``stacks`` shows each row as a list of its cells with the columns' headings.
+    """
 
     name: str
     title: str
@@ -117,6 +120,7 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     sortable: bool = False
+    stacks: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a row that does not fill the columns."""

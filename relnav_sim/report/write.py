@@ -44,8 +44,8 @@ def write_report(
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
             the functions of ``relnav_sim.plots``.
         workers: Processes that draw the cases of a large campaign.
-        cases: The cases to show closely, each with its tables and figures, by number from 0, label or id; default:
-            all, of more than 50 the first.
+        cases: The cases to show closely, each with its tables and figures, by number from 0, id, or label as printed;
+            default: all, of more than 50 the first.
         say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
             the places of those parts.
         tell: Is given the decision, in a sentence.

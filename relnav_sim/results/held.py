@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from relnav_sim.arrays import Integers
 from relnav_sim.results import layout, store
 from relnav_sim.results.block import Failure, RefusedError, ResultsError
+from relnav_sim.results.case_names import place_of_case
 from relnav_sim.results.header import read_header
 from relnav_sim.results.stored_cases import StoredCases, StoredPart
+
+_CASES_SAID = 8
 
 
 class HeldResult:
@@ -137,14 +140,17 @@ class HeldResult:
         return dict(self.headers[self.case_index(case)].variables)
 
     def case_index(self, case: int | str) -> int:
-        """Return the number of the case with this number, label or id.
+        """Return the number of the case with this number, id or label, in full or as reports print it.
 
         Raises:
             RefusedError: There is none.
         """
-        if case in self._places:
-            return self._places[case]
-        raise RefusedError(f"{self.path}: no case {case!r}; there are {', '.join(map(repr, self.cases))}")
+        if case not in self._places:
+            found = place_of_case(case, self.cases, [header.id for header in self.headers])
+            if found is None:
+                raise RefusedError(f"{self.path}: no case {case!r}; there are {_first_of(self.cases)}")
+            self._places[case] = found
+        return self._places[case]
 
     def case_runs(self, case: int | str, filter: str) -> Integers:
         """Return the numbers of the runs of a case and filter; empty where none has been computed yet."""
@@ -210,3 +216,9 @@ class HeldResult:
 
     def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
         return self._filter_part(index, filter).read(spec, rows)
+
+
+def _first_of(labels: tuple[str, ...]) -> str:
+    """Return the labels of cases for a sentence, the first of many."""
+    said = ", ".join(map(repr, labels[:_CASES_SAID]))
+    return said if len(labels) <= _CASES_SAID else f"{said} and {len(labels) - _CASES_SAID} more"

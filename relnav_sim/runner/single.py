@@ -14,6 +14,7 @@ from typing import Any
 from relnav_sim.campaign import Campaign, Case
 from relnav_sim.campaign.identity import campaign_hash
 from relnav_sim.results.block import RefusedError
+from relnav_sim.results.case_names import place_of_case
 from relnav_sim.results.layout import case_group
 from relnav_sim.results.merge import merge_shards
 from relnav_sim.results.provenance import collect_provenance
@@ -91,14 +92,14 @@ def single_out(out: Path, case: int, run: int) -> Path:
 
 
 def case_number(campaign: Campaign, case: int | str) -> int:
-    """Return the number of the case with this number, name in the file (``case_000``), id or label.
+    """Return the number of the case with this number, id or label, in full or as reports print it.
 
     Raises:
         RefusedError: There is none.
     """
-    for index, known in enumerate(campaign.cases):
-        if case in (index, str(index), case_group(index), known.id, known.label):
-            return index
+    found = place_of_case(case, [known.label for known in campaign.cases], [known.id for known in campaign.cases])
+    if found is not None:
+        return found
     last = len(campaign.cases) - 1
     if any(case in (known.id, known.label) for known in campaign.stressed):
         raise RefusedError(f"{case!r} is a stressed case; add --stress")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.measurements.channel import Channel
+from relnav_sim.options import Effect
 from relnav_sim.sensors.interface import Craft, Role, Sensed, SensorOptions
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption
 from relnav_sim.sensors.registry import register_sensor
@@ -31,11 +32,12 @@ class AccelerometerOptions(SensorOptions):
     per_craft: ClassVar[bool] = True
     former_keys: ClassVar[Mapping[str, str]] = {"host": "carrier"}
 
+    error_states: ClassVar[tuple[str, ...]] = ("accelerometer_bias",)
     kind: Literal["accelerometer"] = Field(default="accelerometer", description="Specific force on its host")
     host: Craft | Literal["both"] = Field(
         default="both", description="Craft that carry one; default: both, so that all relative thrust is measured"
     )
-    velocity_random_walk_m_s_sqrt_s: float = Field(
+    velocity_random_walk_m_s_sqrt_s: Annotated[float, Effect("noise", "noise")] = Field(
         gt=0,
         description="Noise per axis, 1 sigma, of the velocity gained in one second, m/s/sqrt(s); it grows with the "
         "root of time. Tactical grade 1e-3 to 3e-4, navigation grade 1e-4 or less",
@@ -45,16 +47,16 @@ class AccelerometerOptions(SensorOptions):
         description="Noise in units of this sigma, that is velocity_random_walk / sqrt(step) in m/s^2, three channels: "
         "one part or a list of parts that add; default: white Gaussian",
     )
-    bias_sigma_m_s2: float = Field(
+    bias_sigma_m_s2: Annotated[float, Effect("bias", "states")] = Field(
         default=0.0, ge=0, description="Standard deviation of each run's constant error per axis, m/s^2; default 0"
     )
-    scale_factor_sigma_percent: float = Field(
+    scale_factor_sigma_percent: Annotated[float, Effect("scale factor", "never")] = Field(
         default=0.0,
         ge=0,
         le=30,
         description="Standard deviation of each run's constant scale-factor error per axis, percent; default 0",
     )
-    deadband_m_s2: float = Field(
+    deadband_m_s2: Annotated[float, Effect("dead band", "never")] = Field(
         default=0.0,
         ge=0,
         description="Readings shorter than this count as no thrust, m/s^2, and so do noise and bias in them; default "

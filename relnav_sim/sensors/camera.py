@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -18,6 +18,7 @@ from relnav_sim.measurements.selected import Selected
 from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 from relnav_sim.measurements.tangent_sight import TangentSight
+from relnav_sim.options import Effect
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
@@ -39,6 +40,7 @@ class CameraOptions(SightSensorOptions):
         Channel("elevation", "rad", "elevation", angle=True),
     )
 
+    error_states: ClassVar[tuple[str, ...]] = ("azimuth_bias", "elevation_bias", "attitude_error")
     kind: Literal["camera"] = Field(default="camera", description="Azimuth and elevation of the other craft")
     angle_sigma_deg: float = Field(gt=0, lt=90, description="Noise of each of the two angles, 1 sigma, deg")
     form: AngleForm = Field(
@@ -47,10 +49,10 @@ class CameraOptions(SightSensorOptions):
         "across the line of sight, alike in every direction; default) or spherical (of azimuth and elevation "
         "themselves, which have a pole on the z axis)",
     )
-    sunlit: bool = Field(
+    sunlit: Annotated[bool, Effect("light", "absence")] = Field(
         default=False, description="Whether it sees the other craft in sunlight only; needs sun_direction"
     )
-    sun_exclusion_deg: float | None = Field(
+    sun_exclusion_deg: Annotated[float | None, Effect("Sun exclusion", "absence")] = Field(
         default=None,
         gt=0,
         lt=180,

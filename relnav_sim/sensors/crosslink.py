@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -11,6 +11,7 @@ from relnav_sim.arrays import Array
 from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption, ClockOptions, RangeBiasOptions
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.ranging import Ranging
+from relnav_sim.options import Effect
 from relnav_sim.sensors.interface import MeasurementContext, RelativeSensorOptions, Sensed
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, noise_parts, probability_below
 from relnav_sim.sensors.registry import register_sensor
@@ -28,6 +29,7 @@ class CrosslinkOptions(RelativeSensorOptions):
     drift that each run draws once. Lever arms of the antennas are left out, and it needs no attitude.
     """
 
+    error_states: ClassVar[tuple[str, ...]] = ("range_bias", "clock")
     kind: Literal["crosslink"] = Field(
         default="crosslink", description="Range, or range and range rate, over a radio link"
     )
@@ -35,13 +37,13 @@ class CrosslinkOptions(RelativeSensorOptions):
     range_rate_sigma_m_s: float | None = Field(
         default=None, gt=0, description="Range-rate noise, 1 sigma, m/s; default: it measures the range alone"
     )
-    clock_bias_sigma_m: float = Field(
+    clock_bias_sigma_m: Annotated[float, Effect("clock bias", "states", ("clock",))] = Field(
         default=0.0,
         ge=0,
         description="Standard deviation of each run's difference of the clocks at time 0 times the speed of light, m, "
         "which adds to the range; a filter can estimate it as `clock`; default 0",
     )
-    clock_drift_sigma_m_s: float = Field(
+    clock_drift_sigma_m_s: Annotated[float, Effect("clock drift", "states", ("clock",))] = Field(
         default=0.0,
         ge=0,
         description="Standard deviation of each run's constant rate of that difference, m/s (1 m/s is 3.3e-9 s/s), "

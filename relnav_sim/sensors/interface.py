@@ -15,7 +15,7 @@ from relnav_sim.dynamics.augmentation.kinds import AugmentedStateOption
 from relnav_sim.measurements.augmented import AdditiveBias, Distortion
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.interface import Measurement
-from relnav_sim.options import AddedLater, Options
+from relnav_sim.options import AddedLater, Effect, Options
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.noise import GaussianNoise, NoiseOption, check_parts, constant_part, has_white_part, noise_parts
 from relnav_sim.sensors.sensed import Sensed as Sensed
@@ -90,6 +90,7 @@ class SensorOptions(Options):
         per_craft: Whether both craft may carry one; readings and random numbers then have the craft in their names.
         forms: The forms that filters can take its readings in; the first is the usual one.
         linear_forms: Those of them that are linear in the state.
+        error_states: Kinds of the augmented states by which a filter can carry its constant or slow errors.
     """
 
     channels: ClassVar[tuple[Channel, ...]]
@@ -97,6 +98,7 @@ class SensorOptions(Options):
     per_craft: ClassVar[bool] = False
     forms: ClassVar[tuple[Form, ...]] = ("spherical",)
     linear_forms: ClassVar[tuple[Form, ...]] = ()
+    error_states: ClassVar[tuple[str, ...]] = ()
 
     kind: str
     host: Annotated[Craft | Literal["both"] | None, AddedLater()] = Field(
@@ -107,7 +109,7 @@ class SensorOptions(Options):
         description="Noise in units of the sigmas, one channel each: one part or a list of parts that add; default: "
         "white Gaussian",
     )
-    period_s: Annotated[float | None, AddedLater()] = Field(
+    period_s: Annotated[float | None, AddedLater(), Effect("period", "absence")] = Field(
         default=None,
         gt=0,
         description="Time between readings, s, a multiple of the clock's step; default: every step",
@@ -203,27 +205,27 @@ class RelativeSensorOptions(SensorOptions):
     direction_from: ClassVar[tuple[Role, ...]] = ("orbit", "attitude")
 
     host: Craft = Field(default="chief", description="Craft that carries it and sees the other one; default: the chief")
-    latency_s: float = Field(
+    latency_s: Annotated[float, Effect("latency", "latency")] = Field(
         default=0.0,
         ge=0,
         description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
         "whether it knows; default 0",
     )
-    drawn_latency_s: Annotated[tuple[float, float] | None, AddedLater()] = Field(
+    drawn_latency_s: Annotated[tuple[float, float] | None, AddedLater(), Effect("random latency", "arrival")] = Field(
         default=None,
         description="Shortest and longest time after which a reading arrives, s, drawn evenly between for each; it is "
         "late from one step on. A filter's `out_of_sequence` says what becomes of late ones; default: none is late",
     )
-    time_tag_sigma_s: float = Field(
+    time_tag_sigma_s: Annotated[float, Effect("time-tag error", "never")] = Field(
         default=0.0,
         ge=0,
         description="Standard deviation of each run's constant error of the time at which readings are taken, s; no "
         "filter is told of it; default 0",
     )
-    time_tag_jitter_s: float = Field(
+    time_tag_jitter_s: Annotated[float, Effect("time-tag jitter", "never")] = Field(
         default=0.0, ge=0, description="The same of each reading, white, s; no filter is told of it; default 0"
     )
-    range_limits_m: tuple[float, float] | None = Field(
+    range_limits_m: Annotated[tuple[float, float] | None, Effect("range limits", "absence")] = Field(
         default=None, description="Shortest and longest true range that is measured, m; default: no limits"
     )
 

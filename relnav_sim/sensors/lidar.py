@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -17,6 +17,7 @@ from relnav_sim.measurements.ranging import GrowingRangeNoise, Ranging
 from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight
+from relnav_sim.options import Effect
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
@@ -49,6 +50,7 @@ class LidarOptions(SightSensorOptions):
     field of view and angles are as those of a radar.
     """
 
+    error_states: ClassVar[tuple[str, ...]] = ("range_bias", "azimuth_bias", "elevation_bias", "attitude_error")
     kind: Literal["lidar"] = Field(default="lidar", description="Range, or range and two angles, at close distance")
     range_sigma_m: float = Field(gt=0, description="Range noise at no distance, 1 sigma, m")
     range_sigma_m_per_km: float = Field(
@@ -71,7 +73,9 @@ class LidarOptions(SightSensorOptions):
         "elevation themselves, which have a pole on the z axis; default) or tangent (two small turns across the line "
         "of sight, alike in every direction)",
     )
-    range_bias_m: float = Field(default=0.0, description="Constant range error, m; no filter is told of it; default 0")
+    range_bias_m: Annotated[float, Effect("range bias", "states", ("range_bias",))] = Field(
+        default=0.0, description="Constant range error, m; no filter is told of it; default 0"
+    )
 
     @property
     def channels(self) -> tuple[Channel, ...]:  # type: ignore[override]  # here they depend on the options

@@ -11,6 +11,7 @@ from relnav_sim.arrays import Array, Mask
 from relnav_sim.astro.attitude import in_axes, nadir_axes
 from relnav_sim.astro.line_of_sight import Vector, half_open, mounting_matrix, rotate, rows, sight_vector, spherical_of
 from relnav_sim.astro.tangent_plane import deflected
+from relnav_sim.options import Effect
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import RelativeSensorOptions, Sensed, within
 
@@ -38,12 +39,12 @@ class SightSensorOptions(RelativeSensorOptions):
         description="Yaw, pitch and roll from the nadir frame to the sensor's frame, deg, about z, the new y and the "
         "new x; default: aligned, so that azimuth 0 is straight ahead. The azimuth does not exist on the z axis",
     )
-    field_of_view_deg: tuple[HalfAngle, HalfAngle] | None = Field(
+    field_of_view_deg: Annotated[tuple[HalfAngle, HalfAngle] | None, Effect("field of view", "absence")] = Field(
         default=None,
         description="Half angles of the field of view in azimuth and elevation about the boresight, deg; default: all "
         "round",
     )
-    boresight: Literal["fixed", "tracking"] = Field(
+    boresight: Annotated[Literal["fixed", "tracking"], Effect("field of view", "absence")] = Field(
         default="fixed",
         description="fixed: along the sensor's x axis; tracking: gimballed to the other craft, so that the field of "
         "view never cuts, the angles still counted from the mounting (the gimbal's are known)",

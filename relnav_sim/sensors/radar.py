@@ -19,7 +19,7 @@ from relnav_sim.measurements.radar_errors import AZIMUTH, ELEVATION, RadarDistor
 from relnav_sim.measurements.sight import Sight
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar, first_fix
 from relnav_sim.measurements.tangent_sight import TangentSight
-from relnav_sim.options import AddedLater
+from relnav_sim.options import AddedLater, Effect
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import Craft, ErrorShares, Form, MeasurementContext, Sensed
 from relnav_sim.sensors.line_of_sight import AngleForm, SightSensorOptions, read_across
@@ -48,6 +48,7 @@ class RadarOptions(SightSensorOptions):
     linear_forms: ClassVar[tuple[Form, ...]] = ("cartesian",)
     former_keys: ClassVar[Mapping[str, str]] = {"host": "carrier"}
 
+    error_states: ClassVar[tuple[str, ...]] = ("range_bias", "azimuth_bias", "elevation_bias", "attitude_error")
     kind: Literal["radar"] = Field(default="radar", description="Range, azimuth and elevation of the other craft")
     host: Craft = Field(
         default="chief",
@@ -67,10 +68,16 @@ class RadarOptions(SightSensorOptions):
         "elevation themselves, which have a pole on the z axis; default) or tangent (two small turns across the line "
         "of sight, alike in every direction)",
     )
-    range_bias_m: float = Field(default=0.0, description="Constant range error, m; no filter is told of it")
-    azimuth_bias_deg: float = Field(default=0.0, description="Constant azimuth error, deg; no filter is told of it")
-    elevation_bias_deg: float = Field(default=0.0, description="Constant elevation error, deg; no filter is told of it")
-    period_s: float | None = Field(
+    range_bias_m: Annotated[float, Effect("range bias", "states", ("range_bias",))] = Field(
+        default=0.0, description="Constant range error, m; no filter is told of it"
+    )
+    azimuth_bias_deg: Annotated[float, Effect("azimuth bias", "states", ("azimuth_bias", "attitude_error"))] = Field(
+        default=0.0, description="Constant azimuth error, deg; no filter is told of it"
+    )
+    elevation_bias_deg: Annotated[float, Effect("elevation bias", "states", ("elevation_bias", "attitude_error"))] = (
+        Field(default=0.0, description="Constant elevation error, deg; no filter is told of it")
+    )
+    period_s: Annotated[float | None, Effect("period", "absence")] = Field(
         default=None,
         gt=0,
         description="Time between readings, s, a multiple of the clock's step; default: every step",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -13,6 +13,7 @@ from relnav_sim.measurements.channel import Channel
 from relnav_sim.measurements.given_noise import MixtureNoise
 from relnav_sim.measurements.interface import Measurement
 from relnav_sim.measurements.relative_state import relative_state
+from relnav_sim.options import Effect
 from relnav_sim.sensors.host_frame import HostFrame
 from relnav_sim.sensors.interface import (
     ECI_STATE,
@@ -66,13 +67,13 @@ class RelativeGnssOptions(RelativeSensorOptions):
     velocity_sigma_m_s: float | None = Field(
         default=None, gt=0, description="Velocity noise per axis, 1 sigma, m/s; default: no velocity is read"
     )
-    slip_rate_per_hour: float = Field(
+    slip_rate_per_hour: Annotated[float, Effect("cycle slips", "never")] = Field(
         default=0.0, ge=0, description="Cycle slips that go unnoticed, per hour; default 0. No filter is told of them"
     )
-    slip_sigma_m: float = Field(
+    slip_sigma_m: Annotated[float, Effect("cycle slips", "never")] = Field(
         default=0.5, gt=0, description="Size per axis, 1 sigma, m, of the position error that a cycle slip leaves"
     )
-    refix_s: float = Field(
+    refix_s: Annotated[float, Effect("cycle slips", "never")] = Field(
         default=60.0, gt=0, description="Time after which the ambiguities are fixed anew and a slip's error is gone, s"
     )
 

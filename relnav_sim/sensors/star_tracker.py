@@ -33,6 +33,7 @@ class StarTrackerOptions(SensorOptions):
         Channel("cross_2", "rad", "turn about the second axis across the boresight"),
         Channel("about", "rad", "turn about the boresight"),
     )
+    error_states: ClassVar[tuple[str, ...]] = ("attitude_error",)
     kind: Literal["star_tracker"] = Field(default="star_tracker", description="Attitude of its host's body")
     host: Annotated[Craft | None, AddedLater()] = Field(
         default=None,

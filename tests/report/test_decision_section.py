@@ -105,7 +105,7 @@ def test_the_error_budget_is_of_a_filter_that_may_be_flown(make_result: ResultMa
 def test_no_filter_is_recommended_where_all_failed(make_result: ResultMaker) -> None:
     path = make_result(filters={"a": 1.0, "b": 1.2}, failed={"a": range(12), "b": [3]})
     said = _decision(_written(path)[1])
-    assert "No filter can be recommended: a (failed in 12 of 12 runs), b (failed in 1 of 12 runs)." in said
+    assert "No filter can be recommended (12 runs): a (failed in 12 of 12 runs), b (failed in 1 of 12 runs)." in said
 
 
 def test_the_decision_is_told_and_written_for_latex(make_result: ResultMaker) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
-from relnav_sim.options import Options
+from relnav_sim.options import Effect, Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 
 
@@ -20,6 +20,7 @@ class BiasNoise(Options):
     """
 
     stream: ClassVar[str] = "bias"
+    effect: ClassVar[Effect] = Effect("constant error", "states")
 
     kind: Literal["bias"] = Field(default="bias", description="Constant error")
     value: float | tuple[float, ...] = Field(

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from relnav_sim.arrays import Array
-from relnav_sim.options import Options
+from relnav_sim.options import Effect, Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 
 
@@ -21,6 +21,7 @@ class GaussMarkovNoise(Options):
     """
 
     stream: ClassVar[str] = "gauss_markov"
+    effect: ClassVar[Effect] = Effect("correlated noise", "states")
 
     kind: Literal["gauss_markov"] = Field(default="gauss_markov", description="First-order Gauss-Markov noise")
     tau_s: float = Field(gt=0, description="Correlation time, s: the autocorrelation falls to 1/e")

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from relnav_sim.arrays import Array
-from relnav_sim.options import Options
+from relnav_sim.options import Effect, Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
 
@@ -17,6 +17,7 @@ class GaussianNoise(Options):
     """White Gaussian noise, independent in every channel and epoch: thermal noise, quantisation."""
 
     stream: ClassVar[str] = "white"
+    effect: ClassVar[Effect] = Effect("noise", "noise")
 
     kind: Literal["gaussian"] = Field(default="gaussian", description="White Gaussian noise")
     scale: float = Field(

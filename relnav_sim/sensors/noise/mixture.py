@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
-from relnav_sim.options import Options
+from relnav_sim.options import Effect, Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
 
@@ -23,6 +23,7 @@ class MixtureNoise(Options):
     """
 
     stream: ClassVar[str] = "white"
+    effect: ClassVar[Effect] = Effect("noise", "noise")
 
     kind: Literal["mixture"] = Field(default="mixture", description="Two-component Gaussian mixture")
     scale: float = Field(

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.options import Options
+from relnav_sim.options import Effect, Options
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 from relnav_sim.streams import Streams
 
@@ -23,6 +23,7 @@ class OutageNoise(Options):
     """
 
     stream: ClassVar[str] = "outage"
+    effect: ClassVar[Effect] = Effect("outages", "absence")
 
     kind: Literal["outage"] = Field(default="outage", description="Times without a reading")
     windows_s: tuple[tuple[float, float], ...] = Field(

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
+from relnav_sim.options import Effect
 from relnav_sim.sensors.noise.fault import FaultOptions, Values
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 
@@ -20,6 +21,7 @@ class RampNoise(FaultOptions):
     """
 
     stream: ClassVar[str] = "ramp"
+    effect: ClassVar[Effect] = Effect("fault: ramp", "never")
 
     kind: Literal["ramp"] = Field(default="ramp", description="Error that grows with time")
     rate_per_s: Values = Field(

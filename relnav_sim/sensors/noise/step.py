@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
+from relnav_sim.options import Effect
 from relnav_sim.sensors.noise.fault import FaultOptions, Values
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 
@@ -17,6 +18,7 @@ class StepNoise(FaultOptions):
     """A fault: a constant error that appears at once, the same in every run: a shifted mount, a wrong calibration."""
 
     stream: ClassVar[str] = "step"
+    effect: ClassVar[Effect] = Effect("fault: step", "never")
 
     kind: Literal["step"] = Field(default="step", description="Error that appears at once")
     value: Values = Field(

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from relnav_sim.arrays import Array
+from relnav_sim.options import Effect
 from relnav_sim.sensors.noise.fault import Fault, FaultOptions
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting, Silent
 from relnav_sim.sensors.sensed import Sensed
@@ -20,6 +21,7 @@ class StuckNoise(FaultOptions):
     """
 
     stream: ClassVar[str] = "stuck"
+    effect: ClassVar[Effect] = Effect("fault: stuck", "never")
 
     kind: Literal["stuck"] = Field(default="stuck", description="Readings that repeat the last sound one")
 

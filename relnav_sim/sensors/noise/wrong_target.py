@@ -10,6 +10,7 @@ from pydantic import Field
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.frames import eci_from_rtn
+from relnav_sim.options import Effect
 from relnav_sim.sensors.noise.fault import Fault, FaultOptions
 from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting, Silent
 from relnav_sim.sensors.sensed import Sensed
@@ -23,6 +24,7 @@ class WrongTargetNoise(FaultOptions):
     """
 
     stream: ClassVar[str] = "wrong_target"
+    effect: ClassVar[Effect] = Effect("fault: wrong target", "never")
     needs_other: ClassVar[bool] = True
 
     kind: Literal["wrong_target"] = Field(default="wrong_target", description="Readings of another object")

@@ -1,0 +1,104 @@
+"""What the decision's sentences say, on invented evidence whose decision is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from relnav_sim.campaign.requirements import RmsRequirement
+from relnav_sim.report.decision import decision_section
+from relnav_sim.report.reservations import Background
+from relnav_sim.report.sentences import plain
+from relnav_sim.report.tables import Column, Row, Table, Words
+from relnav_sim.statistics.decision import Candidate, CaseEvidence, decide
+from relnav_sim.statistics.equivalence import Difference
+from relnav_sim.statistics.findings import Finding
+from relnav_sim.statistics.intervals import Interval
+from relnav_sim.statistics.regret import Regret
+from relnav_sim.statistics.requirements import Judgement
+
+RUNS = 20
+
+
+def _exactly(value: float) -> Interval:
+    return Interval(value, value, value, 0.95, RUNS)
+
+
+def _case(index: int, diverged: str = "", **sizes: float) -> CaseEvidence:
+    candidates = tuple(
+        Candidate(name, _exactly(size), _exactly(size), RUNS, 0, 3 * (name in diverged), _exactly(1.0))
+        for name, size in sizes.items()
+    )
+    (a, first), (b, second) = sizes.items()
+    percent = _exactly(100 * (first / second - 1))
+    return CaseEvidence(
+        index, candidates, {(a, b): Difference(percent, "worse" if first > second else "better", percent)}
+    )
+
+
+def _said(cases: list[CaseEvidence], **known: object) -> list[str]:
+    background = Background({case.index: f"name{case.index}" for case in cases}, "the run", **known)  # type: ignore[arg-type]
+    section = decision_section(decide(cases, 1.0), background)
+    return [plain(section.lead), *map(plain, section.others)]
+
+
+def test_where_no_filter_fits_all_cases_each_is_named_with_its_choice() -> None:
+    said = _said([_case(0, "a", a=1.0, b=2.0), _case(1, "b", a=1.0, b=2.0), _case(2, "ab", a=1.0, b=2.0)])
+    assert said[0] == (
+        "No filter can be recommended for all cases (3 cases of 20 runs): "
+        "a and b (diverged in 6 of 60 runs, in 2 of 3 cases)."
+    )
+    assert said[1] == (
+        "Case by case: case 0 (name0) b 2.00 m; case 1 (name1) a 1.00 m; case 2 (name2) no acceptable filter."
+    )
+
+
+def test_many_cases_are_grouped_by_their_choice_the_first_of_each_named() -> None:
+    cases = [_case(n, "a" if n < 10 else "b" if n < 58 else "ab", a=1.0, b=2.0) for n in range(60)]
+    said = _said(cases)
+    assert said[1] == (
+        "Case by case, of 60 cases: a in 48 (10: name10; 11: name11; 12: name12 and 45 more); "
+        "b in 10 (0: name0; 1: name1; 2: name2 and 7 more); no acceptable filter in 2 (58: name58; 59: name59)."
+    )
+
+
+def test_a_reason_of_one_case_names_it() -> None:
+    said = _said([_case(0, a=1.0, b=2.0), _case(1, "b", a=1.0, b=2.0)])
+    assert said[0].startswith("Fly a: position RMS 1.00 m over 2 cases of 20 runs")
+    assert "Not recommended: b (diverged in 3 of 40 runs, case 1: name1)." in said
+
+
+def test_the_smallest_margin_of_a_requirement_names_its_case() -> None:
+    wanted = RmsRequirement(kind="rms", below_m=4.0)
+    judged = tuple(
+        Judgement("small", wanted, index, "a", Finding(Interval(size, size, size, 0.95, RUNS), "pass", 1.0, None), "")
+        for index, size in enumerate((1.0, 3.0))
+    )
+    said = _said([_case(0, a=1.0, b=2.0), _case(1, a=3.0, b=6.0)], judged=judged)
+    assert "requirement small met in every case (smallest margin 25 % of the limit, case 1: name1)" in said[0]
+    alone = _said([_case(0, a=1.0, b=2.0)], judged=judged[:1])
+    assert "over 20 runs" in alone[0] and "requirement small met (margin 75 % of the limit)" in alone[0]
+
+
+def _regret(*rows: tuple[float, ...]) -> Regret:
+    size = np.array(rows)
+    none = np.zeros(size.shape, dtype=np.int64)
+    cases = ("nominal", "noisy")
+    ends = (size, size, size, none, none, none[0])
+    return Regret(("a", "b"), cases, (0, 1), size + 1, *ends, np.arange(RUNS), "r", "whole")
+
+
+def test_no_regret_is_said_to_be_none_and_a_regret_names_its_stress() -> None:
+    best = _said([_case(0, a=1.0, b=2.0)], regrets={0: _regret((0, 0), (1, 1))})
+    assert "Without regret under stress: a has the smallest position RMS of all filters under noisy." in best
+    worse = _said([_case(0, a=1.0, b=2.0)], regrets={0: _regret((0, 0.5), (1, 0))})
+    assert any(line.startswith("Worst regret of a under stress: 50 % [50.0, 50.0] (noisy)") for line in worse)
+
+
+def test_the_error_budget_names_its_case_where_there_are_several() -> None:
+    columns = (Column("halved", numeric=False), Column("per unit", numeric=False))
+    rows = (Row("range", (Words("20 %"), Words(""))), Row("angle", (Words("5 %"), Words(""))))
+    budget = Table("case_001_budget", "Error budget of a", "", "source", columns, rows)
+    cases = [_case(0, a=1.0, b=2.0), _case(1, a=1.0, b=2.0)]
+    wanted = "What would help most: range, 20 % less position error if halved (error budget of a"
+    assert f"{wanted}, case 1: name1)." in _said(cases, budget=budget, budget_case=1)
+    assert f"{wanted})." in _said(cases[:1], budget=budget)
