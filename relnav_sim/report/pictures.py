@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.sweep_points import grid_paths, varied_paths
-from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw, file_name
 from relnav_sim.report.ranking import Ranking
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
 
 
-def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path) -> Iterator[Picture]:
+def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: FigureFolder) -> Iterator[Picture]:
     """Yield the figures over all cases: their accuracy, and what the campaign varies as a trend or as a grid."""
     cases = [ranking.case for ranking in rankings if ranking.standings]
     if len(cases) < 2:
@@ -47,7 +46,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
         if not any(len(set(varied[path])) >= _WORTH_A_SWEEP for path in numbers):
             return None
         path = max(numbers, key=lambda path: len(set(varied[path])))
-        figure = plots.sweep_trend(results, cases[0])
+        figure = plots.sweep_trend(results, cases[0], known=cases)
         return _described("sweep", figure, cases[0], path)
 
     def heat_map() -> Drawing | None:
@@ -61,7 +60,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})
 
 
-def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: bool) -> Iterator[Picture]:
+def case_pictures(results: Results, ranking: Ranking, folder: FigureFolder, closely: bool) -> Iterator[Picture]:
     """Yield the figures of one case.
 
     Args:
@@ -91,8 +90,11 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
         figure = plots.cost_against_accuracy(results, case)
         return _described("cost", figure, case)
 
+    held: list[Figure] = []  # the figure of one filter is drawn over for the next
+
     def errors(name: str) -> Drawing:
-        figure = plots.errors_with_envelope(results, case, name)
+        figure = plots.errors_with_envelope(results, case, name, over=held.pop() if held else None)
+        held.append(figure)
         return _described("errors", figure, case, name)
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}
@@ -121,7 +123,9 @@ def _described(kind: str, figure: Figure, *about: Any) -> Drawing:
     return Drawing(figure, words.caption, words.alt)
 
 
-def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], filter: str = "") -> Iterator[Picture]:
+def _drawn(
+    folder: FigureFolder, pieces: Mapping[str, Callable[[], Drawing | None]], filter: str = ""
+) -> Iterator[Picture]:
     for name, make in pieces.items():
         if (picture := draw(folder, name, make, filter)) is not None:
             yield picture

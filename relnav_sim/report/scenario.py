@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from relnav_sim import plots
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.scenario import scenario_words
-from relnav_sim.report.drawing import Drawing, Picture, draw
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.wording import listed
@@ -30,7 +29,7 @@ _THRUST = {"none": NOT_TOLD, "planned": "the plan", "measured": "measured by acc
 _RANDOM_LATENCY = {"drop": "late measurements left out", "buffer": "goes back to their epoch"}
 
 
-def scenario_picture(results: Results, case: CaseFacts, folder: Path) -> Picture | None:
+def scenario_picture(results: Results, case: CaseFacts, folder: FigureFolder) -> Picture | None:
     """Return the figure of the scenario of a case."""
 
     def drawing() -> Drawing | None:
