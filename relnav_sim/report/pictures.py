@@ -28,6 +28,7 @@ _ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
+_drawn_over: list[Figure] = []  # the figure of the errors, which the next filter and case is drawn over
 
 
 def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: FigureFolder) -> Iterator[Picture]:
@@ -90,11 +91,9 @@ def case_pictures(results: Results, ranking: Ranking, folder: FigureFolder, clos
         figure = plots.cost_against_accuracy(results, case)
         return _described("cost", figure, case)
 
-    held: list[Figure] = []  # the figure of one filter is drawn over for the next
-
     def errors(name: str) -> Drawing:
-        figure = plots.errors_with_envelope(results, case, name, over=held.pop() if held else None)
-        held.append(figure)
+        figure = plots.errors_with_envelope(results, case, name, over=_drawn_over.pop() if _drawn_over else None)
+        _drawn_over[:] = [figure]
         return _described("errors", figure, case, name)
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}
