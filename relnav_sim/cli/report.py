@@ -31,7 +31,9 @@ def report(
     formats: Annotated[
         str,
         typer.Option(
-            "--format", help="What to write, separated by commas, of html, md, csv and latex; figures come with each."
+            "--format",
+            help="What to write, separated by commas, of html, md, csv and latex. Figures come with each as PNG, "
+            "with latex also as PDF.",
         ),
     ] = "html,md,csv",
     case: Annotated[

@@ -34,7 +34,8 @@ def run(
         str | None,
         typer.Option(
             metavar="PATH",
-            help="The result file; in a folder, which is there or ends in /, it is called NAME.h5.",
+            help="The result file; in a folder, which is there or ends in /, it is called NAME.h5. A part has its own "
+            "beside it, NAME.part_I_of_N.h5.",
             show_default="results/NAME.h5 in this folder",
         ),
     ] = None,
@@ -112,13 +113,13 @@ def run(
             if filters:
                 campaign = _with_filters(campaign, filters)
 
-            from relnav_sim.runner.run import default_out, run_campaign
+            from relnav_sim.runner.run import default_out, part_out, run_campaign
             from relnav_sim.runner.single import case_number, run_single, single_out
 
             usual = default_out(campaign, part)
             if only is not None:
                 usual = single_out(usual, case_number(campaign, case), number)
-            result = None if out is None else target_file(out, usual.name)
+            result = None if out is None else part_out(target_file(out, usual.name), part)
             if result is not None and result.exists() and result.samefile(file):
                 raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
 
@@ -196,7 +197,7 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice, quie
         lacking = len(results.lacked_memory())
         failed = len(results.failures()) - lacking
         summary = failure_summary(results) + divergence_summary(results)
-    following = command("relnav", "report", path) if part == (1, 1) else "relnav merge OUT with all parts"
+    following = command("relnav", "report", path) if part == (1, 1) else _merge_command(path, part)
     if not quiet:
         say(f"wrote {path}; next: {following}")
     if failed:
@@ -212,6 +213,16 @@ def _say_what_came_of_it(path: Path, part: tuple[int, int], notice: Notice, quie
     notice.summary = f"{notice.campaign}: {count_in_words(failed, 'failed run of a filter', 'failed runs of filters')}"
     if failed or lacking:
         raise typer.Exit(Exit.SOME_RUNS_FAILED)
+
+
+def _merge_command(path: Path, part: tuple[int, int]) -> str:
+    """Return the command that merges the parts of a campaign once all are in the folder of this one."""
+    number, parts = part
+    name, _, ending = str(path).rpartition(f".part_{number}_of_{parts}")
+    whole = command("relnav", "merge", name + ending)
+    return (
+        f"{whole} {shlex.quote(name + '.part_')}*{shlex.quote(f'_of_{parts}{ending}')} when all {parts} parts are there"
+    )
 
 
 def _check_options(

@@ -70,7 +70,7 @@ class FigureKind:
 _SHI, _WEI = "Shi et al. 2025", "Wei, Song and Zhang 2012"
 _KINDS = (
     FigureKind("errors", "error of one filter per axis, with its ± 3 sigma, the spread of the runs and the bound",
-               errors.errors_with_envelope, words=errors.errors_words),
+               errors.errors_with_envelope, {"over": None}, words=errors.errors_words),
     FigureKind("position_error", "position error per axis of several filters in one run", errors.axis_errors,
                {"quantity": "position", "at_start": False}, f"{_SHI}, Figs. 3 and 10; {_WEI}, Fig. 3"),
     FigureKind("velocity_error", "velocity error per axis of several filters in one run", errors.axis_errors,
@@ -95,9 +95,9 @@ _KINDS = (
                words=spread.boxes_words),
     FigureKind("violins", "the same as densities over runs", spread.violin_plots),
     FigureKind("sweep", "position and velocity RMS against what the campaign varies, with intervals",
-               sweeps.sweep_trend, {"statistics": ("rms",)}, words=sweeps.sweep_words),
+               sweeps.sweep_trend, {"statistics": ("rms",), "known": ()}, words=sweeps.sweep_words),
     FigureKind("sweep_moments", "mean and standard deviation of the error's size against what the campaign varies",
-               sweeps.sweep_trend, {"statistics": ("mean", "std")}, f"{_SHI}, Figs. 14 and 15"),
+               sweeps.sweep_trend, {"statistics": ("mean", "std"), "known": ()}, f"{_SHI}, Figs. 14 and 15"),
     FigureKind("position_boxes", "box plots of the position error against what the campaign varies",
                sweeps.sweep_boxes, {"quantity": "position"}, f"{_SHI}, Fig. 12"),
     FigureKind("velocity_boxes", "box plots of the velocity error against what the campaign varies",

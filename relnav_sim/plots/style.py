@@ -18,6 +18,7 @@ from relnav_sim.plots.isolation import isolated
 from relnav_sim.printable import visible
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Panel
     from matplotlib.figure import Figure
 
 WIDTH_INCH = 3.5
@@ -151,6 +152,25 @@ def new_figure(height_inch: float, width_inch: float = WIDTH_INCH) -> Figure:
     return HouseFigure(figsize=(width_inch, height_inch), facecolor="white")
 
 
+def emptied(figure: Figure) -> list[Panel]:
+    """Return the panels of a figure without what is drawn in them; their linear axes and ticks stay as they are.
+
+    Panels and ticks take most of the time of a new figure.
+    """
+    from matplotlib.transforms import Bbox
+
+    for drawn in [*figure.legends, *figure.texts]:
+        drawn.remove()
+    for panel in figure.axes:
+        for drawn in [*panel.lines, *panel.collections, *panel.patches, *panel.texts]:
+            drawn.remove()
+        panel.set(xlim=(0, 1), ylim=(0, 1))  # as of a new one
+        panel.dataLim.set(Bbox.null())
+        panel.ignore_existing_data_limits = True
+        panel.set_autoscale_on(True)
+    return figure.axes
+
+
 def margins(figure: Figure, left: float, right: float, top: float, bottom: float, hspace: float, wspace: float) -> None:
     """Set the margins, the gaps between panels and the places of the labels, in inches.
 
@@ -222,11 +242,14 @@ def png(figure: Figure) -> bytes:
 
 
 def webp(picture: bytes) -> bytes:
-    """Return a PNG as lossless WebP."""
+    """Return a PNG as lossless WebP, an eighth smaller.
+
+    More effort makes it a quarter smaller still and takes twice the time, as long as a sixth of the drawing.
+    """
     from PIL import Image
 
     file = io.BytesIO()
-    Image.open(io.BytesIO(picture)).convert("RGB").save(file, format="webp", lossless=True, method=4)
+    Image.open(io.BytesIO(picture)).convert("RGB").save(file, format="webp", lossless=True, quality=20)
     return file.getvalue()
 
 

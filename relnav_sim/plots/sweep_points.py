@@ -44,7 +44,11 @@ def varied_paths(results: Results) -> dict[str, list[Leaf]]:
 
 
 def trends(
-    results: Results, case: CaseFacts | None = None, along: str | None = None, filters: Sequence[str] | None = None
+    results: Results,
+    case: CaseFacts | None = None,
+    along: str | None = None,
+    filters: Sequence[str] | None = None,
+    known: Sequence[CaseFacts] = (),
 ) -> tuple[str, tuple[Trend, ...]]:
     """Return what is varied, by its path, and a line per filter over its values.
 
@@ -56,6 +60,7 @@ def trends(
         case: The case whose other values are kept.
         along: The path, or its end (``alpha``); default: the number with the most values.
         filters: The filters; default: all.
+        known: Cases whose facts have been read already.
 
     Raises:
         FigureError: Nothing of that name is varied.
@@ -68,7 +73,7 @@ def trends(
     over_filters = _filter_options(results, names)
     path = _chosen(along, numeric, over_filters)
     if path in numeric:
-        return path, _over_cases(results, case, path, over_cases, names)
+        return path, _over_cases(results, case, path, over_cases, names, known)
     return path, _over_filters(case or _first(results), over_filters[path])
 
 
@@ -98,13 +103,19 @@ def grid_paths(results: Results, along: Sequence[str] | None = None) -> tuple[st
 
 
 def _over_cases(
-    results: Results, case: CaseFacts | None, path: str, varied: Mapping[str, list[Leaf]], names: Sequence[str]
+    results: Results,
+    case: CaseFacts | None,
+    path: str,
+    varied: Mapping[str, list[Leaf]],
+    names: Sequence[str],
+    known: Sequence[CaseFacts],
 ) -> tuple[Trend, ...]:
     kept = (case or _first(results)).index
     together = {other for other in varied if _moves_with(varied[other], varied[path])}
     others = [other for other in varied if other != path and other not in together]
+    facts_of = {facts.index: facts for facts in known}
     cases = [
-        case_facts(results, index)
+        facts_of.get(index) or case_facts(results, index)
         for index in results.nominal
         if all(varied[other][index] == varied[other][kept] for other in others)
     ]

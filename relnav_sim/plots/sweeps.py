@@ -145,6 +145,7 @@ def sweep_trend(
     filters: Sequence[str] | None = None,
     along: str | None = None,
     statistics: Sequence[Statistic] = ("rms",),
+    known: Sequence[CaseFacts] = (),
 ) -> Figure:
     """Draw position and velocity errors against what the campaign varies, with 95 % intervals over runs.
 
@@ -157,9 +158,10 @@ def sweep_trend(
         filters: The filters; default: all.
         along: The varied path, or its end; default: the number with the most values.
         statistics: What is taken over the time of each run: ``rms``, or ``mean`` and ``std`` of the error's size.
+        known: Cases whose facts have been read already.
     """
     held = None if case is None else case_facts(results, case)
-    path, lines = trends(results, held, along, filters)
+    path, lines = trends(results, held, along, filters, known)
     styles = line_styles(results.filters)
     many = len(statistics) > 1
     with house_style():

@@ -16,7 +16,7 @@ from relnav_sim.report import layouts
 from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.curves import case_curves
-from relnav_sim.report.drawing import Drawing, Picture, draw
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.report.editing_table import editing_notes
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_section
 from relnav_sim.report.evidence import acceptable_first
@@ -47,7 +47,7 @@ def compose_case(
     result_path: Path,
     index: int,
     axes: Axes,
-    figure_folder: Path,
+    figure_folder: FigureFolder,
     drawn: bool,
     points: int,
     with_axes: bool,
@@ -59,7 +59,7 @@ def compose_case(
         result_path: The results file.
         index: The case's number from 0.
         axes: The axes of tables and figures.
-        figure_folder: An existing folder for the figures' files.
+        figure_folder: Where the figures' files go.
         drawn: Whether to draw its figures.
         points: Most points of a curve of the page's chart.
         with_axes: Whether the chart shows errors per axis.
@@ -89,7 +89,7 @@ def compose_case(
 
 
 def _with_budget(
-    results: Results, ranking: Ranking, section: CaseSection, figure_folder: Path, drawn: bool, budgeted: bool
+    results: Results, ranking: Ranking, section: CaseSection, figure_folder: FigureFolder, drawn: bool, budgeted: bool
 ) -> tuple[CaseSection, tuple[Picture, ...]]:
     """Return the section with the error budget of the best filter that has one, and its figure."""
     case = ranking.case

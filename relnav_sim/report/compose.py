@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from relnav_sim.parent_watch import end_with_parent
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.commands import reproduce_commands
 from relnav_sim.report import campaign_facts, html
@@ -18,12 +15,13 @@ from relnav_sim.report.attempts import attempted
 from relnav_sim.report.case_section import budget_table, compose_case, rank_cases
 from relnav_sim.report.curves import embedded, points_of
 from relnav_sim.report.decision import decision_section
-from relnav_sim.report.drawing import within
+from relnav_sim.report.drawing import FigureFolder, within
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_title
 from relnav_sim.report.evidence import decided
 from relnav_sim.report.overview import over_in_words, overview_table
 from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection, ScenarioSection
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
+from relnav_sim.report.processes import shared_out
 from relnav_sim.report.ranking import Ranking
 from relnav_sim.report.regret import regret_section
 from relnav_sim.report.requirements import in_sentences, judgements, requirements_table
@@ -33,7 +31,6 @@ from relnav_sim.report.summary import summarise
 from relnav_sim.report.tables import Table
 from relnav_sim.report.told import told_table
 from relnav_sim.results.stopping import stopping_in_words
-from relnav_sim.safe_path import safe_path
 from relnav_sim.statistics.requirements import Judgement
 from relnav_sim.wording import short_labels
 
@@ -45,6 +42,7 @@ MANY_CASES = 50
 """Of more cases a page shows only those closely that are asked for."""
 _LARGEST_HTML = 4_700_000
 _WORTH_A_PROCESS = 12  # cases times filters, about 4 s of drawing: less than that, starting a process takes longer
+_RANKED_AT_ONCE = 100  # cases
 
 _READING = (
     "Error is estimate minus truth. Mean and std are taken over the time of each run, as in Table 2 of Shi et al. "
@@ -69,7 +67,7 @@ _WHOLE_SPAN = "The tables over the whole span are in tables/*.csv only, to keep 
 
 def compose(
     results: Results,
-    figure_folder: Path,
+    figure_folder: FigureFolder,
     axes: Axes,
     most_figures: int = MOST_FIGURES,
     workers: int = 2,
@@ -79,7 +77,7 @@ def compose(
 
     Args:
         results: An opened result.
-        figure_folder: An existing folder for the figures' files.
+        figure_folder: Where the figures' files go.
         axes: The axes of tables and figures.
         most_figures: How many figures to draw; the first case always gets its own.
         workers: Processes that make the cases of a large campaign.
@@ -111,7 +109,7 @@ def compose(
 
 
 def _scenario(
-    results: Results, rankings: Sequence[Ranking], closely: Sequence[int], figure_folder: Path
+    results: Results, rankings: Sequence[Ranking], closely: Sequence[int], figure_folder: FigureFolder
 ) -> ScenarioSection | None:
     """Return the scenario of the first case that is shown closely and has runs."""
     case = next((ranking.case for ranking in rankings if ranking.case.filters and ranking.case.index in closely), None)
@@ -137,19 +135,14 @@ def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, worker
     left = [index for index in results.nominal if index not in known]
     found = dict(known)
     if left:
-        import joblib
-
-        parts = [left[first :: min(workers, len(left))] for first in range(min(workers, len(left)))]
-        with safe_path():
-            made = joblib.Parallel(n_jobs=len(parts), max_nbytes=None, **_ended_with_this())(
-                joblib.delayed(rank_cases)(results.path, part, axes) for part in parts
-            )
+        parts = [left[first : first + _RANKED_AT_ONCE] for first in range(0, len(left), _RANKED_AT_ONCE)]
+        made = shared_out(rank_cases, [(results.path, part, axes) for part in parts], workers)
         found |= {ranking.case.index: ranking for part in made for ranking in part}
     return [found[index] for index in results.nominal]
 
 
 def _cases(
-    results: Results, closely: Sequence[int], figure_folder: Path, axes: Axes, most_figures: int, workers: int
+    results: Results, closely: Sequence[int], figure_folder: FigureFolder, axes: Axes, most_figures: int, workers: int
 ) -> list[tuple[Ranking, CaseSection]]:
     drawn: list[bool] = []
     figures_left = most_figures
@@ -162,18 +155,8 @@ def _cases(
         (results.path, index, axes, figure_folder, draw_it, *chart, budgeted)
         for index, draw_it in zip(closely, drawn, strict=True)
     ]
-    if workers < 2 or len(todo) * len(results.filters) < _WORTH_A_PROCESS:
-        return [compose_case(*arguments) for arguments in todo]
-    import joblib
-
-    parallel = joblib.Parallel(n_jobs=min(workers, len(todo)), **_ended_with_this())
-    with safe_path():
-        return list(parallel(joblib.delayed(compose_case)(*arguments) for arguments in todo))
-
-
-def _ended_with_this() -> dict[str, Any]:
-    """Return the options of processes that end with this one, whatever ends it."""
-    return {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+    worth_it = len(todo) * len(results.filters) >= _WORTH_A_PROCESS
+    return shared_out(compose_case, todo, workers if worth_it else 1)
 
 
 def _without_pictures(

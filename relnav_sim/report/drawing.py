@@ -20,10 +20,19 @@ _MARKUP = 400  # bytes of a figure in the page but for its pixels and words, def
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A figure of the page: ``name`` is its file's, sizes are CSS pixels; without ``data_uri`` it is only linked.
+class FigureFolder:
+    """Where the figures' files go, an existing folder, and whether each is written as PDF too."""
 
-    ``filter`` is the one filter it shows, empty where it shows several; ``missing`` says why there is no figure.
+    path: Path
+    vectors: bool
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page: ``name`` is its files', sizes are CSS pixels; without ``data_uri`` it is only linked.
+
+    ``forms`` are the endings of its files. ``filter`` is the one filter it shows, empty where it shows several;
+    ``missing`` says why there is no figure.
     """
 
     name: str
@@ -32,6 +41,7 @@ class Picture:
     width: int
     height: int
     data_uri: str
+    forms: tuple[str, ...]
     filter: str = ""
     missing: str = ""
 
@@ -45,14 +55,14 @@ class Drawing:
     alt: str
 
 
-def draw(folder: Path, name: str, make: Callable[[], Drawing | None], filter: str = "") -> Picture | None:
-    """Draw a figure, write it as PNG and PDF, and return it for the page.
+def draw(folder: FigureFolder, name: str, make: Callable[[], Drawing | None], filter: str = "") -> Picture | None:
+    """Draw a figure, write it as PNG, and as PDF where that is wanted, and return it for the page.
 
     The page gets the same pixels as lossless WebP, a quarter to two fifths smaller than the PNG. The SVG would be 4 to
     8 times as large (262 kB against 57 kB for six error panels), most of it coordinates and outlines of letters.
 
     Args:
-        folder: Where the files go.
+        folder: Where the files go; those of an earlier report that are not written again are removed.
         name: Their name without its ending.
         make: Makes the figure; None: there is nothing to show.
         filter: The one filter it shows.
@@ -65,21 +75,25 @@ def draw(folder: Path, name: str, make: Callable[[], Drawing | None], filter: st
         drawing = make()
         if drawing is None:
             return None
-        png, pdf = style.png(drawing.figure), style.pdf(drawing.figure)
-        files[0].write_bytes(png)
-        files[1].write_bytes(pdf)
+        png = style.png(drawing.figure)
+        files["png"].write_bytes(png)
+        if folder.vectors:
+            files["pdf"].write_bytes(style.pdf(drawing.figure))
+        else:
+            files["pdf"].unlink(missing_ok=True)
         width, height = (round(size * _CSS_PIXELS_PER_INCH) for size in drawing.figure.get_size_inches())
         uri = f"data:image/webp;base64,{base64.b64encode(style.webp(png)).decode('ascii')}"
-        return Picture(name, drawing.caption, drawing.alt, width, height, uri, filter)
+        return Picture(name, drawing.caption, drawing.alt, width, height, uri, forms, filter)
 
-    files = [folder / f"{name}{suffix}" for suffix in (".png", ".pdf")]
+    files = {form: folder.path / f"{name}.{form}" for form in ("png", "pdf")}
+    forms = ("png", "pdf") if folder.vectors else ("png",)
     missing: list[str] = []
     made = attempted(f"The figure {name}", picture, missing)
     if not missing:
         return made
-    for file in files:
+    for file in files.values():
         file.unlink(missing_ok=True)  # an earlier report's would pass for this one's
-    return Picture(name, "", "", 0, 0, "", filter, missing[0])
+    return Picture(name, "", "", 0, 0, "", (), filter, missing[0])
 
 
 def within(pictures: Iterable[Picture], most_bytes: int) -> tuple[tuple[Picture, ...], int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from relnav_sim.plots.data import leading_filter
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.sweep_points import grid_paths, varied_paths
-from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw, file_name
 from relnav_sim.report.ranking import Ranking
 
 if TYPE_CHECKING:
@@ -29,9 +28,10 @@ _ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
+_drawn_over: list[Figure] = []  # the figure of the errors, which the next filter and case is drawn over
 
 
-def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path) -> Iterator[Picture]:
+def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: FigureFolder) -> Iterator[Picture]:
     """Yield the figures over all cases: their accuracy, and what the campaign varies as a trend or as a grid."""
     cases = [ranking.case for ranking in rankings if ranking.standings]
     if len(cases) < 2:
@@ -47,7 +47,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
         if not any(len(set(varied[path])) >= _WORTH_A_SWEEP for path in numbers):
             return None
         path = max(numbers, key=lambda path: len(set(varied[path])))
-        figure = plots.sweep_trend(results, cases[0])
+        figure = plots.sweep_trend(results, cases[0], known=cases)
         return _described("sweep", figure, cases[0], path)
 
     def heat_map() -> Drawing | None:
@@ -61,7 +61,7 @@ def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: Path
     yield from _drawn(folder, {"accuracy_by_case": accuracy, "sweep": sweep, "heat_map": heat_map})
 
 
-def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: bool) -> Iterator[Picture]:
+def case_pictures(results: Results, ranking: Ranking, folder: FigureFolder, closely: bool) -> Iterator[Picture]:
     """Yield the figures of one case.
 
     Args:
@@ -92,7 +92,8 @@ def case_pictures(results: Results, ranking: Ranking, folder: Path, closely: boo
         return _described("cost", figure, case)
 
     def errors(name: str) -> Drawing:
-        figure = plots.errors_with_envelope(results, case, name)
+        figure = plots.errors_with_envelope(results, case, name, over=_drawn_over.pop() if _drawn_over else None)
+        _drawn_over[:] = [figure]
         return _described("errors", figure, case, name)
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}
@@ -121,7 +122,9 @@ def _described(kind: str, figure: Figure, *about: Any) -> Drawing:
     return Drawing(figure, words.caption, words.alt)
 
 
-def _drawn(folder: Path, pieces: Mapping[str, Callable[[], Drawing | None]], filter: str = "") -> Iterator[Picture]:
+def _drawn(
+    folder: FigureFolder, pieces: Mapping[str, Callable[[], Drawing | None]], filter: str = ""
+) -> Iterator[Picture]:
     for name, make in pieces.items():
         if (picture := draw(folder, name, make, filter)) is not None:
             yield picture

@@ -6,14 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from relnav_sim.plots.regret import drawn_regret, regret_words
 from relnav_sim.report.attempts import attempted
-from relnav_sim.report.drawing import Drawing, Picture, draw
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.report.metrics import numbers
 from relnav_sim.report.page import RegretSection
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
@@ -30,12 +29,12 @@ MOST_SHOWN = 6
 """Cases whose regret is on the page; that of all is in the files."""
 
 
-def regret_section(results: Results, figure_folder: Path) -> RegretSection | None:
+def regret_section(results: Results, figure_folder: FigureFolder) -> RegretSection | None:
     """Return the section on regret of a result; None where no stressed case is held.
 
     Args:
         results: An opened result.
-        figure_folder: An existing folder for the figures' files.
+        figure_folder: Where the figures' files go.
     """
     cases = [index for index in results.nominal if results.stressed(index)]
     if not cases:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from relnav_sim import plots
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.scenario import scenario_words
-from relnav_sim.report.drawing import Drawing, Picture, draw
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.wording import listed
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ _THRUST = {"none": NOT_TOLD, "planned": "the plan", "measured": "measured by acc
 _RANDOM_LATENCY = {"drop": "late measurements left out", "buffer": "goes back to their epoch"}
 
 
-def scenario_picture(results: Results, case: CaseFacts, folder: Path) -> Picture | None:
+def scenario_picture(results: Results, case: CaseFacts, folder: FigureFolder) -> Picture | None:
     """Return the figure of the scenario of a case."""
 
     def drawing() -> Drawing | None:

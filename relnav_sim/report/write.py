@@ -9,6 +9,7 @@ from relnav_sim.plots.axes import checked_axes
 from relnav_sim.printable import visible
 from relnav_sim.report import html, markdown
 from relnav_sim.report.compose import MOST_FIGURES, compose
+from relnav_sim.report.drawing import FigureFolder
 from relnav_sim.report.latex import latex, latex_sentences
 from relnav_sim.report.page import page_tables
 from relnav_sim.report.sentences import plain
@@ -33,7 +34,8 @@ def write_report(
     """Write the report of a result.
 
     ``index.html`` is one file that opens from disk and asks for nothing from anywhere; ``report.md``,
-    ``tables/*.csv`` and ``tables/*.tex`` hold the same tables; ``figures/`` holds every figure as PNG and PDF.
+    ``tables/*.csv`` and ``tables/*.tex`` hold the same tables; ``figures/`` holds every figure as PNG, with
+    ``latex`` as PDF too.
 
     Args:
         result_path: The results file.
@@ -43,7 +45,7 @@ def write_report(
             normal, z nadir, as Shi et al. 2025 tabulate).
         most_figures: How many figures to draw; the first case always gets its own. The rest can be drawn with
             the functions of ``relnav_sim.plots``.
-        workers: Processes that draw the cases of a large campaign.
+        workers: Processes that make the cases of a large campaign, this one included.
         cases: The cases to show closely, each with its tables and figures, by number from 0, id, or label as printed;
             default: all, of more than 50 the first.
         say: Is given a sentence for each figure or table that could not be made. The page has these sentences too, in
@@ -66,7 +68,9 @@ def write_report(
     with open_results(path) as results:
         shown = None if cases is None else [results.case_index(case) for case in cases]
         (folder / "figures").mkdir(parents=True, exist_ok=True)
-        page = compose(results, folder / "figures", turned, most_figures, workers, shown)
+        page = compose(
+            results, FigureFolder(folder / "figures", "latex" in wanted), turned, most_figures, workers, shown
+        )
     if say is not None:
         for sentence in page.all_missing:
             say(sentence)

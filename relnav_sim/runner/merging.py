@@ -15,7 +15,7 @@ from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_header
-from relnav_sim.results.merge import merge_pieces
+from relnav_sim.results.merge import merge_pieces, missing_runs, pieces_by_case
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shard_files import held_shards
@@ -23,6 +23,11 @@ from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
+
+_ALL_PARTS = (
+    "Name every part, its result file or its .shards folder; a part that nobody has computed is: "
+    "relnav run FILE --shard I/N --out PATH"
+)
 
 
 def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike[str]]) -> Path:
@@ -53,6 +58,8 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
         pieces += found
         bounds += limits
         histories.append(history)
+    if missing := missing_runs(pieces_by_case(pieces, headers[0]), headers[0]):
+        raise RefusedError(f"runs are missing: {'; '.join(missing)}. {_ALL_PARTS}")
     out.parent.mkdir(parents=True, exist_ok=True)
     merge_pieces(pieces, headers[0], _united(histories), out, bounds=bounds)
     return out

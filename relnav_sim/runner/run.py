@@ -125,6 +125,11 @@ def run_campaign(
 
 def default_out(campaign: Campaign, part: tuple[int, int] = (1, 1)) -> Path:
     """Return the results file of a campaign below the current folder; parts for several machines have one each."""
+    return part_out(Path("results") / f"{campaign.name}.h5", part)
+
+
+def part_out(out: Path, part: tuple[int, int]) -> Path:
+    """Return the file of a part beside that of its campaign, so that no part replaces another."""
     number, parts = part
-    which = f".part_{number}_of_{parts}" if parts > 1 else ""
-    return Path("results") / f"{campaign.name}{which}.h5"
+    which = f".part_{number}_of_{parts}"
+    return out if parts == 1 or out.stem.endswith(which) else out.with_name(f"{out.stem}{which}{out.suffix}")

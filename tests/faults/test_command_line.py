@@ -27,15 +27,37 @@ def test_parts_and_merge(here):
     invoke(0, "run", "small.yaml", *SEQUENTIAL)
     for part in (1, 2):
         result = invoke(0, "run", "small.yaml", "--shard", f"{part}/2", "--set", "block_runs=1", *SEQUENTIAL)
-        assert f"wrote results/small.part_{part}_of_2.h5; next: relnav merge" in result.stdout
+        assert (
+            f"wrote results/small.part_{part}_of_2.h5; next: relnav merge results/small.h5 results/small.part_*_of_2.h5"
+            in (result.stdout)
+        )
     result = invoke(2, "merge", "merged.h5", "results/small.part_1_of_2.h5")
     assert "runs are missing: case" in result.stderr
+    assert result.stderr.endswith(
+        ". Name every part, its result file or its .shards folder; a part that nobody has computed is: "
+        "relnav run FILE --shard I/N --out PATH\n"
+    )
     invoke(0, "merge", "merged.h5", "results/small.part_1_of_2.h5", "results/small.part_2_of_2.h5.shards")
     assert_same_bits(here.out, here.folder / "merged.h5")
     assert "exists" in invoke(2, "merge", "merged.h5", "results/small.h5").stderr
     missing = invoke(3, "merge", "other.h5", "results/none.h5").stderr
     there = "results/small.h5, results/small.part_1_of_2.h5, results/small.part_2_of_2.h5, merged.h5"
     assert missing == f"relnav: results/none.h5: No such file or directory; there are {there}\n"
+
+
+def test_parts_with_one_out_have_a_file_each(here):
+    for _ in range(2):  # the second time each goes on with its own, which is finished
+        for part in (1, 2):
+            result = invoke(0, "run", "small.yaml", "--shard", f"{part}/2", "--out", "my parts/all.h5", *SEQUENTIAL)
+            merge = "relnav merge 'my parts/all.h5' 'my parts/all.part_'*_of_2.h5 when all 2 parts are there"
+            assert result.stdout == f"wrote my parts/all.part_{part}_of_2.h5; next: {merge}\n"
+    assert "every run was finished already" in result.stderr
+    parts = [f"my parts/all.part_{part}_of_2.h5" for part in (1, 2)]
+    same = invoke(0, "run", "small.yaml", "--shard", "2/2", "--out", parts[1], *SEQUENTIAL)
+    assert same.stdout.startswith(f"wrote {parts[1]};")
+    invoke(0, "merge", "my parts/all.h5", *parts)
+    invoke(0, "run", "small.yaml", *SEQUENTIAL)
+    assert_same_bits(here.out, here.folder / "my parts" / "all.h5")
 
 
 @pytest.mark.slow

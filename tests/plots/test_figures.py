@@ -69,8 +69,9 @@ def test_rms_over_time_is_over_runs(results: Results) -> None:
 
 def test_boxes_show_the_completed_runs(results: Results) -> None:
     figure = figures.box_plots(results, 1)
-    dots = [line for line in figure.axes[0].lines if line.get_marker() == "."]
-    assert sorted(len(line.get_xdata()) for line in dots) == [8, 9, 9]  # type: ignore[arg-type]  # arrays in fact
+    (dots,) = [line for line in figure.axes[0].lines if line.get_marker() == "."]
+    rows = np.round(np.asarray(dots.get_ydata())).astype(int)
+    assert sorted(np.bincount(rows)) == [8, 9, 9]
 
 
 def test_every_axis_names_its_unit_and_figures_are_half_a_column_wide(results: Results) -> None:
@@ -98,6 +99,18 @@ def test_accuracy_by_case_shows_the_mean_over_runs(results: Results) -> None:
 def test_the_same_result_gives_the_same_bytes(results: Results) -> None:
     for form in (png, pdf):
         assert form(figures.box_plots(results, 0)) == form(figures.box_plots(results, 0))
+
+
+def test_a_figure_drawn_over_another_has_the_pixels_of_a_new_one(make_result: ResultMaker) -> None:
+    path = make_result(
+        filters={"ekf": 1.0, "lost": 1.0, "u$k$f_with_a_long_name": 30.0}, runs=4, failed={"lost": [0, 1, 2, 3]}
+    )
+    with open_results(path) as results:
+        over = figures.errors_with_envelope(results, 0, "ekf", own_bound=True)
+        png(over)
+        for name in ("u$k$f_with_a_long_name", "lost", "ekf"):
+            assert figures.errors_with_envelope(results, 0, name, over=over) is over
+            assert png(over) == png(figures.errors_with_envelope(results, 0, name)), name
 
 
 def test_nothing_to_draw_is_said(make_result: ResultMaker) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from relnav_sim.plots.style import house_style, new_figure
 from relnav_sim.report import write_report
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.results import open_results
 from relnav_sim.results.block import ResultsError
 from relnav_sim.wording import shown_number
@@ -130,11 +132,31 @@ def test_csv_markdown_and_html_show_the_same_figures(report: Path, page: Page) -
     assert shown in (report.parent / "report.md").read_text(encoding="utf-8")
 
 
-def test_figures_are_written_as_png_and_pdf(report: Path) -> None:
+def test_figures_are_written_as_png(report: Path) -> None:
     names = {path.name for path in (report.parent / "figures").iterdir()}
-    for name in ("accuracy_by_case", "case_000_rms", "case_001_boxes", "case_000_errors_kf", "case_001_errors_u_k_f_2"):
-        assert {f"{name}.png", f"{name}.pdf"} <= names
-    assert (report.parent / "figures" / "case_000_rms.pdf").read_bytes().startswith(b"%PDF")
+    expected = ("accuracy_by_case", "case_000_rms", "case_001_boxes", "case_000_errors_kf", "case_001_errors_u_k_f_2")
+    assert {f"{name}.png" for name in expected} <= names
+    assert not [name for name in names if not name.endswith(".png")]
+
+
+def test_a_figure_is_a_pdf_too_where_that_is_wanted_and_the_page_links_what_is_there(tmp_path: Path) -> None:
+    def drawn(vectors: bool) -> tuple[Picture, set[str]]:
+        with house_style():
+            drawing = Drawing(new_figure(1.0), "caption", "words")
+        picture = draw(FigureFolder(tmp_path, vectors), "one", lambda: drawing)
+        assert picture is not None
+        return picture, {path.name for path in tmp_path.iterdir()}
+
+    both, files = drawn(vectors=True)
+    assert (both.forms, files) == (("png", "pdf"), {"one.png", "one.pdf"})
+    assert (tmp_path / "one.pdf").read_bytes().startswith(b"%PDF")
+    one, files = drawn(vectors=False)
+    assert (one.forms, files) == (("png",), {"one.png"}), "the PDF is of an earlier report"
+
+
+def test_the_page_links_every_file_of_a_figure(report: Path) -> None:
+    linked = set(re.findall(r'href="(figures/[^"]+)"', report.read_text(encoding="utf-8")))
+    assert linked == {f"figures/{path.name}" for path in (report.parent / "figures").iterdir()}
 
 
 def test_the_markdown_is_safe_and_complete(report: Path) -> None:

@@ -13,6 +13,7 @@ from relnav_sim.campaign.load import load_campaign, parse_campaign
 from relnav_sim.cli.app import app
 from relnav_sim.report import write_report
 from relnav_sim.report.campaign_facts import headline_facts
+from relnav_sim.report.drawing import FigureFolder
 from relnav_sim.report.regret import in_sentences, regret_section
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results import layout
@@ -90,7 +91,7 @@ def test_the_section_on_regret_holds_the_numbers(out, tmp_path):
     path, _, _ = out
     with open_results(path) as results:
         found = regret(results, 0)
-        section = regret_section(results, tmp_path)
+        section = regret_section(results, FigureFolder(tmp_path, vectors=False))
         assert headline_facts(results)[1:3] == ("2 cases", "4 stressed cases")
     assert section.missing == () and [picture.missing for picture in section.pictures] == ["", ""]
     assert [table.name for table in section.tables] == [

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from relnav_sim.plots import residuals
-from relnav_sim.report.drawing import Drawing, Picture, draw, file_name
+from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw, file_name
 from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.report.replay.tables import channels_table, scores_table, sensors_table
 from relnav_sim.report.replay.verdict import shared_findings, verdict
@@ -87,7 +86,7 @@ _READING = (
 )
 
 
-def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Path, version: str) -> ReplayPage:
+def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: FigureFolder, version: str) -> ReplayPage:
     """Return the page, its figures drawn into a folder that is there."""
     runs = len(replay.recorded)
     block = replay.block
@@ -122,7 +121,7 @@ def replay_page(replay: Replay, filters: list[FilterFigures], figure_folder: Pat
     )
 
 
-def _section(replay: Replay, one: FilterFigures, place: int, folder: Path) -> FilterSection:
+def _section(replay: Replay, one: FilterFigures, place: int, folder: FigureFolder) -> FilterSection:
     stem = file_name(one.name, place)
     makers = {
         f"residuals_{stem}": partial(_residuals, replay, one),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from relnav_sim.printable import visible
-from relnav_sim.report.drawing import Picture
+from relnav_sim.report.drawing import FigureFolder, Picture
 from relnav_sim.report.html import render_replay
 from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.report.replay.page import ReplayPage, replay_page
@@ -35,7 +35,7 @@ def write_replay(replay: Replay, filters: list[FilterFigures], folder: Path) -> 
 
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    page = replay_page(replay, filters, folder / "figures", __version__)
+    page = replay_page(replay, filters, FigureFolder(folder / "figures", vectors=True), __version__)
     _write(folder / "replay.md", _markdown(page))
     for table in (*page.tables, *(section.table for section in page.sections)):
         _write(folder / "tables" / f"{table.name}.csv", comma_separated(table))
