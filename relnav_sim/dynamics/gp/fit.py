@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,7 +62,7 @@ def fit_gp_dynamics(
     added_noise: ArrayLike | None = None,
     restarts: int = 2,
     seed: int = 0,
-    regression: RegressionOptions | None = None,
+    regression: Mapping[str, Any] | None = None,
 ) -> GpDynamics:
     """Return dynamics learned from states and what became of them one step later.
 
@@ -91,11 +92,12 @@ def fit_gp_dynamics(
         added_noise: Covariance added to the process's own, (n, n).
         restarts: Further starts of the likelihood's maximisation, from random parameters.
         seed: Seed of those.
-        regression: How the process is fitted, see `RegressionOptions`.
+        regression: How the process is fitted, by the keys that `regression` has in a campaign's learned dynamics:
+            ``{"processes": "one_per_output"}``, say. Default: as above.
 
     Raises:
-        ValueError: Shapes do not fit together, a number is not finite, `phase` lacks its partner, or the variance is
-            ``inducing`` with a process for each output.
+        ValueError: Shapes do not fit together, a number is not finite, `phase` lacks its partner, `regression` has
+            wrong keys, or the variance is ``inducing`` with a process for each output.
 
     Examples:
         >>> import numpy as np
@@ -125,7 +127,7 @@ def fit_gp_dynamics(
         raise ValueError("expected is what base dynamics expect; give those too")
     inputs, outputs = training.inputs, training.outputs(carried, step_s)
     magnitude = np.abs(training.next).max(axis=0)
-    form = regression or RegressionOptions()
+    form = RegressionOptions.model_validate(regression or {})
     kernels = fit_kernels(inputs, outputs, restarts, seed, magnitude, form)
     known_after = partial(conditioned, kernels, noise_counted=form.noise_counted)
     process = known_after(inputs, outputs)

@@ -135,6 +135,12 @@ class GpOptions(DynamicsOptions):
         return self.add_process_noise
 
     @property
+    def cost_factor(self) -> float:
+        """As many as there are processes: nearly all of a filter's cost is theirs."""
+        separate = self.regression is not None and self.regression.processes == "one_per_output"
+        return 6.0 if separate else 1.0
+
+    @property
     def believed_field(self) -> FieldExtent | None:
         """That of the base dynamics."""
         return None if self.base is None else self.base.believed_field
@@ -182,7 +188,7 @@ class GpOptions(DynamicsOptions):
             held_out=transitions(earlier) if len(earlier) >= 10 else None,
             added_noise=added if self.add_process_noise else None,
             restarts=self.restarts,
-            regression=self.regression,
+            regression=None if self.regression is None else self.regression.model_dump(),
         )
 
     def _spans_s(self, orbit: ChiefOrbit) -> tuple[float, float]:

@@ -125,7 +125,7 @@ def condition(kernel: Kernel, inputs: Array, outputs: Array, noise_counted: bool
     """
     from scipy.linalg import solve_triangular
 
-    scaled = kernel.scaled(inputs)
+    scaled = np.ascontiguousarray(kernel.scaled(inputs))
     L = np.linalg.cholesky(kernel.correlation(scaled) + kernel.noise_ratio * np.eye(len(scaled)))
     standardised = (outputs - kernel.output_mean) / kernel.output_scale
     weights = solve_triangular(L.T, solve_triangular(L, standardised, lower=True))
