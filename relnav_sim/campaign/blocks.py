@@ -100,9 +100,14 @@ def filter_groups(config: CaseConfig, names: Sequence[str], runs: int) -> list[t
 def filter_cost_us(entry: FilterEntry) -> float:
     """Return the registered cost, in proportion to the samples where the campaign asks for another number.
 
-    Dynamics that cost more than a product of matrices say so in `step_cost_us`.
+    Dynamics that cost more than a product of matrices say so in `step_cost_us` and `cost_factor`.
     """
     kind = filter_kinds()[entry.kind]
-    algorithm = kind.cost_us * sample_count(entry) / sample_count(kind.options_model.model_construct())
+    algorithm = (
+        entry.dynamics.cost_factor
+        * kind.cost_us
+        * sample_count(entry)
+        / sample_count(kind.options_model.model_construct())
+    )
     back = 0.0 if entry.smoother is None else SMOOTHER_US if entry.smoother == "rts" else LAG_US
     return algorithm + entry.dynamics.step_cost_us + back

@@ -31,6 +31,11 @@ class DynamicsOptions(Options):
 
     kind: str
 
+    @property
+    def cost_factor(self) -> float:
+        """How many times its registered cost a filter takes with these dynamics, for the plan of a campaign."""
+        return 1.0
+
     def build(self, context: DynamicsContext) -> Dynamics:
         """Return the dynamics of six states for steps of ``context.step_s`` seconds."""
         raise NotImplementedError(f"{type(self).__name__} has no build(context)")

@@ -34,7 +34,7 @@ from relnav_sim.filters.registry import register_filter
 from relnav_sim.linalg import DOUBLE, CholeskyFactor, by_run, cholesky, kernel_for, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, affine, squared_errors
 from relnav_sim.measurements.partial import all_channels, present_channels
-from relnav_sim.options import Tunable
+from relnav_sim.options import AddedLater, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
 
@@ -68,6 +68,17 @@ class ImportanceOptions(SamplingOptions):
         default="gaussian",
         description="gaussian: N(0, R), as published, whatever the noise; mixture: the measurement's own "
         "likelihood, which is the density of the noise's components where it has them (`assumed_noise: mixture`)",
+    )
+    sampled_states: Annotated[Literal["observed", "all"], AddedLater()] = Field(
+        default="observed",
+        description="observed: those that the measurement depends on, the others following by regression, which is "
+        "the same in distribution with less noise of sampling; all: as published",
+    )
+    covariance_correction: Annotated[bool, AddedLater()] = Field(
+        default=True,
+        description="Multiply the weighted covariance of random or antithetic samples by 1 / (1 - sum w^2), w their "
+        "weights, or its like for pairs, without which it is too small by a factor of 1 - 1 / ESS at each "
+        "measurement; false: the weighted covariance itself, as published. Fixed samples need none",
     )
 
     @model_validator(mode="after")
@@ -126,14 +137,15 @@ class AlphaKalmanFilter(SamplingFilter):
 
     In plain words where the literature misleads: one step tends to the prediction as alpha goes to 0, not to the
     mode-seeking KL(q|p) filter; that is the limit of many fixed-point steps. Self-normalised weights shrink the
-    covariance by 1 - 1/ESS a step; random samples are corrected for it here (the published code does not). Plain
-    samples add noise to the estimate that the covariance does not show; `fixed` does not.
+    covariance by 1 - 1/ESS a step; random samples are corrected for it here, unless `covariance_correction` is false
+    as in the published code. Plain samples add noise to the estimate that the covariance does not show; `fixed` does
+    not.
 
-    Only the states the measurement depends on are sampled (its `depends_on`); the others follow by regression,
-    which is exact in distribution. nis and log_likelihood are those of the Gaussian innovation with the
-    measurement's R, so that they compare between alphas; extras: `nis_tempered` with R / alpha, `ess` (smallest
-    over the fixed-point steps), `fallback` (1 where the weights collapsed or the numbers broke down, and the
-    iterated extended Kalman update with the same tempered R replaced the samples).
+    Only the states the measurement depends on are sampled (its `depends_on`), unless `sampled_states` is all; the
+    others follow by regression, which is exact in distribution. nis and log_likelihood are those of the Gaussian
+    innovation with the measurement's R, so that they compare between alphas; extras: `nis_tempered` with R / alpha,
+    `ess` (smallest over the fixed-point steps), `fallback` (1 where the weights collapsed or the numbers broke down,
+    and the iterated extended Kalman update with the same tempered R replaced the samples).
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: AlphaOptions) -> None:
@@ -142,7 +154,12 @@ class AlphaKalmanFilter(SamplingFilter):
         self.stochastic = options.sampling != "fixed"
         # For a Gaussian, t steps temper the likelihood by 1 - (1 - alpha)^t in all.
         self._total_alpha = 1 - (1 - options.alpha) ** options.fixed_point
-        self._kind = ("random", "antithetic", "fixed").index(options.sampling)  # as `kernels.sampling.moments` has it
+        # As `kernels.sampling.moments` has it; a set with exact moments is the one that it does not correct.
+        self._kind = ("random", "antithetic", "fixed").index(
+            options.sampling if options.covariance_correction else "fixed"
+        )
+        if options.sampled_states == "all":
+            self._observed = np.arange(dynamics.dimension)
         self._tempering = (np.sqrt(options.alpha / 2) * np.eye(measurement.dimension)[None]).astype(self.kind)
         self._streams = Streams([])
 

@@ -80,7 +80,8 @@ class ParticleFilter(ParticleSetFilter):
 
     Gordon, Salmond and Smith, IEE Proc. F 140(2), 1993; resampling when the effective sample size is low (Liu and Chen
     1995); optional Metropolis moves (Gilks and Berzuini 2001) that draw part of the process noise anew (Cotter et al.
-    2013), so they hold for any process noise, also a singular one. Mean and covariance are taken before resampling.
+    2013), so they hold for any process noise, also a singular one. Mean and covariance are taken before resampling,
+    unless `estimate` says otherwise.
 
     Use it where the belief is not a Gaussian at all: several hypotheses, strong curvature, glint with its true mixture.
     It handles any likelihood and any dynamics, but needs particles where the measurement is precise: the share of the
@@ -124,7 +125,7 @@ class ParticleFilter(ParticleSetFilter):
             drawn = stages[rows] == 0
             if self._moves and drawn.any():
                 particle_set = self._move(particle_set, belief, score, rows[drawn], ancestors[drawn], z, step)
-            particle_set = self._settle(particle_set, rows, ess[rows])
+            particle_set = self._estimated(self._settle(particle_set, rows, ess[rows]), rows)
         return self._for_next_sensor(particle_set, belief), innovation
 
     def _approach(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -33,7 +33,7 @@ from relnav_sim.filters.resampling import Resampling, draw_ancestors
 from relnav_sim.linalg import by_run, symmetric, transpose
 from relnav_sim.measurements.interface import Measurement, linearised
 from relnav_sim.measurements.partial import channel_count, sensors_of
-from relnav_sim.options import Options, Tunable
+from relnav_sim.options import AddedLater, Options, Tunable
 from relnav_sim.streams import RandomSource, Streams
 
 NO_LIKELIHOOD = "no particle gives the measurement a finite likelihood"
@@ -66,7 +66,13 @@ class ParticleSetOptions(Options):
         description="Width of the kernel that parts resampled particles, in units of the optimal one, h = (4 / (n + "
         "2))^(1 / (n + 4)) N^(-1 / (n + 4)); particles move towards the mean, so that the covariance grows by no "
         "more than so few particles leave uncertain (Liu and West 2001). Default 1: the process noise of an orbit is "
-        "too small to part copies; 0 is the text-book filter, whose evidence is unbiased",
+        "too small to part copies; 0 is the text-book filter, whose evidence is unbiased, without tempered stages",
+    )
+    estimate: Annotated[Literal["before_resampling", "after_resampling"], AddedLater()] = Field(
+        default="before_resampling",
+        description="Which particles the estimate is the mean of. before_resampling: the weighted ones; "
+        "after_resampling: where they were resampled, the copies, after any Metropolis moves, as Wei et al. (2012) "
+        "have it: on average the same, with the noise of resampling added. The covariance is that of the weighted ones",
     )
 
 
@@ -85,6 +91,7 @@ class ParticleSetFilter:
         self._bandwidth = options.roughening * kernel_bandwidth(dynamics.dimension, options.particles)
         if self._bandwidth > 1:
             raise ValueError(f"roughening must not exceed {options.roughening / self._bandwidth:.3g} with these sizes")
+        self._estimates_copies = options.estimate == "after_resampling"
         self._rooted: tuple[Array, Array] | None = None
         self._several = len(sensors_of(measurement)) > 1
         self._keeps_centres = self._several
@@ -178,6 +185,13 @@ class ParticleSetFilter:
             log_weights=put(particle_set.log_weights, rows, equal),
             parents=put(particle_set.parents, rows, ess),
         )
+
+    def _estimated(self, particle_set: ParticleSet, rows: Indices) -> ParticleSet:
+        """Return the particle set with the mean that is to be the estimate in the resampled runs."""
+        if not self._estimates_copies:
+            return particle_set
+        mean, _ = moments(particle_set.components[rows], particle_set.log_weights[rows])
+        return replace(particle_set, mean=put(particle_set.mean, rows, mean))
 
     def _for_next_sensor(self, particle_set: ParticleSet, predicted: ParticleSet) -> ParticleSet:
         """Return an updated particle set as the prediction of the epoch's next sensor, if there are several.

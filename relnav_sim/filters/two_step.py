@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from relnav_sim import kernels
 from relnav_sim.arrays import Array, Mask
@@ -58,7 +58,8 @@ class TwoStepOptions(IterationOptions):
         default="unscented",
         description="Covariance of the first-step state y = [x; g(x)] at the first measurement. unscented: sigma "
         "points through g (Liu et al. 2011), the diagonal of what they find beyond the tangent counted twice because "
-        "they miss the curvature across axes; closed_form: exact for quadratic g, from second derivatives; "
+        "they miss the curvature across axes; unscented_plain: the sigma points' own covariance, as published, with "
+        "nothing counted twice and no start_slack; closed_form: exact for quadratic g, from second derivatives; "
         "linearised: F P F^T, the original, singular but for start_slack, and wrong when the prior is wide",
     )
     start_slack: float = Field(
@@ -73,6 +74,12 @@ class TwoStepOptions(IterationOptions):
         description="Spread kappa of the unscented start's 2 n + 1 points; default max(0, 3 - n), which gives a "
         "Gaussian's fourth moment where that is possible without a negative weight",
     )
+
+    @model_validator(mode="after")
+    def _plain_without_slack(self) -> TwoStepOptions:
+        if self.start == "unscented_plain" and self.start_slack != 1:
+            raise ValueError("start_slack has no use with start: unscented_plain, which adds nothing; leave it out")
+        return self
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from relnav_sim.filters.belief import Gaussian
 from relnav_sim.filters.square_root import semidefinite_root
 from relnav_sim.linalg import symmetric, transpose
 
-StartKind = Literal["linearised", "unscented", "closed_form"]
+StartKind = Literal["linearised", "unscented", "unscented_plain", "closed_form"]
 
 # Share of a standard deviation over which the closed form takes its second derivatives: the truncation is then
 # below 1e-4 of them when the prior is as wide as the range, the rounding below it when the Jacobian is numerical.
 _DERIVATIVE_STEP = 0.01
+_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
@@ -61,14 +62,21 @@ def start_off_manifold(
         predict: g, (runs, ..., n) -> (runs, ..., m).
         deviation: (z, predicted) -> their difference, angles wrapped.
         jacobian: G, (runs, n) -> (runs, m, n).
-        floor: Added to the covariance of c, (m, m) or (runs, m, m), positive definite.
+        floor: Added to the covariance of c, (m, m) or (runs, m, m), positive definite; but not to that of the plain
+            unscented start, to which nothing is added but the rounding of g's own variance.
         kappa: Spread of the sigma points of the unscented start.
     """
     runs, n = prior.mean.shape
     m = floor.shape[-1]
     mean, curvature, cross = np.zeros((runs, m)), np.zeros((runs, m, m)), np.zeros((runs, m, n))
-    if kind == "unscented":
+    if kind in ("unscented", "unscented_plain"):
         mean, curvature, cross = _unscented(prior, predict, deviation, jacobian, kappa)
+        if kind == "unscented":
+            # The points lie on the axes and miss the curvature across them, which can leave the covariance of c almost
+            # singular and a run stuck to the tangent; its diagonal, of the size of what is missing, is added once more.
+            curvature = curvature * (1 + np.eye(m))
+        else:
+            floor = _rounding(prior, jacobian, curvature)
     elif kind == "closed_form":
         mean, curvature = _closed_form(prior, jacobian)
     scatter = curvature + floor
@@ -87,8 +95,6 @@ def _unscented(
     """Return mean, covariance of c and its covariance with x (runs, m, n) by 2 n + 1 sigma points.
 
     No weight is negative, so y's covariance is a true sample covariance. Angles are unwrapped against the centre.
-    The points lie on the axes and miss the curvature across them, which can leave the covariance of c almost singular
-    and a run stuck to the tangent; its diagonal, of the size of what is missing, is added once more.
     """
     spread = prior.mean.shape[1] + kappa
     rows = np.sqrt(spread) * transpose(semidefinite_root(prior.covariance))
@@ -101,7 +107,17 @@ def _unscented(
     about = beyond - shift[:, None]
     at_centre = kappa / spread * shift[:, :, None] * shift[:, None, :]
     curvature = weight * transpose(about) @ about + at_centre
-    return shift, curvature * (1 + np.eye(curvature.shape[-1])), weight * transpose(beyond) @ offsets
+    return shift, curvature, weight * transpose(beyond) @ offsets
+
+
+def _rounding(prior: Gaussian, jacobian: Callable[[Array], Array], curvature: Array) -> Array:
+    """Return what rounding leaves uncertain of the covariance of g(x), diagonal, (runs, m, m).
+
+    Without it the covariance of c has no inverse where a component of g is linear, as that of y has none.
+    """
+    G = jacobian(prior.mean)
+    variances = np.einsum("bij,bjk,bik->bi", G, prior.covariance, G) + np.einsum("bii->bi", curvature)
+    return _ROUNDING * variances[:, :, None] * np.eye(curvature.shape[-1])
 
 
 def _closed_form(prior: Gaussian, jacobian: Callable[[Array], Array]) -> tuple[Array, Array]:

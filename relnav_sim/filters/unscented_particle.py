@@ -140,7 +140,7 @@ class UnscentedParticleFilter(ParticleSetFilter):
                 particle_set, accepted[rows] = self._move(
                     particle_set, belief, proposal.of(rows, ancestors), current, rows, z, step
                 )
-            particle_set = self._settle(particle_set, rows, ess[rows])
+            particle_set = self._estimated(self._settle(particle_set, rows, ess[rows]), rows)
         innovation = replace(innovation, extras={**innovation.extras, "accepted": accepted})
         return self._for_next_sensor(particle_set, belief), innovation
 

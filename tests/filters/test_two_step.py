@@ -54,7 +54,7 @@ def test_start_up_from_a_prior_as_wide_as_the_range():
     for name, kind, options in [
         ("ekf", "ekf", {}),
         ("iekf", "iekf", {}),
-        *((start, "two_step", {"start": start}) for start in STARTS),
+        *((start, "two_step", {"start": start}) for start in (*STARTS, "unscented_plain")),
     ]:
         history = run_filter(create_filter(kind, dynamics, measurement, **options), z, mean0, P0)
         errors[name] = position_error(history, truth)
@@ -66,6 +66,10 @@ def test_start_up_from_a_prior_as_wide_as_the_range():
     last = {name: error[:, -1].mean() for name, error in errors.items()}
     assert last["iekf"] < 0.1
     assert last["unscented"] == pytest.approx(last["iekf"], rel=0.1)
+    # Nearly all runs converge, but one that its sigma points left at the tangent, as the default start guards against.
+    plain = np.sort(errors["unscented_plain"][:, -1])
+    assert plain[:95].mean() == pytest.approx(np.sort(errors["iekf"][:, -1])[:95].mean(), rel=0.02)
+    assert plain[-1] < last["ekf"] / 5
     assert last["closed_form"] == pytest.approx(last["iekf"], rel=0.1)
     assert last["linearised"] > 50 * last["unscented"]
     assert last["ekf"] > 50 * last["unscented"]
@@ -100,6 +104,18 @@ def test_linear_measurement_gives_the_kalman_filter(start, slack, n, m):
     assert (np.abs(two_step.mean - kf.mean) / sigma).max() < 1e-10
     difference = np.abs(two_step.covariance - kf.covariance) / (sigma[..., :, None] * sigma[..., None, :])
     assert difference.max() < 1e-10
+
+
+@pytest.mark.parametrize("n, m", [(6, 3), (1, 1), (2, 3)])
+def test_linear_measurement_gives_the_kalman_filter_with_the_plain_start_too(n, m):
+    """y's covariance is then singular but for rounding, which no start adds to."""
+    dynamics, measurement, z, mean0, P0 = linear_problem(n, m, seed=2)
+    kf = run_filter(create_filter("kf", dynamics, measurement), z, mean0, P0)
+    two_step = run_filter(create_filter("two_step", dynamics, measurement, start="unscented_plain"), z, mean0, P0)
+    sigma = np.sqrt(np.einsum("btii->bti", kf.covariance))
+    assert (np.abs(two_step.mean - kf.mean) / sigma).max() < 1e-8
+    difference = np.abs(two_step.covariance - kf.covariance) / (sigma[..., :, None] * sigma[..., None, :])
+    assert difference.max() < 1e-8
 
 
 def test_equality_with_the_kalman_filter_lasts():
@@ -225,6 +241,64 @@ def test_unscented_start_of_one_state_has_the_exact_mean_and_twice_the_variance(
     )
     assert off.mean_c[0, 0] == pytest.approx(3 * 4)
     assert off.scatter[0, 0, 0] == pytest.approx(2 * 2 * (3 * 4) ** 2)
+
+
+def sigma_point_moments(f, mean, P, kappa):
+    """Return mean and covariance of f(x) by 2 n + 1 sigma points (Julier and Uhlmann; Liu et al. 2011), one by one."""
+    n = len(mean)
+    columns = np.linalg.cholesky((n + kappa) * P).T
+    points = [mean, *(mean + c for c in columns), *(mean - c for c in columns)]
+    weights = [kappa / (n + kappa), *([1 / (2 * (n + kappa))] * (2 * n))]
+    images = [f(x) for x in points]
+    centre = sum(w * y for w, y in zip(weights, images, strict=True))
+    return centre, sum(w * np.outer(y - centre, y - centre) for w, y in zip(weights, images, strict=True))
+
+
+@pytest.mark.parametrize("kappa", [0.0, 1.5])
+def test_the_plain_start_is_what_the_sigma_points_say_of_y_and_nothing_else(kappa):
+    rng = np.random.default_rng(12)
+    root = rng.normal(size=(6, 6)) * [150.0, 150.0, 150.0, 0.3, 0.3, 0.3]
+    mean, P = np.array([300.0, -371.0, -400.0, -0.2, -0.65, 0.1]), root.T @ root / 6
+    measurement = FunctionMeasurement(chief_seen_from_deputy, np.diag(RADAR_SIGMA**2))
+    G = measurement.jacobian(mean[None], 0)[0]
+    off = start_off_manifold(
+        "unscented_plain", Gaussian(mean[None], P[None]), lambda x: chief_seen_from_deputy(x), lambda a, b: a - b,
+        lambda x: measurement.jacobian(x, 0), np.eye(3), kappa,
+    )  # fmt: skip
+    y, Py = sigma_point_moments(lambda x: np.concatenate([x, chief_seen_from_deputy(x)]), mean, P, kappa)
+    K, V = off.regression[0], off.scatter[0]
+    Px = off.covariance[0] + K @ V @ K.T
+    cross = K @ V  # of x with c
+    rebuilt = np.block([[Px, Px @ G.T + cross], [G @ Px + cross.T, G @ Px @ G.T + V + G @ cross + cross.T @ G.T]])
+    scale = np.sqrt(np.diag(Py))
+    assert np.abs((rebuilt - Py) / np.outer(scale, scale)).max() < 1e-9
+    found = np.concatenate([mean + off.mean_x[0], chief_seen_from_deputy(mean) + off.mean_c[0] + G @ off.mean_x[0]])
+    np.testing.assert_allclose(found, y, rtol=0, atol=1e-9 * scale.max())
+
+
+def test_the_plain_start_gives_the_textbook_recursion_with_the_sigma_points_covariance():
+    g, G, _ = quadratic(3, 2, seed=6, curvature=0.3)
+    F, Q, R, P0 = np.eye(3), 0.02 * np.eye(3), np.diag([0.2, 0.5]), np.diag([0.3, 0.2, 0.4])
+    z = g(np.tile([2.0, -1.0, 3.0], (1, 6, 1))) + np.random.default_rng(5).normal(size=(1, 6, 2)) * np.sqrt(np.diag(R))
+    mean0 = np.array([2.3, -1.2, 2.8])
+    found = run_filter(
+        create_filter("two_step", LinearDynamics(F, Q), FunctionMeasurement(g, R, G), start="unscented_plain",
+                      max_iterations=200),
+        z, mean0, P0,
+    )  # fmt: skip
+
+    def beyond(P):
+        return sigma_point_moments(lambda x: g(x) - g(mean0) - G(mean0) @ (x - mean0), mean0, P, 0.0)
+
+    mean, covariance = textbook(z[0], mean0, P0, F, Q, R, g, G, lambda P: beyond(P)[0], lambda P: beyond(P)[1])
+    np.testing.assert_allclose(found.mean[0], mean, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.covariance[0], covariance, rtol=0, atol=1e-7)
+
+
+def test_slack_has_no_use_with_the_plain_start():
+    dynamics, measurement, *_ = linear_problem(2, 1, seed=1)
+    with pytest.raises(ValueError, match="start_slack has no use with start: unscented_plain"):
+        create_filter("two_step", dynamics, measurement, start="unscented_plain", start_slack=2.0)
 
 
 def test_unscented_start_keeps_the_prior_of_x_and_its_covariance_with_the_curvature():

@@ -12,6 +12,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.gp.process import GaussianProcess
+from relnav_sim.dynamics.gp.separate import SeparateProcesses
 from relnav_sim.dynamics.interface import Dynamics, LinearDynamics, Step
 
 Target = Literal["absolute", "difference", "residual"]
@@ -27,7 +28,8 @@ class GpDynamics:
     and the variance are those of the training step: the duration of a `Step` is not looked at.
 
     Args:
-        process: Maps the state, and sin and cos of twice the phase where there is one, to the target.
+        process: Maps the state, and sin and cos of twice the phase where there is one, to the target; one for all
+            states, or one for each.
         base: What the target is added to: dynamics, ``"state"`` for the state itself, or None for nothing.
         calibration: c, factors on the standard deviations, (n,).
         variance: ``exact`` (at every state), ``cloud_mean`` (once a run, at the mean of its states) or ``inducing`` (at
@@ -42,11 +44,11 @@ class GpDynamics:
 
     def __init__(
         self,
-        process: GaussianProcess,
+        process: GaussianProcess | SeparateProcesses,
         base: Base,
         calibration: Array,
         variance: Variance = "exact",
-        uncertainty: GaussianProcess | None = None,
+        uncertainty: GaussianProcess | SeparateProcesses | None = None,
         added_noise: Array | None = None,
         phase: Callable[[int], float] | None = None,
     ) -> None:
@@ -56,7 +58,7 @@ class GpDynamics:
         self._base = base
         self._variance = variance
         self._uncertainty = uncertainty or process
-        self._scale = np.square(calibration * process.kernel.output_scale)
+        self._scale = np.square(calibration * process.output_scale)
         self._added = np.zeros((self.dimension, self.dimension)) if added_noise is None else added_noise
         self._phase = phase
         self._known: tuple[Array, int, Array] | None = None
@@ -88,7 +90,7 @@ class GpDynamics:
             self._known = (states.copy(), step.epoch, mean.reshape(states.shape))
         else:
             variance = self._uncertainty.variance(inputs)
-        Q: Array = variance.reshape(states.shape[:-1])[..., None, None] * np.diag(self._scale)
+        Q: Array = variance.reshape(*states.shape[:-1], -1)[..., None] * np.diag(self._scale)
         Q += self._added
         return Q
 

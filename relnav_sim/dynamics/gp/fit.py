@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.gp.dynamics import Base, GpDynamics, Target, Variance, straight_line, with_phase
-from relnav_sim.dynamics.gp.process import LEAST_NOISE, GaussianProcess, Kernel, condition, most_informative
+from relnav_sim.dynamics.gp.process import LEAST_NOISE, GaussianProcess, Kernel, most_informative
+from relnav_sim.dynamics.gp.regression import RegressionOptions
+from relnav_sim.dynamics.gp.separate import SeparateProcesses, conditioned
 from relnav_sim.dynamics.interface import Dynamics, Step
 from relnav_sim.given_arrays import covariances, numbers
 
 # Least variance of the noise on the standardised outputs. Of 1e-12 ... 1e-5 it predicts the next revolution of a
 # formation's orbit best, for all three targets, both in RMS error and in likelihood.
 _LEAST_OUTPUT_NOISE = 1e-9
-# Rows, evenly spaced, that the hyperparameters are fitted to. All 500 rows of noise-free data, or a third, give errors
-# 1.0 to 1.2 times as large off the training data, because rounding then limits the likelihood; noisy data lose nothing.
-_FITTED_ROWS = 75
 # Share of the training rows, the last ones, that calibrates the variance when there are no others to do it.
 _CALIBRATION_SHARE = 0.2
 # A column that varies by no more than this share of its size is constant: what varies is rounding.
@@ -61,13 +62,14 @@ def fit_gp_dynamics(
     added_noise: ArrayLike | None = None,
     restarts: int = 2,
     seed: int = 0,
+    regression: Mapping[str, Any] | None = None,
 ) -> GpDynamics:
     """Return dynamics learned from states and what became of them one step later.
 
     Ko and Fox, Autonomous Robots 27, 2009 (their "enhanced" process is the residual target); Wei, Song and Zhang 2012
     (the absolute one). One squared-exponential kernel with a length scale for every input serves all outputs; its
     parameters maximise the marginal likelihood of some of the rows. The variance is multiplied, state by state, by
-    max(1, mean of e^2 / variance) over rows that the process has not seen.
+    max(1, mean of e^2 / variance) over rows that the process has not seen. `regression` has all this otherwise.
 
     Training data of one closed relative orbit leave most directions of the state space unexplored: off that orbit, the
     absolute and difference targets fall back to their mean, the residual target to the base dynamics.
@@ -90,9 +92,12 @@ def fit_gp_dynamics(
         added_noise: Covariance added to the process's own, (n, n).
         restarts: Further starts of the likelihood's maximisation, from random parameters.
         seed: Seed of those.
+        regression: How the process is fitted, by the keys that `regression` has in a campaign's learned dynamics:
+            ``{"processes": "one_per_output"}``, say. Default: as above.
 
     Raises:
-        ValueError: Shapes do not fit together, a number is not finite, or `phase` lacks its partner.
+        ValueError: Shapes do not fit together, a number is not finite, `phase` lacks its partner, `regression` has
+            wrong keys, or the variance is ``inducing`` with a process for each output.
 
     Examples:
         >>> import numpy as np
@@ -120,41 +125,66 @@ def fit_gp_dynamics(
     carried = _carried(target, base, n, step_s)
     if training.expected is not None and base is None:
         raise ValueError("expected is what base dynamics expect; give those too")
+    inputs, outputs = training.inputs, training.outputs(carried, step_s)
     magnitude = np.abs(training.next).max(axis=0)
-    kernel = fit_kernel(training.inputs, training.outputs(carried, step_s), restarts, seed, magnitude)
-    process = condition(kernel, training.inputs, training.outputs(carried, step_s))
-    calibration = _calibration(kernel, process, training, known, carried, step_s)
-    uncertainty = None
+    form = RegressionOptions.model_validate(regression or {})
+    kernels = fit_kernels(inputs, outputs, restarts, seed, magnitude, form)
+    known_after = partial(conditioned, kernels, noise_counted=form.noise_counted)
+    process = known_after(inputs, outputs)
+    calibration = np.ones(n)
+    if form.calibrated:
+        calibration = _calibration(known_after, process, training, known, carried, step_s)
+    uncertainty: GaussianProcess | SeparateProcesses | None = None
     if variance == "inducing":
-        chosen = most_informative(kernel, training.inputs, min(inducing_points, len(training.now)))
-        uncertainty = condition(kernel, training.inputs[chosen], training.outputs(carried, step_s)[chosen])
+        if len(kernels) > 1:
+            raise ValueError("the inducing variance is that of one process for all outputs; take exact or cloud_mean")
+        chosen = most_informative(kernels[0], inputs, min(inducing_points, len(inputs)))
+        uncertainty = known_after(inputs[chosen], outputs[chosen])
     return GpDynamics(process, carried, calibration, variance, uncertainty, added, phase)
 
 
-def fit_kernel(
-    inputs: Array, outputs: Array, restarts: int = 2, seed: int = 0, output_magnitude: Array | None = None
-) -> Kernel:
-    """Return the kernel that maximises the marginal likelihood of some of the rows.
+def fit_kernels(
+    inputs: Array, outputs: Array, restarts: int, seed: int, output_magnitude: Array, regression: RegressionOptions
+) -> list[Kernel]:
+    """Return the kernel of all outputs, or one for each, that maximises the marginal likelihood of some of the rows.
 
     Args:
         inputs: (S, d).
         outputs: (S, q).
         restarts: Further starts, from random parameters.
         seed: Seed of those.
-        output_magnitude: Size of the numbers that the outputs are differences of, (q,), for their rounding; default:
-            that of the outputs.
+        output_magnitude: Size of the numbers that the outputs are differences of, (q,), for their rounding.
+        regression: The form of the kernel, and how many rows.
     """
+    if regression.processes == "shared":
+        return [_fit_kernel(inputs, outputs, restarts, seed, output_magnitude, regression)]
+    return [
+        _fit_kernel(inputs, outputs[:, [j]], restarts, seed, output_magnitude[[j]], regression)
+        for j in range(outputs.shape[1])
+    ]
+
+
+def _fit_kernel(
+    inputs: Array, outputs: Array, restarts: int, seed: int, output_magnitude: Array, regression: RegressionOptions
+) -> Kernel:
+    """Return the kernel that maximises the marginal likelihood of some of the rows; arguments as above."""
     # Imported here: scikit-learn takes longer to import than the rest of the package.
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    input_mean, input_scale = inputs.mean(axis=0), _deviation(inputs, np.abs(inputs).max(axis=0))
-    magnitude = np.abs(outputs).max(axis=0) if output_magnitude is None else output_magnitude
-    output_mean, output_scale = outputs.mean(axis=0), _deviation(outputs, magnitude)
+    input_mean, output_mean = inputs.mean(axis=0), outputs.mean(axis=0)
+    input_scale = _deviation(inputs, np.abs(inputs).max(axis=0))
+    output_scale = _deviation(outputs, output_magnitude)
+    if not regression.standardised:
+        # One unit of length for all inputs, and one for all outputs: they only set the bounds of the search. Where the
+        # inputs' mean is makes no difference to the kernel.
+        input_scale, output_mean = _common_size(inputs - input_mean), np.zeros(outputs.shape[1])
+        output_scale = _common_size(outputs)
     x, y = (inputs - input_mean) / input_scale, (outputs - output_mean) / output_scale
-    some = slice(None, None, ceil(len(x) / _FITTED_ROWS))
+    some = slice(None, None, ceil(len(x) / regression.fitted_points))
+    lengths = np.full(x.shape[1], 3.0) if regression.length_scales == "one_per_input" else 3.0
     start = ConstantKernel(1.0, (np.exp(-6), np.exp(16))) * (
-        RBF(np.full(x.shape[1], 3.0), (np.exp(-2), np.exp(6))) + WhiteKernel(LEAST_NOISE, "fixed")
+        RBF(lengths, (np.exp(-2), np.exp(6))) + WhiteKernel(LEAST_NOISE, "fixed")
     ) + WhiteKernel(1e-6, (_LEAST_OUTPUT_NOISE, np.exp(2)))
     regressor = GaussianProcessRegressor(start, alpha=0.0, n_restarts_optimizer=restarts, random_state=seed)
     with warnings.catch_warnings():
@@ -224,17 +254,28 @@ def _deviation(columns: Array, magnitude: Array) -> Array:
     return np.where(deviation > _ROUNDING * magnitude, deviation, 1.0)
 
 
+def _common_size(columns: Array) -> Array:
+    """Return the root mean square of all numbers, for each column; one where all are zero."""
+    size = np.sqrt(np.square(columns).mean())
+    return np.full(columns.shape[1], size if size > 0 else 1.0)
+
+
 def _calibration(
-    kernel: Kernel, process: GaussianProcess, training: _Rows, held_out: _Rows | None, carried: Base, step_s: float
+    known_after: Callable[[Array, Array], GaussianProcess | SeparateProcesses],
+    process: GaussianProcess | SeparateProcesses,
+    training: _Rows,
+    held_out: _Rows | None,
+    carried: Base,
+    step_s: float,
 ) -> Array:
     """Return the factors c >= 1 on the outputs' standard deviations, (n,)."""
     outputs = training.outputs(carried, step_s)
     if held_out is None:
         first = round(len(outputs) * (1 - _CALIBRATION_SHARE))
-        process = condition(kernel, training.inputs[:first], outputs[:first])
+        process = known_after(training.inputs[:first], outputs[:first])
         inputs, outputs = training.inputs[first:], outputs[first:]
     else:
         inputs, outputs = held_out.inputs, held_out.outputs(carried, step_s)
     mean, variance = process.predict_with_variance(inputs[None])
-    ratio = np.square((outputs - mean[0]) / kernel.output_scale) / variance[0, :, None]
+    ratio = np.square((outputs - mean[0]) / process.output_scale) / variance[0].reshape(len(outputs), -1)
     return np.sqrt(np.maximum(ratio.mean(axis=0), 1.0))

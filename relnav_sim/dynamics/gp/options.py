@@ -16,12 +16,14 @@ from relnav_sim.dynamics.clohessy_wiltshire import CwOptions, cw_system
 from relnav_sim.dynamics.context import DynamicsContext, Need, TrainingRequest, TrainingTrack
 from relnav_sim.dynamics.elliptic import YamanakaAnkersenOptions
 from relnav_sim.dynamics.gp.dynamics import GpDynamics, Target, Variance, phase_clock
+from relnav_sim.dynamics.gp.regression import RegressionOptions
 from relnav_sim.dynamics.options import DynamicsOptions
 from relnav_sim.dynamics.process_noise import process_noise_matrix
 from relnav_sim.dynamics.quadratic import CwSecondOrderOptions
 from relnav_sim.dynamics.registry import register_dynamics
 from relnav_sim.dynamics.two_body import NonlinearOptions
 from relnav_sim.dynamics.two_body_j2 import NonlinearJ2Options
+from relnav_sim.options import AddedLater
 
 BaseOptions = (
     CwOptions
@@ -105,6 +107,11 @@ class GpOptions(DynamicsOptions):
     restarts: int = Field(
         default=2, ge=0, le=100, description="Further starts of the maximisation of the marginal likelihood"
     )
+    regression: Annotated[RegressionOptions | None, AddedLater()] = Field(
+        default=None,
+        description="How the process is fitted, where that is to be otherwise than predicts best: number of processes, "
+        "kernel, units, calibration; default: one process for all outputs, a length scale for every input",
+    )
 
     @model_validator(mode="after")
     def _base_has_a_use(self) -> GpOptions:
@@ -112,10 +119,26 @@ class GpOptions(DynamicsOptions):
             raise ValueError(f"base is for the residual target; the {self.target} target learns without one")
         return self
 
+    @model_validator(mode="after")
+    def _regression_fits(self) -> GpOptions:
+        if self.regression is None:
+            return self
+        if self.variance == "inducing" and self.regression.processes == "one_per_output":
+            raise ValueError("variance: inducing is that of processes: shared; take exact or cloud_mean")
+        if self.calibration_span_s is not None and not self.regression.calibrated:
+            raise ValueError("calibration_span_s has no use with calibrated: false; leave it out")
+        return self
+
     @property
     def uses_process_noise(self) -> bool:
         """Whether the filter's own process noise is added: the learned variance takes its place otherwise."""
         return self.add_process_noise
+
+    @property
+    def cost_factor(self) -> float:
+        """As many as there are processes: nearly all of a filter's cost is theirs."""
+        separate = self.regression is not None and self.regression.processes == "one_per_output"
+        return 6.0 if separate else 1.0
 
     @property
     def believed_field(self) -> FieldExtent | None:
@@ -165,11 +188,14 @@ class GpOptions(DynamicsOptions):
             held_out=transitions(earlier) if len(earlier) >= 10 else None,
             added_noise=added if self.add_process_noise else None,
             restarts=self.restarts,
+            regression=None if self.regression is None else self.regression.model_dump(),
         )
 
     def _spans_s(self, orbit: ChiefOrbit) -> tuple[float, float]:
         """Return how long the flights are that calibrate and that are learned, in this order."""
         learned = self.training_span_s or 2 * np.pi / orbit.mean_motion_rad_s
+        if self.regression is not None and not self.regression.calibrated:
+            return 0.0, learned
         return learned if self.calibration_span_s is None else self.calibration_span_s, learned
 
     def _split(self, track: TrainingTrack, orbit: ChiefOrbit) -> tuple[Indices, Indices]:

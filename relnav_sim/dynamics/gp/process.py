@@ -60,12 +60,19 @@ class GaussianProcess:
         inputs: Training inputs in lengths, (S, d).
         weights: (C + noise_ratio I)^-1 Y, (S, q), with C the correlation and Y the standardised outputs.
         whitener: L^-1, (S, S), lower triangular, L L^T = C + noise_ratio I.
+        noise_counted: Whether variances are those of noisy outputs, or of what they are noisy measurements of.
     """
 
     kernel: Kernel
     inputs: Array
     weights: Array
     whitener: Array
+    noise_counted: bool = True
+
+    @property
+    def output_scale(self) -> Array:
+        """The outputs' scales s_y, (q,)."""
+        return self.kernel.output_scale
 
     def predict(self, points: Array) -> Array:
         """Return the outputs' means (runs, N, q) at points (runs, N, d)."""
@@ -73,11 +80,11 @@ class GaussianProcess:
         return mean
 
     def predict_with_variance(self, points: Array) -> tuple[Array, Array]:
-        """Return the means (runs, N, q), and the variance of a standardised noisy output, (runs, N)."""
+        """Return the means (runs, N, q), and the variance of a standardised output, (runs, N)."""
         return self._predicted(points)
 
     def variance(self, points: Array) -> Array:
-        """Return the variance of a standardised noisy output at points (runs, N, d): (runs, N)."""
+        """Return the variance of a standardised output at points (runs, N, d): (runs, N)."""
         _, variance = self._predicted(points, with_mean=False)
         return variance
 
@@ -106,11 +113,11 @@ class GaussianProcess:
         mean += kernel.output_mean
         # Next to a training point rounding can leave less than nothing.
         left = np.maximum(1 - explained, 0)
-        variance = kernel.signal_variance * (left + kernel.noise_ratio)
+        variance = kernel.signal_variance * (left + kernel.noise_ratio if self.noise_counted else left)
         return mean.reshape(runs, N, -1), variance.reshape(runs, N)
 
 
-def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
+def condition(kernel: Kernel, inputs: Array, outputs: Array, noise_counted: bool = True) -> GaussianProcess:
     """Return the process given training inputs (S, d) and outputs (S, q).
 
     Raises:
@@ -118,12 +125,12 @@ def condition(kernel: Kernel, inputs: Array, outputs: Array) -> GaussianProcess:
     """
     from scipy.linalg import solve_triangular
 
-    scaled = kernel.scaled(inputs)
+    scaled = np.ascontiguousarray(kernel.scaled(inputs))
     L = np.linalg.cholesky(kernel.correlation(scaled) + kernel.noise_ratio * np.eye(len(scaled)))
     standardised = (outputs - kernel.output_mean) / kernel.output_scale
     weights = solve_triangular(L.T, solve_triangular(L, standardised, lower=True))
     whitener = solve_triangular(L, np.eye(len(L)), lower=True)
-    return GaussianProcess(kernel, scaled, np.ascontiguousarray(weights), np.ascontiguousarray(whitener))
+    return GaussianProcess(kernel, scaled, np.ascontiguousarray(weights), np.ascontiguousarray(whitener), noise_counted)
 
 
 def most_informative(kernel: Kernel, inputs: Array, count: int) -> Indices:
