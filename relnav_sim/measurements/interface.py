@@ -10,11 +10,32 @@ from typing import Any, Protocol
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array, Indices
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.linalg import kernel_for, log_density, matrices, mixture_log_density
 
 Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive epochs that are filtered in one go, and room for what comes of them.
+
+    Args:
+        z: Readings (K, runs, m), complete where they are.
+        read: Where there is one, (K, runs).
+        mean: To be filled, (K, runs, n), as the others.
+        covariance: (K, runs, n, n).
+        nis: (K, runs); NaN without a reading.
+        log_likelihood: (K, runs); 0 without a reading.
+    """
+
+    z: Array
+    read: Mask
+    mean: Array
+    covariance: Array
+    nis: Array
+    log_likelihood: Array
 
 
 @dataclass(frozen=True)
@@ -85,6 +106,7 @@ def wrap_angle(angle: Array) -> Array:
 _PARTS = {
     "linearised": ("predict", "jacobian", "noise", "residual"),
     "squared_errors": ("predict", "jacobian", "residual"),
+    "filtered": ("linearised", "predict", "jacobian", "noise", "residual"),
 }
 """What a measurement may do in one go, and the functions that it then stands for."""
 
@@ -197,6 +219,21 @@ class MeasurementDefaults:
         A measurement may have it cheaper than by the states themselves.
         """
         return squares_of_states(self, z, W, centre, root, e, epoch)
+
+    def filtered(self, mean: Array, covariance: Array, F: Array, Q: Array, stretch: Stretch) -> int | None:
+        """Fill a stretch by the extended Kalman filter; return for how many epochs, None: it can't for any.
+
+        A measurement that has it in compiled code gives what the filter gives from epoch to epoch, to the last bit. It
+        stops before an epoch in which a run needs more than the update from one Cholesky factor or Joseph's form.
+
+        Args:
+            mean: One epoch before the first, (runs, n).
+            covariance: Its covariance (runs, n, n).
+            F: Transition matrices (K, n, n), or (1, n, n) for all epochs.
+            Q: Process noise alike.
+            stretch: The epochs.
+        """
+        return None
 
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""
