@@ -41,30 +41,14 @@ class ExtendedKalmanFilter(GaussianFilter):
     """
 
     nominal_gain = True
-    _own_step = False
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ExtendedOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._underweighting = getattr(options, "underweighting", None)
 
-    def __init_subclass__(cls, **arguments: Any) -> None:
-        """Note whether a class has a prediction or update of its own."""
-        super().__init_subclass__(**arguments)
-        steps = ("predict", "update", "correct", "keep_considered")
-        cls._own_step = any(getattr(cls, step) is not getattr(ExtendedKalmanFilter, step) for step in steps)
-
     def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
-        """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't.
-
-        Bit by bit it is what `predict` and `update` do at one epoch after the other.
-        """
-        known = getattr(self.dynamics, "known_steps", None)
-        filtered = getattr(self.measurement, "filtered", None)
-        special = self._own_step or self._single or self._considered or self._underweighting
-        if special or known is None or filtered is None:
-            return None
-        steps = known(first_epoch, len(stretch.z))
-        return None if steps is None else filtered(belief.mean, belief.covariance, *steps, stretch)
+        """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
+        return None if self._underweighting else self.linearised_epochs(belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""

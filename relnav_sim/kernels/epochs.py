@@ -11,27 +11,17 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array, Mask
-from relnav_sim.kernels.compiling import flag, given, inner, kernel, written
+from relnav_sim.kernels.compiling import flag, given, inner, kernel, kernel_like, number, written
+from relnav_sim.kernels.converted_radar import linearise as linearise_converted
 from relnav_sim.kernels.kalman import carry, carry_mean, correct
 from relnav_sim.kernels.lanes import LANES, copy_vectors, load, load_vectors, mirror, store_symmetric, store_vectors
-from relnav_sim.kernels.sight import covariance, derivatives, seen, subtract_spherical
+from relnav_sim.kernels.sight import linearise
+
+_BELIEF, _STEPS, _READINGS = (given(2), given(3)), (given(3), given(3)), (given(3), given(2, flag))
+_MODEL, _FILLED = (given(2), given(2), given(2), number), (written(3), written(4), written(2), written(2))
 
 
-@kernel(
-    given(2),
-    given(3),
-    given(3),
-    given(3),
-    given(3),
-    given(2, flag),
-    given(2),
-    given(2),
-    given(1),
-    written(3),
-    written(4),
-    written(2),
-    written(2),
-)
+@kernel(*_BELIEF, *_STEPS, *_READINGS, *_MODEL, *_FILLED)
 def spherical(
     m: Array,
     P: Array,
@@ -41,7 +31,8 @@ def spherical(
     read: Mask,
     M: Array,
     A: Array,
-    variances: Array,
+    c: Array,
+    r_scale: float,
     means: Array,
     covariances: Array,
     nis: Array,
@@ -61,7 +52,8 @@ def spherical(
         read: Which of them there are, (K, runs); a run without keeps its prediction.
         M: Rotation (3, 3) from the states' axes to the radar's.
         A: Covariance (3, 3) of the attitude error, rad^2.
-        variances: Of range, azimuth and elevation (3,).
+        c: Variances of range, azimuth and elevation (1, 3).
+        r_scale: Factor on the noise.
         means: Gets the means (K, runs, n).
         covariances: Gets their covariances (K, runs, n, n).
         nis: Gets the NIS (K, runs), NaN without a reading.
@@ -69,19 +61,14 @@ def spherical(
     """
     K, runs, _ = z.shape
     n = m.shape[1]
-    turns = A.any()
     blocks = (runs + LANES - 1) // LANES
     X, C = np.empty((blocks, n, LANES)), np.empty((blocks, n, n, LANES))  # the belief of all runs
     for block in range(blocks):
         load_vectors(m, block * LANES, min(LANES, runs - block * LANES), X[block])
         load(P, block * LANES, min(LANES, runs - block * LANES), C[block])
     y, q, fp, f = np.empty((n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES)), np.empty((n, n, LANES))
-    s, e, w = np.empty((3, LANES)), np.empty((3, LANES)), np.empty((3, LANES))
-    h, r = np.zeros((3, n, LANES)), np.zeros((3, 3, LANES))
+    w, h, r = np.empty((3, LANES)), np.zeros((3, n, LANES)), np.zeros((3, 3, LANES))
     S, L, W = np.empty((3, 3, LANES)), np.zeros((3, 3, LANES)), np.empty((3, n, LANES))
-    for i in range(3):
-        for b in range(LANES):
-            r[i, i, b] = variances[i]
     lost = np.zeros(runs, dtype=np.bool_)
     for k in range(K):
         own_F, own_Q = k if len(F) > 1 else 0, k if len(Q) > 1 else 0
@@ -95,13 +82,13 @@ def spherical(
             mirror(q, used, p)
             there = _count(read[k], first, used)
             if there > 0:
-                seen(x.T, 0, used, M, s)
                 load_vectors(z[k], first, used, w)
-                subtract_spherical(s, used, e, w)
-                derivatives(s, used, M, h)
-                if turns:
-                    covariance(s, used, A, variances, q)
-                    mirror(q, used, r)
+                linearise(x, used, M, A, c, w, h, r)
+                if r_scale != 1:
+                    for i in range(3):
+                        for j in range(3):
+                            for b in range(used):
+                                r[i, j, b] *= r_scale
                 correct(x, p, w, h, r, used, S, L, W, q, first, nis[k], log_likelihood[k], lost)
             for b in range(used if there < used else 0):
                 if not read[k, first + b]:
@@ -116,6 +103,27 @@ def spherical(
             store_vectors(x, first, used, means[k])
             store_symmetric(p, first, used, covariances[k])
     return K
+
+
+@kernel_like(spherical, *_BELIEF, *_STEPS, *_READINGS, *_MODEL, *_FILLED, linearise=linearise_converted)
+def converted(
+    m: Array,
+    P: Array,
+    F: Array,
+    Q: Array,
+    z: Array,
+    read: Mask,
+    M: Array,
+    A: Array,
+    c: Array,
+    r_scale: float,
+    means: Array,
+    covariances: Array,
+    nis: Array,
+    log_likelihood: Array,
+) -> int:
+    """Filter readings converted to positions; A and c are T and the coefficients of `converted_radar.covariances`."""
+    return 0
 
 
 @inner

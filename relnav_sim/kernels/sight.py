@@ -16,7 +16,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inlined, inner, kernel
 from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead, wrapped
-from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
+from relnav_sim.kernels.lanes import LANES, load_vectors, mirror, store, store_symmetric, store_vectors
 from relnav_sim.kernels.sampling import SAMPLES
 
 
@@ -189,6 +189,34 @@ def spherical_of(s: Array, used: int, z: Array) -> None:
         z[1, b] = atan2(s[1, b], s[0, b])
     for b in range(used):
         z[2, b] = atan2(-s[2, b], z[2, b])
+
+
+@inner
+def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Array, h: Array, r: Array) -> None:
+    """Do as `linearised` in lanes.
+
+    Args:
+        x: Means (n, LANES).
+        used: How many lanes there are.
+        M: Rotation (3, 3) from the states' axes to the radar's.
+        P: Covariance (3, 3) of the attitude error.
+        variances: (1, 3).
+        w: Readings (3, LANES), which residuals take the place of.
+        h: Gets the Jacobians (3, n, LANES), of which the columns behind the third are left.
+        r: Gets the noise (3, 3, LANES).
+    """
+    s, room = np.empty((3, LANES)), np.empty((3, LANES))
+    seen(x.T, 0, used, M, s)
+    subtract_spherical(s, used, room, w)
+    derivatives(s, used, M, h)
+    if P.any():
+        covariance(s, used, P, variances[0], r)
+        mirror(r, used, r)
+    else:
+        for i in range(3):
+            for j in range(3):
+                for b in range(used):
+                    r[i, j, b] = variances[0, i] if i == j else 0.0
 
 
 @inner

@@ -37,6 +37,14 @@ class Stretch:
     nis: Array
     log_likelihood: Array
 
+    def filled(
+        self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
+    ) -> int:
+        """Fill it by one of `kernels.epochs` for a model of the reading; return for how many epochs."""
+        belief = np.ascontiguousarray(mean), np.ascontiguousarray(covariance)
+        room = self.mean, self.covariance, self.nis, self.log_likelihood
+        return kernel(*belief, F, Q, self.z, self.read, *model, *room)
+
 
 @dataclass(frozen=True)
 class Mixture:
@@ -111,7 +119,7 @@ _PARTS = {
 """What a measurement may do in one go, and the functions that it then stands for."""
 
 
-def _depth(kind: type, name: str) -> int:
+def depth(kind: type, name: str) -> int:
     """Return how far up among the bases of a class a function is said."""
     return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
 
@@ -144,7 +152,7 @@ class MeasurementDefaults:
         """
         super().__init_subclass__(**arguments)
         for whole, parts in _PARTS.items():
-            if any(_depth(cls, part) < _depth(cls, whole) for part in parts):
+            if any(depth(cls, part) < depth(cls, whole) for part in parts):
                 setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:
@@ -220,7 +228,9 @@ class MeasurementDefaults:
         """
         return squares_of_states(self, z, W, centre, root, e, epoch)
 
-    def filtered(self, mean: Array, covariance: Array, F: Array, Q: Array, stretch: Stretch) -> int | None:
+    def filtered(
+        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+    ) -> int | None:
         """Fill a stretch by the extended Kalman filter; return for how many epochs, None: it can't for any.
 
         A measurement that has it in compiled code gives what the filter gives from epoch to epoch, to the last bit. It
@@ -231,6 +241,7 @@ class MeasurementDefaults:
             covariance: Its covariance (runs, n, n).
             F: Transition matrices (K, n, n), or (1, n, n) for all epochs.
             Q: Process noise alike.
+            r_scale: Factor on the noise of the readings.
             stretch: The epochs.
         """
         return None

@@ -110,25 +110,14 @@ class SphericalRadar(MeasurementDefaults):
         )
         return nu, in_states(H, by_state, mean), R if self._turns else R[0]
 
-    def filtered(self, mean: Array, covariance: Array, F: Array, Q: Array, stretch: Stretch) -> int | None:
+    def filtered(
+        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+    ) -> int | None:
         """Fill a stretch by the extended Kalman filter, where the position is part of the state."""
         if self.depends_on is None:
             return None
-        return kernels.epochs.spherical(
-            np.ascontiguousarray(mean),
-            np.ascontiguousarray(covariance),
-            F,
-            Q,
-            stretch.z,
-            stretch.read,
-            self._rotation,
-            self._attitude,
-            self._variances,
-            stretch.mean,
-            stretch.covariance,
-            stretch.nis,
-            stretch.log_likelihood,
-        )
+        model = self._rotation, self._attitude, self._variances[None], r_scale
+        return stretch.filled(kernels.epochs.spherical, mean, covariance, F, Q, *model)
 
     def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
         """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N)."""

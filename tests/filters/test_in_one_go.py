@@ -1,4 +1,4 @@
-"""Epochs that the extended Kalman filter takes in one go give what it gives from epoch to epoch, to the last bit."""
+"""Epochs that a Kalman filter takes in one go give what it gives from epoch to epoch, to the last bit."""
 
 import warnings
 
@@ -11,6 +11,8 @@ from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
+from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
+from relnav_sim.measurements.converted_radar import ConvertedRadar
 from relnav_sim.measurements.partial import PartialMeasurement
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
@@ -29,8 +31,15 @@ class ByStep(ExtendedKalmanFilter):
         return super().update(belief, z, step)
 
 
-class Counted(SphericalRadar):
-    """A radar that counts how often it is asked for compiled epochs."""
+class ByStepLinear(KalmanFilter):
+    """The linear filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class Counting:
+    """What counts how often a measurement is asked for compiled epochs."""
 
     def __init__(self, *given):
         super().__init__(*given)
@@ -41,24 +50,34 @@ class Counted(SphericalRadar):
         return self.taken[-1]
 
 
+class Counted(Counting, SphericalRadar):
+    """A radar so."""
+
+
+class CountedConverted(Counting, ConvertedRadar):
+    """A radar whose readings are converted."""
+
+
 def radar(attitude=1e-3, kind=Counted, host=()):
     noise = SightNoise(np.ones(1), SIGMAS[None], SIGMAS, attitude**2 * np.eye(3))
     return kind(np.eye(3), noise, *host)
 
 
-def readings(measurement, seed=3):
+def readings(measurement, seed=3, sigmas=SIGMAS):
     rng = np.random.default_rng(seed)
     x = np.array([0.0, 5000.0, 200.0, 0.0, 0.0, 0.0])
-    z = measurement.predict(np.broadcast_to(x, (RUNS, EPOCHS, 6)), 0) + SIGMAS * rng.normal(size=(RUNS, EPOCHS, 3))
+    z = measurement.predict(np.broadcast_to(x, (RUNS, EPOCHS, 6)), 0) + sigmas * rng.normal(size=(RUNS, EPOCHS, 3))
     return z, x + rng.normal(size=(RUNS, 6)) * np.sqrt(np.diag(P0))
 
 
-def compare(z, mean0, cov0=P0, dynamics=None, measurement=None):
+EXTENDED = (ExtendedKalmanFilter, ByStep), ExtendedOptions()
+
+
+def compare(z, mean0, cov0=P0, dynamics=None, measurement=None, filters=EXTENDED):
     """Filter in one go and epoch by epoch; return what the radar took."""
     dynamics, measurement = dynamics or LinearDynamics(F, Q), measurement or radar()
-    made = [
-        kind(dynamics, PartialMeasurement(measurement), ExtendedOptions()) for kind in (ExtendedKalmanFilter, ByStep)
-    ]
+    kinds, options = filters
+    made = [kind(dynamics, PartialMeasurement(measurement), options) for kind in kinds]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of runs that fail
         found, expected = (run_filter(filter, z, mean0, cov0) for filter in made)
@@ -73,6 +92,16 @@ def test_all_epochs_are_taken_at_once(attitude):
     measurement = radar(attitude)
     z, mean0 = readings(measurement)
     assert compare(z, mean0, measurement=measurement)[0] == [EPOCHS]
+
+
+@pytest.mark.parametrize("r_scale", [1.0, 2.0])
+def test_converted_readings(r_scale):
+    measurement = radar(kind=CountedConverted)
+    z, mean0 = readings(measurement, sigmas=5.0)
+    z[np.random.default_rng(4).random((RUNS, EPOCHS)) < 0.3] = np.nan
+    z[3, 20, 0] = np.nan  # such a reading counts as missing
+    filters = (KalmanFilter, ByStepLinear), KalmanOptions(r_scale=r_scale)
+    assert compare(z, mean0, measurement=measurement, filters=filters)[0] == [EPOCHS]
 
 
 def test_readings_with_gaps():

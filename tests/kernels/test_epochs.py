@@ -1,4 +1,4 @@
-"""The extended Kalman filter over many epochs in one go: beside its single steps, and beside plain NumPy."""
+"""Kalman filters over many epochs in one go: beside their single steps, and beside plain NumPy."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from test_sight import VARIANCES, P, angles, derivatives, noise
 
 from relnav_sim import kernels
 from relnav_sim.astro.line_of_sight import mounting_matrix
+from relnav_sim.measurements.converted_radar import attitude_map
 
 M = mounting_matrix(30.0, -20.0, 75.0)
 STILL = np.zeros((3, 3))
@@ -33,21 +34,24 @@ def room(runs, n, epochs):
     return np.empty((epochs, runs, n)), np.empty((epochs, runs, n, n)), *np.full((2, epochs, runs), 7.0)
 
 
-def in_one_go(given, attitude=P, variances=VARIANCES):
+def in_one_go(given, attitude=P):
     m, z = given[0], given[4]
     out = room(*m.shape, len(z))
-    return kernels.epochs.spherical(*given, M, attitude, variances, *out), out
+    return kernels.epochs.spherical(*given, M, attitude, VARIANCES[None], 1.0, *out), out
 
 
 def step_by_step(given, attitude=P):
     """Return the same by the kernels of an epoch, and the epoch at which a run is lost."""
+    return stepped(given, lambda z, m: kernels.sight.linearised(z, m, M, attitude, VARIANCES))
+
+
+def stepped(given, linearised):
     m, C, F, Q, z, read = given
     out = room(*m.shape, len(z))
     for k in range(len(z)):
         F_k, Q_k = (A[k : k + 1] if len(A) > 1 else A for A in (F, Q))
         m, C = kernels.kalman.predict_linear(m, C, F_k, Q_k)
-        nu, H, R = kernels.sight.linearised(z[k], m, M, attitude, VARIANCES)
-        *updated, rows = kernels.kalman.update(m, C, nu, H, R)
+        *updated, rows = kernels.kalman.update(m, C, *linearised(z[k], m))
         if read[k, rows].any():
             return k, out
         predicted = m, C, np.full(len(m), np.nan), np.zeros(len(m))
@@ -58,6 +62,27 @@ def step_by_step(given, attitude=P):
         for series, one in zip(out, found, strict=True):
             series[k] = one
     return len(z), out
+
+
+@pytest.mark.parametrize("r_scale", [1.0, 2.0])
+@pytest.mark.parametrize(("n", "runs", "missing"), [(6, 1, 0.0), (8, 40, 0.3)])
+def test_bits_of_converted_readings_are_those_of_single_steps(n, runs, missing, r_scale):
+    m, C, F, Q, z, read = problem(n, runs, 12, missing=missing)
+    z = m[:, :3] + z  # positions near those believed in
+    coefficients = np.array([[1e-6, 4.0, 1e-6, 2.0, 1e-6, 3.0, 2e-6, 4.0, 1e-6, 1.0, 2e-6, 0.5, 1e-6, 2.0]])
+    T = attitude_map(P)
+
+    def linearised(z, m):
+        R = kernels.converted_radar.covariances(m, M, coefficients, T)[:, 0]
+        return np.ascontiguousarray(z - m[:, :3]), np.eye(3, n)[None], np.ascontiguousarray(R * r_scale)
+
+    out = room(runs, n, 12)
+    given = m, C, F, Q, z, read
+    taken = kernels.epochs.converted(*given, M, T, coefficients, r_scale, *out)
+    stopped, expected = stepped(given, linearised)
+    assert taken == stopped == 12
+    for one, other in zip(out, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("attitude", [P, STILL], ids=["attitude error", "none"])
