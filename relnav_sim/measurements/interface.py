@@ -41,9 +41,8 @@ class Stretch:
         self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
     ) -> int:
         """Fill it by one of `kernels.epochs` for a model of the reading; return for how many epochs."""
-        belief = np.ascontiguousarray(mean), np.ascontiguousarray(covariance)
-        room = self.mean, self.covariance, self.nis, self.log_likelihood
-        return kernel(*belief, F, Q, self.z, self.read, *model, *room)
+        given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
+        return kernel(*given, *model, self.mean, self.covariance, self.nis, self.log_likelihood)
 
 
 @dataclass(frozen=True)

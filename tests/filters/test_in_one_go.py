@@ -10,6 +10,7 @@ from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.dynamics.by_epoch import LinearByEpoch
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
+from relnav_sim.dynamics.white_noise import AddedNoise
 from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
 from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
 from relnav_sim.measurements.converted_radar import ConvertedRadar
@@ -138,6 +139,16 @@ def test_matrices_by_epoch(shared):
     assert compare(z, mean0, dynamics=LinearDynamics(each, noise))[0] == [EPOCHS]
     by_epoch = LinearByEpoch(lambda epochs: np.stack([cw_transition(MEAN_MOTION, 2.0 + 0.01 * k) for k in epochs]), Q)
     assert compare(z, mean0, dynamics=by_epoch)[0] == [EPOCHS]
+
+
+def test_matrices_in_any_order_in_memory():
+    z, mean0 = readings(radar())
+    other = LinearDynamics(np.asfortranarray(F), np.asfortranarray(Q + 1e-7))
+    assert compare(z, mean0, dynamics=other)[0] == [EPOCHS]
+    each = np.broadcast_to(Q, (EPOCHS, 6, 6)).transpose(0, 2, 1)
+    assert compare(z, mean0, dynamics=LinearDynamics(F.T, each))[0] == [EPOCHS]
+    added = AddedNoise(LinearDynamics(F, Q), np.asfortranarray(Q + 1e-7))
+    assert compare(z, mean0, dynamics=added)[0] == [EPOCHS]
 
 
 def test_added_process_noise_is_in_it():
