@@ -151,7 +151,7 @@ def shares(names):
     watched.watch(block.FilterTrack, "__init__", "filters")
     watched.watch(block.FilterTrack, "add", "statistics")
     watched.watch(block.FilterTrack, "result", "statistics")
-    watched.watch(block.FilterTrack, "_advance", "filters")
+    watched.watch(block.FedFilter, "advance", "filters")
     rows = []
     for name in names:
         campaign = load_campaign(bench.ROOT / "campaigns" / f"{name}.yaml", [*settings(name), f"runs={RUNS}"])

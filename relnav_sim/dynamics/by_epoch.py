@@ -72,6 +72,14 @@ class LinearByEpoch:
         """Return Q, (n, n)."""
         return self._Q
 
+    def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
+        """Return F (count, n, n) and Q (1, n, n) of steps; None where a derived class has others of its own."""
+        own, base = type(self), LinearByEpoch
+        if (own.propagate, own.transition, own.process_noise) != (base.propagate, base.transition, base.process_noise):
+            return None
+        chunks = map(self._chunks.at, range(first_epoch, first_epoch + count))
+        return np.stack([matrices[place] for matrices, place in chunks]), self._Q[None]
+
 
 def _closed(transitions: Callable[[Array], Array], epochs: Array) -> Array:
     """Return matrices that a filter can't write into: they are kept for the other runs' next steps."""

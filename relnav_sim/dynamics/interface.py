@@ -35,7 +35,8 @@ class Dynamics(Protocol):
     """How the state moves over one step, x_k = f(x_{k-1}) + w, w ~ N(0, Q).
 
     `linear` promises that `propagate` is exactly multiplication by `transition`. Dynamics that have no other
-    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one.
+    `propagate` than that may say so by an attribute ``moves_by_transition``: a filter then does both in one. Where F
+    and Q follow from the epoch alone, ``known_steps(first_epoch, count)`` may return them for many epochs, or None.
     """
 
     dimension: int
@@ -91,6 +92,16 @@ class LinearDynamics:
     def moves_by_transition(self) -> bool:
         """Whether `propagate` is the multiplication; in a class derived from this one it may be something else."""
         return type(self).propagate is LinearDynamics.propagate
+
+    def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
+        """Return F and Q of steps, (count or 1, n, n) each; None where a derived class has others of its own."""
+        own, base = type(self), LinearDynamics
+        if (own.propagate, own.transition, own.process_noise) != (base.propagate, base.transition, base.process_noise):
+            return None
+        self.check_extent(1, first_epoch + count)
+        epochs = slice(first_epoch, first_epoch + count)
+        F, Q = (A[None] if A.ndim == 2 else A[epochs] for A in (self._F, self._Q))
+        return F, Q
 
     def check_extent(self, runs: int, epochs: int) -> None:
         """Refuse a block that has more epochs than there are matrices.

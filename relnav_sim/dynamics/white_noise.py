@@ -31,6 +31,12 @@ class AddedNoise:
         """Return Q of the base and Q."""
         return self._base.process_noise(states, step) + self._Q
 
+    def known_steps(self, first_epoch: int, count: int) -> tuple[Array, Array] | None:
+        """Return those of the base with Q added, where it knows them."""
+        known = getattr(self._base, "known_steps", None)
+        steps = None if known is None else known(first_epoch, count)
+        return None if steps is None else (steps[0], steps[1] + self._Q)
+
 
 class WhiteAcceleration:
     """Dynamics of six states with white acceleration on each RTN axis added to their process noise.
@@ -63,3 +69,6 @@ class WhiteAcceleration:
         """Return Q, (6, 6), or (runs, 6, 6) whatever the states where the runs have densities of their own."""
         white = (self.densities[:, :, None, None] * self.noises).sum(axis=1)
         return self._base.process_noise(states, step) + (white[0] if len(white) == 1 else white)
+
+    def known_steps(self, first_epoch: int, count: int) -> None:
+        """Return None: the densities are found from step to step."""

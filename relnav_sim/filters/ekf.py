@@ -8,11 +8,11 @@ from pydantic import Field, model_validator
 
 from relnav_sim.arrays import Array
 from relnav_sim.dynamics.interface import Dynamics, Step
-from relnav_sim.filters.belief import Innovation
+from relnav_sim.filters.belief import Gaussian, Innovation
 from relnav_sim.filters.kalman import GaussianFilter, LinearisedFilterOptions, joseph_update, linearised_operations
 from relnav_sim.filters.registry import register_filter
 from relnav_sim.filters.underweighting import UnderweightingOptions, underweighted
-from relnav_sim.measurements.interface import Measurement, linearised
+from relnav_sim.measurements.interface import Measurement, Stretch, linearised
 from relnav_sim.options import AddedLater
 
 
@@ -45,6 +45,10 @@ class ExtendedKalmanFilter(GaussianFilter):
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: ExtendedOptions) -> None:
         super().__init__(dynamics, measurement, options)
         self._underweighting = getattr(options, "underweighting", None)
+
+    def compiled_epochs(self, belief: Gaussian, stretch: Stretch, first_epoch: int) -> int | None:
+        """Take as many epochs of a stretch in one go as dynamics and measurement can; None: they can't."""
+        return None if self._underweighting else self.linearised_epochs(belief, stretch, first_epoch)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
         """Return the Kalman update with H = dh/dx at the predicted mean."""

@@ -168,6 +168,10 @@ class Innovations:
                     edits[name] = np.zeros(self._shape, dtype=np.int64)
                 edits[name][k] = count
 
+    def room(self, k: int) -> tuple[Array, Array]:
+        """Return where NIS and log-likelihood of the only sensor go from column k on, (K - k, runs)."""
+        return self._nis[0][k:], self._log_likelihood[k:]
+
     def history(self, mean: Array, covariance: Array) -> FilterHistory:
         """Return the history of the chunk, without failures."""
         sensors = self._readings.sensors

@@ -66,6 +66,7 @@ class Readings:
     Attributes:
         sensors: The readings by sensor, in the order in which they are processed.
         several: Whether there are several sensors.
+        plain: Whether every reading of the chunk is of one sensor and has all its channels.
     """
 
     def __init__(self, measurement: Measurement, z: Array | Mapping[str, Array], first_epoch: int) -> None:
@@ -74,7 +75,7 @@ class Readings:
         given = z if isinstance(z, Mapping) else {sensors[0].name: z}
         self.sensors = tuple(_arrived(one, given[one.name], first_epoch) for one in sensors)
         self.several = len(self.sensors) > 1
-        self._plain = not self.several and not any(self.sensors[0].partial)
+        self.plain = not self.several and not any(self.sensors[0].partial)
         self._attends = False
         if self.several:
             self._expected = _joint(self.sensors)
@@ -82,7 +83,7 @@ class Readings:
 
     def begin(self, k: int) -> None:
         """Let the measurement attend to all that is read at column k, for the prediction to that epoch."""
-        if self._plain:
+        if self.plain:
             return
         if not self.several:
             one = self.sensors[0]
@@ -108,7 +109,7 @@ class Readings:
 
     def lacking(self) -> Array | None:
         """Return what the log-likelihoods lack, (runs, K): absent channels count in their constant. None: nothing."""
-        if self._plain:
+        if self.plain:
             return None
         m = self._measurement.dimension
         absent = [np.where(one.read, m - one.dof, 0) for one in self.sensors]

@@ -73,5 +73,8 @@ class RewindableDynamics:
         """Return Q."""
         return self._at(step).process_noise(states, step)
 
+    def known_steps(self, first_epoch: int, count: int) -> None:
+        """Return None: it goes from step to step."""
+
     def _at(self, step: Step) -> Dynamics:
         return self._base if step.epoch >= self._first_epoch else self._before

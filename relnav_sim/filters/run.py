@@ -17,6 +17,7 @@ from relnav_sim.filters.channel_residuals import ResidualRecorder
 from relnav_sim.filters.failed_runs import StatedFailures, failures_of, sentence
 from relnav_sim.filters.history import FilterHistory as FilterHistory
 from relnav_sim.filters.history import Innovations
+from relnav_sim.filters.in_one_go import InOneGo
 from relnav_sim.filters.passes import last_pass, unfit, with_unfit
 from relnav_sim.filters.readings import Readings
 from relnav_sim.filters.returned import Returned
@@ -127,14 +128,22 @@ def advance(
     means, covariances = np.empty((K, B, n)), np.empty((K, B, n, n))
     innovations = Innovations(readings, B, K)
     residuals = ResidualRecorder(readings, B, K) if with_residuals else None
+    whole = filter if residuals is None else None
+    in_one_go = InOneGo(whole, readings, first_epoch, means, covariances, innovations)
     returned = Returned(B, n)
     belief = returned.belief(belief, "start")
     stated, before = StatedFailures(), Gaussian(belief.mean, belief.covariance)
     # A diverging run turns to inf and NaN in its own row; its failure is reported from there.
     with np.errstate(all="ignore"), readings:
-        for k in range(K):
+        k = 0
+        while k < K:
             step = Step(first_epoch + k, step_s)
             reached(step.epoch)
+            if in_one_go.goes_on:
+                belief, taken = in_one_go.take(belief, k)
+                k += taken
+                if taken:
+                    continue
             readings.begin(k)
             belief = returned.belief(filter.predict(belief, step), "predict")
             for place, one in enumerate(readings.sensors):
@@ -156,6 +165,7 @@ def advance(
                         stated.add(k, innovation.failed, read)
             means[k] = returned.moment(belief, "mean")
             covariances[k] = returned.moment(belief, "covariance")
+            k += 1
     first = Step(first_epoch, step_s)
     history = innovations.history(means.swapaxes(0, 1), covariances.swapaxes(0, 1))
     history = with_failures(history, stated, filter, before, first)

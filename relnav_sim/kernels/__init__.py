@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from relnav_sim.kernels import counting as counting
     from relnav_sim.kernels import deputy as deputy
     from relnav_sim.kernels import distortion as distortion
+    from relnav_sim.kernels import epochs as epochs
     from relnav_sim.kernels import field_forces as field_forces
     from relnav_sim.kernels import field_paths as field_paths
     from relnav_sim.kernels import forces as forces

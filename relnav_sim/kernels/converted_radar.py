@@ -90,6 +90,27 @@ def tangent_covariances(states: Array, M: Array, coefficients: Array, T: Array) 
 
 
 @inner
+def linearise(x: Array, used: int, M: Array, T: Array, coefficients: Array, w: Array, h: Array, r: Array) -> None:
+    """Set residual, Jacobian and noise of one component at the means x, in lanes; as `sight.linearise`."""
+    s, products, attitude, entries = (
+        np.empty((3, LANES)),
+        np.empty((6, LANES)),
+        np.empty((6, LANES)),
+        np.empty((6, LANES)),
+    )
+    seen(x.T, 0, used, M, s)
+    _of_attitude(x, T, used, products, attitude)
+    _of_component(x, s, M[2], coefficients[0], used, entries)
+    for i in range(3):
+        for b in range(used):
+            w[i, b] -= x[i, b]
+            h[i, i, b] = 1.0
+    for n in range(6):
+        for b in range(used):
+            r[ROWS[n], COLUMNS[n], b] = r[COLUMNS[n], ROWS[n], b] = entries[n, b] + attitude[n, b]
+
+
+@inner
 def _of_component(r: Array, s: Array, a: Array, c: Array, used: int, entries: Array) -> None:
     """Set the six entries of the covariance without the attitude's share."""
     for b in range(used):

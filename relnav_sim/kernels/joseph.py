@@ -12,7 +12,6 @@ import numpy as np
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, number, single
 from relnav_sim.kernels.elementary import log
-from relnav_sim.kernels.kalman import places
 from relnav_sim.kernels.lanes import (
     LANES,
     back,
@@ -26,6 +25,7 @@ from relnav_sim.kernels.lanes import (
     store_symmetric,
     store_vectors,
 )
+from relnav_sim.kernels.scores import places
 
 _LOG_TWO_PI = math.log(2 * math.pi)
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
-from relnav_sim.kernels.elementary import log
 from relnav_sim.kernels.lanes import (
     LANES,
     factor,
@@ -21,15 +20,9 @@ from relnav_sim.kernels.lanes import (
     store_symmetric,
     store_vectors,
 )
+from relnav_sim.kernels.scores import WIDE, WIDEST, doubtful, exceeds, places, score, singular
 
-WIDE = 1e6
-"""Ratio of S to R, on the diagonal, from which on the short form of the covariance is not trusted."""
-WIDEST = 1e12
-"""The same of Joseph's form; S itself keeps four digits of R then."""
-SINGULAR = 1e-12
-"""Share of S that a pivot of its factor must keep, or S is as good as singular."""
 _EPS = float(np.finfo(float).eps)
-_LOG_TWO_PI = math.log(2 * math.pi)
 
 
 @kernel(given(3), given(3), given(3))
@@ -58,16 +51,7 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
         load_vectors(m, first, used, x)
         if len(F) > 1:
             load(F, first, used, f)
-        for i in range(n):
-            for b in range(used):
-                y[i, b] = 0.0
-            for j in range(n):
-                if len(F) > 1:
-                    for b in range(used):
-                        y[i, b] += f[i, j, b] * x[j, b]
-                else:
-                    for b in range(used):
-                        y[i, b] += F[0, i, j] * x[j, b]
+        carry_mean(x, F, f, used, y)
         store_vectors(y, first, used, mean)
     _carry(P, F, Q, predicted)
     return mean, predicted
@@ -87,7 +71,7 @@ def predict_linear_single(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array
 
 @inner
 def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
-    """Set out to F P F^T + Q of every run. Zeros of one F for all, often half of it, are passed over."""
+    """Set out to F P F^T + Q of every run."""
     runs, n, _ = P.shape
     m = F.shape[1]
     p, q = np.empty((n, n, LANES), P.dtype), np.empty((m, m, LANES), P.dtype)
@@ -97,28 +81,54 @@ def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
         load(P, first, used, p)
         if len(F) > 1:
             load(F, first, used, f)
-            product(f, p, used, fp)
-        else:
-            for i in range(m):
-                for j in range(n):
-                    for b in range(used):
-                        fp[i, j, b] = 0.0
-                    for k in range(n):
-                        if F[0, i, k] != 0:
-                            for b in range(used):
-                                fp[i, j, b] += F[0, i, k] * p[k, j, b]
-        for i in range(m):
-            for j in range(i + 1):
-                for b in range(used):
-                    q[i, j, b] = Q[0 if len(Q) == 1 else first + b, i, j] + 0.0  # not -0, as no sum with it is
-                for k in range(n):
-                    if len(F) > 1:
-                        for b in range(used):
-                            q[i, j, b] += fp[i, k, b] * f[j, k, b]
-                    elif F[0, j, k] != 0:
-                        for b in range(used):
-                            q[i, j, b] += fp[i, k, b] * F[0, j, k]
+        carry(p, F, Q, first, used, f, fp, q)
         store_symmetric(q, first, used, out)
+
+
+@inner
+def carry_mean(x: Array, F: Array, f: Array, used: int, y: Array) -> None:
+    """Set y to F x, (n, LANES) both, by F (1, n, n), or by its lanes f (n, n, LANES) where each run has its own."""
+    for i in range(len(x)):
+        for b in range(used):
+            y[i, b] = 0.0
+        for j in range(len(x)):
+            if len(F) > 1:
+                for b in range(used):
+                    y[i, b] += f[i, j, b] * x[j, b]
+            else:
+                for b in range(used):
+                    y[i, b] += F[0, i, j] * x[j, b]
+
+
+@inner
+def carry(p: Array, F: Array, Q: Array, first: int, used: int, f: Array, fp: Array, q: Array) -> None:
+    """Set the lower triangle of q (m, m, LANES) to that of F p F^T + Q, p (n, n, LANES); fp (m, n, LANES) is room.
+
+    Zeros of one F for all, often half of it, are passed over. Where each run has its own, f has their lanes.
+    """
+    m, n, _ = fp.shape
+    if len(F) > 1:
+        product(f, p, used, fp)
+    else:
+        for i in range(m):
+            for j in range(n):
+                for b in range(used):
+                    fp[i, j, b] = 0.0
+                for k in range(n):
+                    if F[0, i, k] != 0:
+                        for b in range(used):
+                            fp[i, j, b] += F[0, i, k] * p[k, j, b]
+    for i in range(m):
+        for j in range(i + 1):
+            for b in range(used):
+                q[i, j, b] = Q[0 if len(Q) == 1 else first + b, i, j] + 0.0  # not -0, as no sum with it is
+            for k in range(n):
+                if len(F) > 1:
+                    for b in range(used):
+                        q[i, j, b] += fp[i, k, b] * f[j, k, b]
+                elif F[0, j, k] != 0:
+                    for b in range(used):
+                        q[i, j, b] += fp[i, k, b] * F[0, j, k]
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3))
@@ -151,27 +161,66 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
         load(H, first, used, h)
         load(R, first, used, r)
         load_vectors(nu, first, used, w)
-        product(h, p, used, W)
-        product_by_transpose(W, h, used, S)
-        for i in range(k):
-            for j in range(k):
-                for b in range(used):
-                    S[i, j, b] += r[i, j, b]
-        factor(S, used, L)
-        forward(L, used, W)
-        forward_vectors(L, used, w)
-        move(W, w, used, x)
-        score(w, L, first, used, nis, log_likelihood)
-        subtract_square(p, W, used, short)
-        if doubtful(S, r, L, used):
-            for b in range(used):
-                if singular(S, L, b) or exceeds(S, r, b, WIDEST):
-                    lost[first + b] = True
-                elif exceeds(S, r, b, WIDE):
-                    lost[first + b] = _joseph(b, p, h, r, L, W, short)
+        correct(x, p, w, h, r, used, S, L, W, short, first, nis, log_likelihood, lost)
         store_vectors(x, first, used, mean)
         store_symmetric(short, first, used, covariance)
     return mean, covariance, nis, log_likelihood, places(lost)
+
+
+@inner
+def correct(
+    x: Array,
+    p: Array,
+    w: Array,
+    h: Array,
+    r: Array,
+    used: int,
+    S: Array,
+    L: Array,
+    W: Array,
+    short: Array,
+    first: int,
+    nis: Array,
+    log_likelihood: Array,
+    lost: Mask,
+) -> None:
+    """Update the lanes of the runs from `first` on, as `update` does.
+
+    Args:
+        x: Means (n, LANES), replaced.
+        p: Covariances (n, n, LANES).
+        w: Residuals (k, LANES), lost.
+        h: Jacobians (k, n, LANES).
+        r: Measurement noise (k, k, LANES).
+        used: How many lanes there are.
+        S: Room (k, k, LANES).
+        L: Room (k, k, LANES).
+        W: Room (k, n, LANES).
+        short: Gets the lower triangles of the covariances (n, n, LANES).
+        first: Number of the first run.
+        nis: Gets the NIS of these runs, (runs,), as do the others.
+        log_likelihood: (runs,).
+        lost: (runs,); set where a run is lost and else left.
+    """
+    k = len(w)
+    product(h, p, used, W)
+    product_by_transpose(W, h, used, S)
+    for i in range(k):
+        for j in range(k):
+            for b in range(used):
+                S[i, j, b] += r[i, j, b]
+    factor(S, used, L)
+    forward(L, used, W)
+    forward_vectors(L, used, w)
+    move(W, w, used, x)
+    score(w, L, first, used, nis, log_likelihood)
+    subtract_square(p, W, used, short)
+    if doubtful(S, r, L, used):
+        for b in range(used):
+            if singular(S, L, b) or exceeds(S, r, b, WIDEST):
+                lost[first + b] = True
+            elif exceeds(S, r, b, WIDE):
+                lost[first + b] = _joseph(b, p, h, r, L, W, short)
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), given(3))
@@ -261,82 +310,6 @@ def innovation(S: Array, nu: Array) -> tuple[Array, Array, Indices]:
         for b in range(used):
             degenerate[first + b] = singular(s, L, b)
     return nis, log_likelihood, places(degenerate)
-
-
-@inner
-def places(found: Mask) -> Indices:
-    """Return the places (few,) where something is found, in order."""
-    count = 0
-    for run in range(len(found)):
-        count += found[run]
-    rows = np.empty(count, dtype=np.int64)
-    count = 0
-    if len(rows) > 0:
-        for run in range(len(found)):
-            if found[run]:
-                rows[count] = run
-                count += 1
-    return rows
-
-
-@inner
-def score(w: Array, L: Array, first: int, used: int, nis: Array, log_likelihood: Array) -> None:
-    """Set NIS and log-likelihood of the runs from `first` on by their whitened residuals w = L^-1 nu, (k, LANES).
-
-    The residuals are lost: their place is taken by logarithms, which are computed side by side only by themselves.
-    """
-    for b in range(used):
-        nis[first + b], log_likelihood[first + b] = 0.0, 0.0
-    for i in range(len(w)):
-        for b in range(used):
-            nis[first + b] += w[i, b] * w[i, b]
-        for b in range(used):
-            w[i, b] = log(np.float64(L[i, i, b]))
-        for b in range(used):
-            log_likelihood[first + b] += w[i, b]
-    for b in range(used):
-        log_likelihood[first + b] = -0.5 * (nis[first + b] + len(w) * _LOG_TWO_PI + 2 * log_likelihood[first + b])
-
-
-@inner
-def log_determinant(L: Array, b: int) -> float:
-    """Return log det(L L^T) of lane b."""
-    total = 0.0
-    for i in range(len(L)):
-        total += math.log(L[i, i, b])
-    return 2 * total
-
-
-@inner
-def doubtful(S: Array, R: Array, L: Array, used: int) -> bool:
-    """Return whether any lane may be `singular`, or is `WIDE`; nearly always none is, and this is sooner told."""
-    found = False
-    for i in range(len(S)):
-        for b in range(used):
-            sound = L[i, i, b] * L[i, i, b] > SINGULAR * S[i, i, b]
-            found |= not (sound and S[i, i, b] <= WIDE * R[i, i, b])
-    return found
-
-
-@inner
-def exceeds(S: Array, R: Array, b: int, ratio: float) -> bool:
-    """Return whether S is so many times as wide as R in any channel of lane b."""
-    found = False
-    for i in range(len(S)):
-        found |= S[i, i, b] > ratio * R[i, i, b]
-    return found
-
-
-@inner
-def singular(S: Array, L: Array, b: int) -> bool:
-    """Return whether S of lane b, where it is finite, is as good as singular: a pivot of L is next to nothing."""
-    sound, total = True, 0.0
-    for i in range(len(S)):
-        # Written so that a pivot that is not a number counts.
-        sound &= L[i, i, b] * L[i, i, b] > SINGULAR * S[i, i, b]
-        for j in range(len(S)):
-            total += S[i, j, b]
-    return not sound and math.isfinite(total)
 
 
 @inner

@@ -74,6 +74,25 @@ def store_symmetric(A: Array, first: int, used: int, out: Array) -> None:
 
 
 @inner
+def copy_vectors(x: Array, used: int, out: Array) -> None:
+    """Set out (n,) to x."""
+    for i in range(len(x)):
+        for b in range(used):
+            out[i, b] = x[i, b]
+
+
+@inner
+def mirror(A: Array, used: int, out: Array) -> None:
+    """Set out (n, n) to the symmetric matrix whose lower triangle A has."""
+    for i in range(out.shape[0]):
+        for j in range(i + 1):
+            for b in range(used):
+                out[i, j, b] = A[i, j, b]
+            for b in range(used):
+                out[j, i, b] = A[i, j, b]
+
+
+@inner
 def copy(A: Array, used: int, out: Array) -> None:
     """Set out (p, q) to A; an assignment of whole arrays would be compiled for every way they could lie in memory."""
     for i in range(A.shape[0]):

@@ -11,8 +11,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inner, integer, kernel
-from relnav_sim.kernels.kalman import log_determinant
 from relnav_sim.kernels.lanes import LANES, factor
+from relnav_sim.kernels.scores import log_determinant
 
 _TRIFLE = 1e-12
 """Share of the variances by which singular covariances are widened to compare them, well above their rounding."""

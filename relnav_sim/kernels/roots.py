@@ -11,7 +11,6 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
-from relnav_sim.kernels.kalman import score
 from relnav_sim.kernels.lanes import (
     LANES,
     back,
@@ -23,6 +22,7 @@ from relnav_sim.kernels.lanes import (
     store,
     store_vectors,
 )
+from relnav_sim.kernels.scores import score
 
 _EPS = float(np.finfo(float).eps)
 _KNOWN = 16.0

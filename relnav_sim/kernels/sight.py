@@ -16,7 +16,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inlined, inner, kernel
 from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead, wrapped
-from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_symmetric, store_vectors
+from relnav_sim.kernels.lanes import LANES, load_vectors, mirror, store, store_symmetric, store_vectors
 from relnav_sim.kernels.sampling import SAMPLES
 
 
@@ -57,7 +57,7 @@ def noise(states: Array, M: Array, P: Array, variances: Array) -> Array:
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
         seen(states, first, used, M, s)
-        _covariance(s, used, P, variances, r)
+        covariance(s, used, P, variances, r)
         store_symmetric(r, first, used, R)
     return R
 
@@ -83,19 +83,13 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         seen(m, first, used, M, s)
-        spherical_of(s, used, e)
         load_vectors(z, first, used, d)
-        for i in range(3):
-            for b in range(used):
-                d[i, b] -= e[i, b]
-        for i in range(1, 3):
-            for b in range(used):
-                d[i, b] = wrapped(d[i, b])
+        subtract_spherical(s, used, e, d)
         store_vectors(d, first, used, nu)
         derivatives(s, used, M, h)
         store(h, first, used, H)
         if turns:
-            _covariance(s, used, P, variances, r)
+            covariance(s, used, P, variances, r)
             store_symmetric(r, first, used, R)
     if not turns:
         for i in range(3):
@@ -198,6 +192,46 @@ def spherical_of(s: Array, used: int, z: Array) -> None:
 
 
 @inner
+def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Array, h: Array, r: Array) -> None:
+    """Do as `linearised` in lanes.
+
+    Args:
+        x: Means (n, LANES).
+        used: How many lanes there are.
+        M: Rotation (3, 3) from the states' axes to the radar's.
+        P: Covariance (3, 3) of the attitude error.
+        variances: (1, 3).
+        w: Readings (3, LANES), which residuals take the place of.
+        h: Gets the Jacobians (3, n, LANES), of which the columns behind the third are left.
+        r: Gets the noise (3, 3, LANES).
+    """
+    s, room = np.empty((3, LANES)), np.empty((3, LANES))
+    seen(x.T, 0, used, M, s)
+    subtract_spherical(s, used, room, w)
+    derivatives(s, used, M, h)
+    if P.any():
+        covariance(s, used, P, variances[0], r)
+        mirror(r, used, r)
+    else:
+        for i in range(3):
+            for j in range(3):
+                for b in range(used):
+                    r[i, j, b] = variances[0, i] if i == j else 0.0
+
+
+@inner
+def subtract_spherical(s: Array, used: int, e: Array, d: Array) -> None:
+    """Subtract what is read along s from the readings d, with the angles in [-pi, pi); all (3, LANES), e is room."""
+    spherical_of(s, used, e)
+    for i in range(3):
+        for b in range(used):
+            d[i, b] -= e[i, b]
+    for i in range(1, 3):
+        for b in range(used):
+            d[i, b] = wrapped(d[i, b])
+
+
+@inner
 def derivatives(s: Array, used: int, M: Array, H: Array) -> None:
     """Set the first three columns of H (3, n, LANES) to dh/ds M."""
     g = np.empty((3, 3, LANES))
@@ -221,7 +255,7 @@ def derivatives(s: Array, used: int, M: Array, H: Array) -> None:
 
 
 @inner
-def _covariance(s: Array, used: int, P: Array, variances: Array, R: Array) -> None:
+def covariance(s: Array, used: int, P: Array, variances: Array, R: Array) -> None:
     """Set the lower triangle of R (3, 3, LANES) to diag(variances) + G P G^T, G = [0; a^T; e^T].
 
     A turn dtheta moves the azimuth by a = (s_z s_x / p^2, s_z s_y / p^2, -1) and the elevation by (s_y, -s_x, 0) / p.

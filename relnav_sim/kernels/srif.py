@@ -13,7 +13,6 @@ import numpy as np
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, number, single
 from relnav_sim.kernels.elementary import log
-from relnav_sim.kernels.kalman import places
 from relnav_sim.kernels.lanes import (
     LANES,
     factor,
@@ -27,6 +26,7 @@ from relnav_sim.kernels.lanes import (
     store_vectors,
 )
 from relnav_sim.kernels.roots import triangularise
+from relnav_sim.kernels.scores import places
 from relnav_sim.kernels.ud import factor_upper
 
 _LOG_TWO_PI = math.log(2 * math.pi)

@@ -14,7 +14,7 @@ import numpy as np
 from relnav_sim import kernels
 from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import NADIR_FROM_RTN, cross_matrix
-from relnav_sim.measurements.interface import MeasurementDefaults, Mixture
+from relnav_sim.measurements.interface import MeasurementDefaults, Mixture, Stretch
 from relnav_sim.measurements.spherical_radar import SightNoise
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -104,6 +104,13 @@ class ConvertedRadar(ConvertedPosition):
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (runs, 3, 3), m^2."""
         return self._covariances(mean, self._one)[:, 0]
+
+    def filtered(
+        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+    ) -> int | None:
+        """Fill a stretch by the Kalman filter."""
+        model = self._radar_from_rtn, self._attitude, self._one, r_scale
+        return stretch.filled(kernels.epochs.converted, mean, covariance, F, Q, *model)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (runs, k, 3, 3), where the filter is told of a mixture."""

@@ -10,11 +10,39 @@ from typing import Any, Protocol
 import numpy as np
 
 from relnav_sim import kernels
-from relnav_sim.arrays import Array, Indices
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.linalg import kernel_for, log_density, matrices, mixture_log_density
 
 Linearised = Callable[[Array, Array, int], tuple[Array, Array, Array]]
 SquaredErrors = Callable[[Array, Array, Array, Array, Array, int], Array]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Consecutive epochs that are filtered in one go, and room for what comes of them.
+
+    Args:
+        z: Readings (K, runs, m), complete where they are.
+        read: Where there is one, (K, runs).
+        mean: To be filled, (K, runs, n), as the others.
+        covariance: (K, runs, n, n).
+        nis: (K, runs); NaN without a reading.
+        log_likelihood: (K, runs); 0 without a reading.
+    """
+
+    z: Array
+    read: Mask
+    mean: Array
+    covariance: Array
+    nis: Array
+    log_likelihood: Array
+
+    def filled(
+        self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
+    ) -> int:
+        """Fill it by one of `kernels.epochs` for a model of the reading; return for how many epochs."""
+        given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
+        return kernel(*given, *model, self.mean, self.covariance, self.nis, self.log_likelihood)
 
 
 @dataclass(frozen=True)
@@ -85,11 +113,12 @@ def wrap_angle(angle: Array) -> Array:
 _PARTS = {
     "linearised": ("predict", "jacobian", "noise", "residual"),
     "squared_errors": ("predict", "jacobian", "residual"),
+    "filtered": ("linearised", "predict", "jacobian", "noise", "residual"),
 }
 """What a measurement may do in one go, and the functions that it then stands for."""
 
 
-def _depth(kind: type, name: str) -> int:
+def depth(kind: type, name: str) -> int:
     """Return how far up among the bases of a class a function is said."""
     return next(depth for depth, base in enumerate(kind.__mro__) if name in vars(base))
 
@@ -122,7 +151,7 @@ class MeasurementDefaults:
         """
         super().__init_subclass__(**arguments)
         for whole, parts in _PARTS.items():
-            if any(_depth(cls, part) < _depth(cls, whole) for part in parts):
+            if any(depth(cls, part) < depth(cls, whole) for part in parts):
                 setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:
@@ -197,6 +226,24 @@ class MeasurementDefaults:
         A measurement may have it cheaper than by the states themselves.
         """
         return squares_of_states(self, z, W, centre, root, e, epoch)
+
+    def filtered(
+        self, mean: Array, covariance: Array, F: Array, Q: Array, r_scale: float, stretch: Stretch
+    ) -> int | None:
+        """Fill a stretch by the extended Kalman filter; return for how many epochs, None: it can't for any.
+
+        A measurement that has it in compiled code gives what the filter gives from epoch to epoch, to the last bit. It
+        stops before an epoch in which a run needs more than the update from one Cholesky factor or Joseph's form.
+
+        Args:
+            mean: One epoch before the first, (runs, n).
+            covariance: Its covariance (runs, n, n).
+            F: Transition matrices (K, n, n), or (1, n, n) for all epochs.
+            Q: Process noise alike.
+            r_scale: Factor on the noise of the readings.
+            stretch: The epochs.
+        """
+        return None
 
     def log_likelihood(self, z: Array, states: Array, epoch: int) -> Array:
         """Return log p(z | states) under the mixture where there is one, else under N(0, R)."""

@@ -64,7 +64,7 @@ def all_channels(measurement: Measurement) -> Measurement:
     return complete
 
 
-_MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors")
+_MASKED = ("predict", "jacobian", "noise", "mixture", "residual", "linearised", "squared_errors", "filtered")
 """The functions of a measurement that absent channels change."""
 
 

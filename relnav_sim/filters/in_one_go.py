@@ -1,0 +1,60 @@
+"""Epochs that a filter takes in one go, in compiled code; the others it takes one after the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.filters.belief import Filter, Gaussian
+from relnav_sim.filters.history import Innovations
+from relnav_sim.filters.readings import Readings
+from relnav_sim.measurements.interface import Stretch
+
+
+class InOneGo:
+    """The epochs of a chunk that can be taken so.
+
+    A filter that can has ``compiled_epochs(belief, stretch, first_epoch)``, which fills the stretch, to the last bit as
+    `predict` and `update` would, and returns for how many epochs it could; None: for none of this run.
+
+    Args:
+        filter: The filter; None: every epoch is to be taken by itself.
+        readings: What arrives in the chunk; with gaps in a reading's channels no epoch of it is taken so.
+        first_epoch: Number of the chunk's first epoch.
+        mean: Where the means go, (K, runs, n).
+        covariance: Where their covariances go, (K, runs, n, n).
+        innovations: Where the innovations go.
+
+    Attributes:
+        goes_on: Whether there may be epochs that can be taken so.
+    """
+
+    def __init__(
+        self,
+        filter: Filter | None,
+        readings: Readings,
+        first_epoch: int,
+        mean: Array,
+        covariance: Array,
+        innovations: Innovations,
+    ) -> None:
+        self._take = getattr(filter, "compiled_epochs", None)
+        self.goes_on = self._take is not None and readings.plain
+        self._first_epoch = first_epoch
+        self._mean, self._covariance, self._innovations = mean, covariance, innovations
+        if self.goes_on:
+            self._z, self._read = readings.sensors[0].z, np.ascontiguousarray(readings.sensors[0].read.T)
+
+    def take(self, belief: Any, k: int) -> tuple[Any, int]:
+        """Return the belief after as many epochs from column k on as can be taken, and how many these are."""
+        assert self._take is not None, "it goes on"
+        room = self._mean[k:], self._covariance[k:], *self._innovations.room(k)
+        taken = self._take(belief, Stretch(self._z[k:], self._read[k:], *room), self._first_epoch + k)
+        self.goes_on = taken is not None
+        if not taken:
+            return belief, 0
+        # A copy: the history of a run that has failed is changed later.
+        last = k + taken - 1
+        return Gaussian(self._mean[last].copy(), self._covariance[last].copy()), taken

@@ -1,0 +1,203 @@
+"""Epochs that a Kalman filter takes in one go give what it gives from epoch to epoch, to the last bit."""
+
+import warnings
+
+import numpy as np
+import pytest
+from radar_problem import MEAN_MOTION, SIGMAS
+
+from relnav_sim import LinearDynamics, create_filter, run_filter
+from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.dynamics.by_epoch import LinearByEpoch
+from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
+from relnav_sim.dynamics.white_noise import AddedNoise
+from relnav_sim.filters.ekf import ExtendedKalmanFilter, ExtendedOptions
+from relnav_sim.filters.kalman import KalmanFilter, KalmanOptions
+from relnav_sim.measurements.converted_radar import ConvertedRadar
+from relnav_sim.measurements.partial import PartialMeasurement
+from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
+
+F, Q = cw_transition(MEAN_MOTION, 2.0), np.diag([1e-4] * 3 + [1e-6] * 3)
+P0 = np.diag([10.0] * 3 + [0.1] * 3) ** 2
+RUNS, EPOCHS = 35, 30
+
+
+class ByStep(ExtendedKalmanFilter):
+    """The same filter with an update that others may count."""
+
+    updates = 0
+
+    def update(self, belief, z, step):
+        self.updates += 1
+        return super().update(belief, z, step)
+
+
+class ByStepLinear(KalmanFilter):
+    """The linear filter, likewise."""
+
+    def correct(self, belief, z, step):
+        return super().correct(belief, z, step)
+
+
+class Counting:
+    """What counts how often a measurement is asked for compiled epochs."""
+
+    def __init__(self, *given):
+        super().__init__(*given)
+        self.taken = []
+
+    def filtered(self, *given):
+        self.taken.append(super().filtered(*given))
+        return self.taken[-1]
+
+
+class Counted(Counting, SphericalRadar):
+    """A radar so."""
+
+
+class CountedConverted(Counting, ConvertedRadar):
+    """A radar whose readings are converted."""
+
+
+def radar(attitude=1e-3, kind=Counted, host=()):
+    noise = SightNoise(np.ones(1), SIGMAS[None], SIGMAS, attitude**2 * np.eye(3))
+    return kind(np.eye(3), noise, *host)
+
+
+def readings(measurement, seed=3, sigmas=SIGMAS):
+    rng = np.random.default_rng(seed)
+    x = np.array([0.0, 5000.0, 200.0, 0.0, 0.0, 0.0])
+    z = measurement.predict(np.broadcast_to(x, (RUNS, EPOCHS, 6)), 0) + sigmas * rng.normal(size=(RUNS, EPOCHS, 3))
+    return z, x + rng.normal(size=(RUNS, 6)) * np.sqrt(np.diag(P0))
+
+
+EXTENDED = (ExtendedKalmanFilter, ByStep), ExtendedOptions()
+
+
+def compare(z, mean0, cov0=P0, dynamics=None, measurement=None, filters=EXTENDED):
+    """Filter in one go and epoch by epoch; return what the radar took."""
+    dynamics, measurement = dynamics or LinearDynamics(F, Q), measurement or radar()
+    kinds, options = filters
+    made = [kind(dynamics, PartialMeasurement(measurement), options) for kind in kinds]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of runs that fail
+        found, expected = (run_filter(filter, z, mean0, cov0) for filter in made)
+    for name in ("mean", "covariance", "nis", "log_likelihood", "dof"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    assert found.failures == expected.failures
+    return measurement.taken, found
+
+
+@pytest.mark.parametrize("attitude", [0.0, 1e-3])
+def test_all_epochs_are_taken_at_once(attitude):
+    measurement = radar(attitude)
+    z, mean0 = readings(measurement)
+    assert compare(z, mean0, measurement=measurement)[0] == [EPOCHS]
+
+
+@pytest.mark.parametrize("r_scale", [1.0, 2.0])
+def test_converted_readings(r_scale):
+    measurement = radar(kind=CountedConverted)
+    z, mean0 = readings(measurement, sigmas=5.0)
+    z[np.random.default_rng(4).random((RUNS, EPOCHS)) < 0.3] = np.nan
+    z[3, 20, 0] = np.nan  # such a reading counts as missing
+    filters = (KalmanFilter, ByStepLinear), KalmanOptions(r_scale=r_scale)
+    assert compare(z, mean0, measurement=measurement, filters=filters)[0] == [EPOCHS]
+
+
+def test_readings_with_gaps():
+    z, mean0 = readings(radar())
+    gaps = np.random.default_rng(4).random((RUNS, EPOCHS)) < 0.3
+    gaps[:, 7] = True
+    assert compare(np.where(gaps[..., None], np.nan, z), mean0)[0] == [EPOCHS]
+    z[3, 20, 0] = np.nan  # the range alone is missing
+    assert compare(z, mean0)[0] == []
+
+
+def test_an_epoch_that_needs_more_is_taken_by_itself():
+    z, mean0 = readings(radar())
+    wide = np.broadcast_to(P0, (RUNS, 6, 6)).copy()
+    wide[33] *= 1e16
+    taken, _ = compare(z, mean0, wide)
+    assert taken[0] == 0 and sum(taken) + taken.count(0) == EPOCHS
+
+
+def test_runs_that_fail():
+    z, mean0 = readings(radar())
+    mean0[4] = 1e300
+    mean0[9, :3] = 0.0  # on the radar itself, where there are no angles
+    taken, history = compare(z, mean0)
+    assert {failure.run for failure in history.failures} >= {4}
+    assert sum(taken) > 0
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_matrices_by_epoch(shared):
+    each = np.stack([cw_transition(MEAN_MOTION, 2.0 + 0.01 * k) for k in range(EPOCHS)])
+    z, mean0 = readings(radar())
+    noise = Q if shared else np.stack([Q * (1 + k) for k in range(EPOCHS)])
+    assert compare(z, mean0, dynamics=LinearDynamics(each, noise))[0] == [EPOCHS]
+    by_epoch = LinearByEpoch(lambda epochs: np.stack([cw_transition(MEAN_MOTION, 2.0 + 0.01 * k) for k in epochs]), Q)
+    assert compare(z, mean0, dynamics=by_epoch)[0] == [EPOCHS]
+
+
+def test_matrices_in_any_order_in_memory():
+    z, mean0 = readings(radar())
+    other = LinearDynamics(np.asfortranarray(F), np.asfortranarray(Q + 1e-7))
+    assert compare(z, mean0, dynamics=other)[0] == [EPOCHS]
+    each = np.broadcast_to(Q, (EPOCHS, 6, 6)).transpose(0, 2, 1)
+    assert compare(z, mean0, dynamics=LinearDynamics(F.T, each))[0] == [EPOCHS]
+    added = AddedNoise(LinearDynamics(F, Q), np.asfortranarray(Q + 1e-7))
+    assert compare(z, mean0, dynamics=added)[0] == [EPOCHS]
+
+
+def test_added_process_noise_is_in_it():
+    z, mean0 = readings(radar())
+    added = {"acceleration_psd_m2_s3": 1e-3, "mean_motion_rad_s": MEAN_MOTION, "step_s": 2.0}
+    plain, more = (
+        run_filter(create_filter("ekf", LinearDynamics(F, Q), radar(), process_noise=noise), z, mean0, P0)
+        for noise in (None, added)
+    )
+    assert (
+        np.diagonal(more.covariance[:, -1], axis1=1, axis2=2) > np.diagonal(plain.covariance[:, -1], axis1=1, axis2=2)
+    ).all()
+
+
+def test_what_a_derived_class_has_of_its_own_is_heard():
+    measurement = radar()
+    z, mean0 = readings(measurement)
+    filter = ByStep(LinearDynamics(F, Q), PartialMeasurement(measurement), ExtendedOptions())
+    run_filter(filter, z, mean0, P0)
+    assert filter.updates == EPOCHS and measurement.taken == []
+
+    class Noisier(LinearDynamics):
+        def process_noise(self, states, step):
+            return 4.0 * super().process_noise(states, step)
+
+    taken, history = compare(z, mean0, dynamics=Noisier(F, Q))
+    assert taken == []
+    np.testing.assert_array_equal(history.mean, compare(z, mean0, dynamics=LinearDynamics(F, 4.0 * Q))[1].mean)
+
+    class Poorer(SphericalRadar):
+        def noise(self, mean, epoch):
+            return 4.0 * super().noise(mean, epoch)
+
+    own, doubled = (
+        run_filter(create_filter("ekf", LinearDynamics(F, Q), one), z, mean0, P0)
+        for one in (radar(kind=Poorer), radar(kind=SphericalRadar))
+    )
+    assert (own.covariance[:, -1, 0, 0] > doubled.covariance[:, -1, 0, 0]).all()
+
+
+def test_a_radar_on_the_deputy_goes_from_epoch_to_epoch():
+    measurement = radar(host=("deputy", ChiefOrbit(7.0e6, 0.001, 0.9, 0.0, 0.0, 0.0)))
+    z, mean0 = readings(measurement)
+    assert compare(z, mean0, measurement=measurement)[0] == [None]
+
+
+@pytest.mark.parametrize("options", [{"arithmetic": "float32"}, {"underweighting": {"above_m": 1.0}}])
+def test_other_arithmetic_goes_from_epoch_to_epoch(options):
+    measurement = radar()
+    z, mean0 = readings(measurement)
+    run_filter(create_filter("ekf", LinearDynamics(F, Q), measurement, **options), z, mean0, P0)
+    assert measurement.taken == []
