@@ -41,7 +41,8 @@ def test_the_slope_of_a_line_with_a_scatter_in_proportion(scale):
 
 
 @pytest.mark.parametrize(
-    "axis, value, cases, filters", [("cases", 12, 12, 1), ("filters", 3, 1, 3), ("epochs", 2000, 1, 1)]
+    "axis, value, cases, filters",
+    [("cases", 12, 12, 1), ("filters", 3, 1, 3), ("epochs", 2000, 1, 1), ("full cases", 8, 8, 6)],
 )
 def test_the_campaigns_are_of_the_size_they_say(scale, axis, value, cases, filters):
     base = scale["campaigns"].AXES[axis][0]

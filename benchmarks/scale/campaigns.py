@@ -20,13 +20,14 @@ class Size:
     """Stored points beside the first; 0: every third epoch, of more than 1000 epochs a hundred."""
 
     def along(self, axis: str, value: int) -> Size:
-        """Return the size with another value along an axis."""
-        return replace(self, **{axis: value})
+        """Return the size with another value along an axis, whose last word says of what."""
+        return replace(self, **{axis.split()[-1]: value})
 
 
 AXES = {
     "runs": (Size(), (10, 100, 1000, 10_000, 100_000)),
     "cases": (Size(), (10, 100, 1000, 5000, 10_000)),
+    "full cases": (Size(runs=100, filters=6, epochs=121, stored=120), (1, 8, 60)),
     "filters": (Size(), (1, 10, 50, 200)),
     "epochs": (Size(runs=1), (1000, 10_000, 100_000, 1_000_000)),
     "stored": (Size(epochs=10_001), (10, 100, 1000, 10_000)),

@@ -27,7 +27,7 @@ COMMANDS = {
     "compare": ("compare", "scale.h5", "merged.h5"),
 }
 OF_THE_LARGEST = ("validate", "run", "run again", "inspect", "report")
-"""The commands that are measured beyond 5000 cases."""
+"""The commands that are measured beyond 5000 cases and of full cases."""
 _LOOK_S = 0.1
 
 
@@ -65,7 +65,8 @@ def timings(axis: str, values: Collection[int], longest_s: float) -> Iterator[li
         longest_s: Seconds that a command may take by the clock on the wall; the first that takes longer ends the size.
     """
     for value in values:
-        wanted = [name for name in COMMANDS if axis != "cases" or value <= 5000 or name in OF_THE_LARGEST]
+        everything = axis != "full cases" and (axis != "cases" or value <= 5000)
+        wanted = [name for name in COMMANDS if everything or name in OF_THE_LARGEST]
         with tempfile.TemporaryDirectory(prefix="relnav_scale_") as place:
             folder, found = Path(place), list[Timing]()
             (folder / "scale.yaml").write_text(text(AXES[axis][0].along(axis, value)), encoding="utf-8")
