@@ -126,7 +126,7 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
 
     Raises:
         IndexError: There is no such case.
-        ValueError: There is no such filter, or its gain depends on the readings, or there is nothing to start from.
+        ValueError: There is no such filter, or its gain depends on the measurements, or there is nothing to start from.
 
     Examples:
         >>> import relnav_sim
