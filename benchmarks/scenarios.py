@@ -34,7 +34,7 @@ relnav report
 Below each question stands why it is asked and the first sentence of the decision in its report, for the numbers of the
 file as it comes. It is an answer to that file, not a rule: other sensors, orbits or process noise may turn it, which
 is what the file is there to be changed for. "No filter can be recommended" is an answer too: each of those compared
-diverges, misses a requirement or claims far smaller errors than it makes.
+diverges, misses a requirement, or is overconfident.
 
 `make scenarios` flies all of them and writes this page anew.
 """

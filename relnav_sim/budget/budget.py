@@ -126,7 +126,7 @@ def error_budget(campaign: Campaign, case: int = 0, filter: str | None = None) -
 
     Raises:
         IndexError: There is no such case.
-        ValueError: There is no such filter, or its gain depends on the readings, or there is nothing to start from.
+        ValueError: There is no such filter, or its gain depends on the measurements, or there is nothing to start from.
 
     Examples:
         >>> import relnav_sim
@@ -188,5 +188,5 @@ def _chosen(config: CaseConfig, name: str | None) -> str:
 
 def _why(names: tuple[str, ...]) -> str:
     whose = "its gain depends" if len(names) == 1 else "their gains depend"
-    told = "on the readings, or on later ones by a smoother or a fitted start"
+    told = "on the measurements, or on later ones by a smoother or a fitted start"
     return f"{whose} {told}, so that there is none along the nominal truth; trust the Monte Carlo"

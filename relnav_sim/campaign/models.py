@@ -129,7 +129,7 @@ class StatisticsOptions(Options):
     settle_s: float = Field(
         default=500.0,
         ge=0,
-        description="Figures named 'settled' leave out the time before this, s; default 500, about a twelfth of a "
+        description="Values of the steady state leave out the time before this, s; default 500, about a twelfth of a "
         "low orbit's period",
     )
     convergence_m: float = Field(

@@ -55,8 +55,8 @@ def budget(
 ) -> None:
     """Show how much of a filter's error each source is, without a Monte Carlo run.
 
-    Linear covariance analysis along the nominal truth: for filters whose gain does not depend on the readings. What of
-    the campaign is not in the budget is named below the table.
+    Linear covariance analysis along the nominal truth: for filters whose gain does not depend on the measurements.
+    What of the campaign is not in the budget is named below the table.
     """
     from relnav_sim.budget import budgeted_filters, error_budget
     from relnav_sim.campaign import load_campaign
@@ -84,7 +84,7 @@ def budget(
         if others := [name for name in known if name != found[0].filter]:
             say(f"\nothers: {command('relnav', 'budget', file, *(w for name in others for w in ('--filter', name)))}")
         if without := [name for name in config.filters if name not in known]:
-            say(f"no budget of {', '.join(without)}: the gain depends on the readings")
+            say(f"no budget of {', '.join(without)}: the gain depends on the measurements")
     if target is not None:
         from relnav_sim.budget.export import export_budgets
 

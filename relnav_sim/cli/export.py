@@ -59,7 +59,7 @@ def export(
         str | None,
         typer.Option(
             metavar="CASE",
-            help="Of readings, truth and estimates: number, label or id of the case.",
+            help="Of readings, truth and estimates: the case, by number from 0, id, or label as printed.",
             show_default="the first",
         ),
     ] = None,
@@ -97,7 +97,7 @@ def export(
     if filter is not None and part is not Part.ESTIMATES:
         raise UserError("--filter chooses estimates; give --part estimates with it")
     if sensor and part is not Part.READINGS:
-        raise UserError("--sensor chooses readings; give --part readings with it")
+        raise UserError("--sensor chooses measurements; give --part readings with it")
     if part in _ORBITS:
         from relnav_sim.cli.export_orbits import export_orbits
 
@@ -108,7 +108,7 @@ def export(
         return
     if part is Part.READINGS:
         if to is Format.OEM:
-            raise UserError(f"--to oem is no format of readings; give {_OTHER_PART[to]} with it")
+            raise UserError(f"--to oem is no format of measurements; give {_OTHER_PART[to]} with it")
         from relnav_sim.cli.export_readings import export_readings
         from relnav_sim.recorded.readings import ReadingsError
 

@@ -40,11 +40,12 @@ def replay(
             "--measurements",
             "-m",
             metavar="READINGS",
-            help="A file of readings, CSV or CCSDS TDM; may be repeated. More files may follow the campaign's name.",
+            help="A file of recorded measurements, CSV or CCSDS TDM; may be repeated. More files may follow the "
+            "campaign's name.",
         ),
     ],
     more: Annotated[
-        list[Path] | None, typer.Argument(metavar="[READINGS]...", help="Further files of readings.")
+        list[Path] | None, typer.Argument(metavar="[READINGS]...", help="Further files of measurements.")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="Rows may be out of order, or stand there twice.")] = False,
     participants: Annotated[
@@ -70,8 +71,8 @@ def replay(
         typer.Option(
             case_sensitive=False,
             help="What estimates are scored against. auto: recorded orbits (truth.ephemeris), or the simulated truth "
-            "where the readings are the campaign's own, which is checked; campaign: the campaign's truth, unchecked; "
-            "none: nothing.",
+            "where the measurements are the campaign's own, which is checked; campaign: the campaign's truth, "
+            "unchecked; none: nothing.",
         ),
     ] = Truth.AUTO,
     changes: Annotated[
@@ -85,7 +86,7 @@ def replay(
     notify: NotifyOption = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what is there.")] = False,
 ) -> None:
-    """Run a campaign's filters on recorded readings, and say whether their residuals bear them out.
+    """Run a campaign's filters on recorded measurements, and say whether their residuals bear them out.
 
     With a truth the estimates are scored too, into a result that relnav report opens.
     """
@@ -169,7 +170,7 @@ def _print(found: list[FilterFigures], done: Replay) -> None:
         tables.insert(0, scores_table(found, done.truth, done.block.config.statistics.settle_s))
         say(f"scored against {done.truth}")
     else:
-        say("not scored: no truth is known for these readings, so that nothing says how far the estimates are off")
+        say("not scored: no truth is known for these measurements, so that nothing says how far the estimates are off")
         if done.unscored:
             say(done.unscored)
     for table in tables:

@@ -119,9 +119,9 @@ def error_around_events(
 ) -> Figure:
     """Draw the RMS position error over runs and events against the time since the event, a panel per kind.
 
-    Kinds: readings are lost (outage), they begin or come back (acquisition), of each sensor by itself where a filter
-    has several; a manoeuvre. The first two are read off the stored series: an outage shorter than the storage interval
-    is not seen. Manoeuvres are those of the campaign.
+    Kinds: measurements are missing (outage), they begin or come back (acquisition), of each sensor by itself where a
+    filter has several; a manoeuvre. The first two are read off the stored series: an outage shorter than the storage
+    interval is not seen. Manoeuvres are those of the campaign.
 
     Args:
         results: An opened result.

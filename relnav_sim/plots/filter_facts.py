@@ -42,7 +42,7 @@ class FilterFacts(RunFigures):
         cpu_us: CPU time per filter step (n,), microseconds.
         stored: Every dataset of `layout.SUMMARY` as it is stored.
         diagnostics: What the filter reports of its own working, by name (n,).
-        diverged: Which runs the filter lost, by the definition of `statistics.divergence` (n,).
+        diverged: In which runs it diverged, by the definition of `statistics.divergence` (n,).
         nees_time_s: Integrated correlation time of the NEES over the headline span, s; NaN where it is not known.
         times_bound: RMS of the position error over the completed runs and the stored epochs of a span, in multiples of
             the Cramér-Rao bound of a perfect model with its sensors over the same; NaN where the result holds none.

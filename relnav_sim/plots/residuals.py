@@ -150,7 +150,7 @@ def autocorrelation_words(name: str, channels: Sequence[ChannelCheck]) -> Figure
         f"Autocorrelation of the residuals of {name} between measurements so many apart. Grey: where that of "
         "white noise "
         "lies at 95 % of the lags.",
-        f"Autocorrelation against lag, a panel for each channel: {'; '.join(parts) or 'too few readings'}.",
+        f"Autocorrelation against lag, a panel for each channel: {'; '.join(parts) or 'too few measurements'}.",
     )
 
 

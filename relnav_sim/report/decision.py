@@ -312,7 +312,8 @@ def _has(choice: Choice, name: str, reason: Refusal) -> bool:
 
 def _none_acceptable(decision: Decision, known: Background) -> Sentence:
     reasons = _grouped(decision, list(decision.overall.refusals), known)
-    cases = " for all cases" if len(decision.cases) > 1 else ""
+    some = any(choice.chosen is not None for _, choice in decision.cases)
+    cases = "" if len(decision.cases) == 1 else " for all cases" if some else " in any case"
     return (Clause(f"No filter can be recommended{cases} ({_runs(decision)}): "), *reasons, Clause("."))
 
 

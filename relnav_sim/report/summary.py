@@ -305,7 +305,7 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
 
 
 def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
-    """Return the runs that stand out: of each filter and case the worst, those first that are lost or far off."""
+    """Return the runs that stand out: of each filter and case the worst, those first that diverged or are far off."""
     times: dict[tuple[int, int], list[float]] = {}
     names: dict[tuple[int, int], list[str]] = {}
     lost: set[tuple[int, int]] = set()
@@ -341,7 +341,7 @@ def _in_short(names: Sequence[str]) -> str:
 
 
 def _diverged(rankings: Sequence[Ranking]) -> list[str]:
-    """Return which filters lost their way in runs that did not fail, and so count in every mean."""
+    """Return which filters diverged in runs that did not fail, and so count in every mean."""
     parts = []
     for name, items in _per_filter(rankings):
         count = sum(int((item.diverged & item.ok).sum()) for item, _ in items)

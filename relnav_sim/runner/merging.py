@@ -82,7 +82,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
     if header.only is not None:
         raise RefusedError(f"{path} holds a single run for a closer look (relnav run --only); leave it out")
     if header.replay is not None:
-        raise RefusedError(f"{path} is of recorded readings (relnav replay); leave it out, or replay all files at once")
+        raise RefusedError(f"{path} is of recorded measurements (relnav replay); leave it out, or replay all at once")
     return header, result_pieces(path), result_bounds(path), provenance
 
 

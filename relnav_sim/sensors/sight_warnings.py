@@ -126,7 +126,7 @@ def _below_zero(name: str, options: RelativeSensorOptions, heard: Mask, distance
     if share <= RARE:
         return []
     return [
-        f"About {100 * share:.2g} % of the readings of the {name} are missing because their range would not be "
+        f"About {100 * share:.2g} % of the measurements of the {name} are missing because their range would not be "
         f"positive: its noise is of the size of the separation, from {distance[heard].min():.4g} m. The rest is biased "
         "towards long ranges, which no filter is told."
     ]

@@ -172,7 +172,7 @@ def test_what_is_not_in_it_is_named():
 
 def test_filters_whose_gain_depends_on_the_readings_are_refused_by_name():
     made = campaign()
-    with pytest.raises(ValueError, match="filter 'huber' has no error budget: its gain depends on the readings"):
+    with pytest.raises(ValueError, match="filter 'huber' has no error budget: its gain depends on the measurements"):
         error_budget(made, filter="huber")
     with pytest.raises(ValueError, match="there is no filter 'ekg'; there are ekf, kf, sr_ukf, huber"):
         error_budget(made, filter="ekg")
@@ -192,7 +192,7 @@ def test_a_filter_that_its_arithmetic_fails_has_no_budget():
 def test_process_noise_that_is_found_from_the_readings_has_no_budget():
     start = "{radial_psd_m2_s3: 1.0e-8, along_track_psd_m2_s3: 1.0e-8, normal_psd_m2_s3: 1.0e-8}"
     made = campaign(f"filters.ekf.process_noise={{adaptive: {{start: {start}}}}}")
-    with pytest.raises(ValueError, match="filter 'ekf' has no error budget: its gain depends on the readings"):
+    with pytest.raises(ValueError, match="filter 'ekf' has no error budget: its gain depends on the measurements"):
         error_budget(made, filter="ekf")
 
 

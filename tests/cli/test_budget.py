@@ -60,7 +60,7 @@ def test_the_series_as_csv(demo):
 @pytest.mark.parametrize(
     "words, sentence",
     [
-        (["--filter", "imm"], "relnav: filter 'imm' has no error budget: its gain depends on the readings"),
+        (["--filter", "imm"], "relnav: filter 'imm' has no error budget: its gain depends on the measurements"),
         (["--filter", "ekg"], "relnav: there is no filter 'ekg'; there are kf, ekf, ukf, imm"),
         (["--case", "2"], "relnav: the campaign has no case '2'; its cases are 0 to 1"),
         (["--figure", "budget.svg"], "relnav: --figure takes a name that ends with .png or .pdf, not budget.svg"),

@@ -125,7 +125,7 @@ def test_an_exported_truth_flies_again(result: Path) -> None:
     [
         (["--to", "oem"], "--to oem is no format of summary; give --part truth or --part estimates with it"),
         (["--part", "truth"], "truth is written as an OEM; give --to oem with it"),
-        (["--to", "oem", "--part", "readings"], "--to oem is no format of readings; give --part truth or --part"),
+        (["--to", "oem", "--part", "readings"], "--to oem is no format of measurements; give --part truth or --part"),
         (["--to", "oem", "--part", "estimates"], "the case has several filters; give --filter, one of ekf, cw"),
         (
             ["--to", "oem", "--part", "estimates", "--filter", "kf"],

@@ -209,7 +209,7 @@ def test_a_file_that_is_not_there(relnav):
 def test_a_result_of_recorded_readings_is_not_merged_with_others(relnav):
     assert relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--filter", "ekf").exit_code == 0
     done = relnav("merge", "all.h5", "results/pass.replay/result.h5")
-    assert done.exit_code == 2 and "of recorded readings" in done.output
+    assert done.exit_code == 2 and "of recorded measurements" in done.output
 
 
 @pytest.mark.parametrize("change", ["seed=5", "truth.chief.orbit.a_km=7500", "sensors.radar.range_sigma_m=2.5"])

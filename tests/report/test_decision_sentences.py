@@ -52,6 +52,12 @@ def test_where_no_filter_fits_all_cases_each_is_named_with_its_choice() -> None:
     )
 
 
+def test_where_no_case_has_an_acceptable_filter_the_lead_says_so() -> None:
+    said = _said([_case(0, "ab", a=1.0, b=2.0), _case(1, "ab", a=1.0, b=2.0)])
+    assert said[0].startswith("No filter can be recommended in any case (2 cases of 20 runs): a and b (diverged in 6")
+    assert not any(line.startswith("Case by case") for line in said)
+
+
 def test_many_cases_are_grouped_by_their_choice_the_first_of_each_named() -> None:
     cases = [_case(n, "a" if n < 10 else "b" if n < 58 else "ab", a=1.0, b=2.0) for n in range(60)]
     said = _said(cases)
