@@ -1,4 +1,4 @@
-"""The plan's campaigns validate in every size, and every reading finds its case and filters in them."""
+"""The plan's campaigns validate in every size, and every interpretation finds its case and filters in them."""
 
 from pathlib import Path
 
@@ -36,16 +36,16 @@ class _Variables:
 
 @pytest.mark.slow
 def test_every_reading_finds_its_case_and_its_filters():
-    readings = [reading for rule in (*RULES, *future_rules()) for reading in (*rule.main, *rule.others)]
+    interpretations = [interpretation for rule in (*RULES, *future_rules()) for interpretation in (*rule.main, *rule.others)]
     checked = 0
-    for reading in readings:
-        if reading.campaign not in NAMES:
+    for interpretation in interpretations:
+        if interpretation.campaign not in NAMES:
             continue
-        campaign = load_campaign(CAMPAIGNS / f"{reading.campaign}.yaml")
+        campaign = load_campaign(CAMPAIGNS / f"{interpretation.campaign}.yaml")
         measured = Measured({})
-        measured._results[reading.campaign] = _Variables(campaign)
-        case = campaign.cases[measured.case(reading.campaign, reading.case)]
-        assert set(reading.filters.values()) <= set(case.config.filters)
+        measured._results[interpretation.campaign] = _Variables(campaign)
+        case = campaign.cases[measured.case(interpretation.campaign, interpretation.case)]
+        assert set(interpretation.filters.values()) <= set(case.config.filters)
         checked += 1
     assert checked > 30
 

@@ -25,7 +25,7 @@ def alike(campaign, case, filter, column):
 
 
 def as_published(campaign, case, filter, column):
-    """What A1, A2, A4 and A5 would look like if the tables were right for every reading."""
+    """What A1, A2, A4 and A5 would look like if the tables were right for every interpretation."""
     position = "r" in column.split("_")
     mixture = campaign in ("alpha_kf_mixture", "alpha_kf_epsilon")
     is_alpha = filter.startswith(("alpha", "kf", "random", "adaptive"))
@@ -102,9 +102,9 @@ def test_the_best_alpha_must_beat_every_other():
 
 def test_counted_operations_decide_the_cost():
     judgement = judge(BY_CLAIM["A7"], Synthetic(alike))
-    by_reading = {item.reading.samples: item for item in judgement.evidence}
-    assert by_reading[10000].outcome == "fails"
-    assert by_reading[10000].effects[0].interval.estimate > 100
+    by_interpretation = {item.interpretation.samples: item for item in judgement.evidence}
+    assert by_interpretation[10000].outcome == "fails"
+    assert by_interpretation[10000].effects[0].interval.estimate > 100
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_future_work_is_judged_by_the_same_parts():
     for rule in future:
         if rule.claim != "A6":
             assert rule.parts == originals[rule.claim].parts
-        assert all(reading.filters["alpha_kf"].startswith("adaptive_") for reading in rule.main)
+        assert all(interpretation.filters["alpha_kf"].startswith("adaptive_") for interpretation in rule.main)
 
 
 @pytest.mark.parametrize(
