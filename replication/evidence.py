@@ -61,19 +61,20 @@ def unit_of(unit: str) -> str:
 
 
 def found_in_words(judgement: Judgement) -> str:
-    """Return the first main interpretation's effects in a few words, with intervals and the paper's numbers."""
-    main = next((item for item in judgement.evidence if item.main), None)
-    if main is None:
+    """Return the first main interpretation's effects in a few words, and how the others end."""
+    mains = [item for item in judgement.evidence if item.main]
+    if not mains:
         return MISSING
     words = []
-    for effect in main.effects:
+    for effect in mains[0].effects:
         part, interval = effect.part, effect.interval
         unit, number = unit_of(part.unit), number_of(interval)
         claimed = ""
         if math.isfinite(part.published):
             claimed = f" (paper {shown_number(part.published, _printed(part.published))})"
         words.append(f"{part.what} {number.shown}{unit} {number.shown_interval}".rstrip() + claimed)
-    return "; ".join(words)
+    others = [f"{item.interpretation.words}: {OUTCOMES[item.outcome]}" for item in mains[1:]]
+    return ". ".join(text[:1].upper() + text[1:] for text in ("; ".join(words), "; ".join(others)) if text)
 
 
 def runs_of(judgements: Iterable[Evidence]) -> int:

@@ -177,7 +177,7 @@ def read_extract(path: Path) -> Extract:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         campaign, campaign_hash, sha256 = (content.pop(key) for key in ("campaign", "campaign_hash", "sha256"))
-    except (KeyError, AttributeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is no summary of a campaign") from error
     extract = Extract(campaign, campaign_hash, content)
     if digest(extract) != sha256:

@@ -53,9 +53,9 @@ def markdown_page(summary: Summary, literal: str = "") -> str:
 
 
 def _introduction(summary: Summary) -> str:
-    missing = f" Not run yet: {', '.join(summary.missing)}." if summary.missing else ""
+    missing = f"Not run yet: {', '.join(summary.missing)}. " if summary.missing else ""
     return (
-        f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours.{plain_markdown(missing)} Rules, "
+        f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours. {plain_markdown(missing)}Rules, "
         f"all interpretations, tables and figures: [the evidence]({EVIDENCE_PAGE})."
     )
 
@@ -68,7 +68,7 @@ def verdict_table(summary: Summary) -> str:
         sentence = possible(summary.findings, claim.number)
         if sentence:
             verdict += f"; {plain_markdown(sentence)}"
-        link = f"[{claim.number}]({EVIDENCE_PAGE}#{claim.number.lower()}) {plain_markdown(claim.text)}"
+        link = f"[{claim.number}]({EVIDENCE_PAGE}#{claim.number.lower()}) {plain_markdown(claim.text.rstrip('.'))}"
         found, window = plain_markdown(claim.found), plain_markdown(claim.window)
         lines.append(f"| {link} | {verdict} | {found} | {window} | {claim.runs or '–'} |")
     return "\n".join(lines)
@@ -80,9 +80,7 @@ def verdict_in_words(claim: Claim) -> str:
         return "not run"
     if claim.verdict == "reproduced only if" and claim.conditions:
         shown, more = claim.conditions[:_SHOWN_CONDITIONS], len(claim.conditions) - _SHOWN_CONDITIONS
-        rest = (
-            f"; or in {more} more interpretations" if more > 1 else f"; or {claim.conditions[-1]}" if more == 1 else ""
-        )
+        rest = f"; or in {more} more" if more > 0 else ""
         return f"reproduced only {'; or '.join(shown)}{rest}"
     return f"{claim.verdict} (undecided with these runs)" if claim.undecided else claim.verdict
 
@@ -123,7 +121,7 @@ def _marked(line: str) -> str:
     if not line.startswith("**"):
         return plain_markdown(line)
     bold, rest = line.removeprefix("**").split("**", 1)
-    return f"**{plain_markdown(bold)}**{plain_markdown(rest)}"
+    return f"**{plain_markdown(bold)}** {plain_markdown(rest.strip())}"
 
 
 def history_table() -> str:

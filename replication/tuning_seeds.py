@@ -25,6 +25,8 @@ def pooled(intervals: Sequence[Interval]) -> Interval:
     m, level = len(intervals), intervals[0].level
     runs = min(interval.runs for interval in intervals)
     estimates = np.array([interval.estimate for interval in intervals])
+    if not np.isfinite(estimates).all():  # runs that never converge in some tuning: no variance can be told
+        return max(intervals, key=lambda interval: interval.estimate)
     middle = float(estimates.mean())
     if runs < 2:
         return Interval(middle, math.nan, math.nan, level, runs)

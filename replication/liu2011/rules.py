@@ -54,7 +54,7 @@ RULES = (
         "any slack between 1e-6 R and 1e6 R.",
         (
             Part(
-                "share of runs that converge with the unscented start",
+                "share that converges from the unscented start",
                 "share",
                 ("two_step",),
                 "convergence_s",
@@ -63,7 +63,7 @@ RULES = (
                 within=QUICK_S,
             ),
             Part(
-                "that share less the one with the linearised start",
+                "less the share from the linearised start",
                 "share",
                 ("two_step",),
                 "convergence_s",
@@ -83,7 +83,7 @@ RULES = (
         (
             *(
                 Part(
-                    f"whole-run position error below the {name.upper()}'s",
+                    f"whole run, below the {name.upper()}'s",
                     "reduction",
                     ("two_step",),
                     "r_rms_m",
@@ -95,7 +95,7 @@ RULES = (
             ),
             *(
                 Part(
-                    f"steady-state position error below the {name.upper()}'s",
+                    f"steady state, below the {name.upper()}'s",
                     "reduction",
                     ("two_step",),
                     "settled_r_rms_m",

@@ -137,10 +137,10 @@ _OTHERS_3 = (*_OTHERS_3, *_EPSILON)
 _TIME = "convergence_relative_s"
 _A3_PARTS = (
     within_factor(
-        Part("time of the EKF to converge", "median", ("ekf",), _TIME, "s", published=18.0),
+        Part("EKF", "median", ("ekf",), _TIME, "s", published=18.0),
     ),
     Part(
-        "the UKF's time over the alpha filter's",
+        "UKF over alpha filter",
         "ratio of medians",
         ("ukf",),
         _TIME,
@@ -150,9 +150,7 @@ _A3_PARTS = (
         # Half of it on the scale where such ratios live, the logarithm.
         at_least=math.sqrt(240 / 21),
     ),
-    within_factor(
-        Part("the alpha filter's time over the EKF's", "ratio of medians", ("alpha_kf",), _TIME, "1", ("ekf",), 21 / 18)
-    ),
+    within_factor(Part("alpha filter over EKF", "ratio of medians", ("alpha_kf",), _TIME, "1", ("ekf",), 21 / 18)),
 )
 _A3_OTHERS = (
     Interpretation(
@@ -199,7 +197,7 @@ def _bias(name: str, words: str, azimuth: float, elevation: float) -> Interpreta
 # The paper's own margin in its Table 4: 6.947 m at alpha = 0.05, 7.077 m at 0.01.
 _A6_PARTS = (
     Part(
-        "mean position error at the better of alpha = 0.05 and 0.1 below that at the best other alpha",
+        "mean position error below that at the best other alpha",
         "margin",
         _BEST,
         R_MEAN,
@@ -211,7 +209,7 @@ _A6_PARTS = (
 )
 _A10_PARTS = tuple(
     Part(
-        f"share of outliers of the {what} error at the better of alpha = 0.05 and 0.1 below that at the best other",
+        f"share of outliers, {what}, below that at the best other alpha",
         "margin",
         _BEST,
         column,
@@ -265,8 +263,8 @@ RULES = (
         "than for the EKF and for the UKF by at least half the published percentage: both 95 % intervals of the "
         "reduction lie wholly above it.",
         (
-            reduction("alpha_kf", "ekf", R_MEAN, 74.6, "position error below the EKF's"),
-            reduction("alpha_kf", "ukf", R_MEAN, 56.7, "position error below the UKF's"),
+            reduction("alpha_kf", "ekf", R_MEAN, 74.6, "below the EKF's"),
+            reduction("alpha_kf", "ukf", R_MEAN, 56.7, "below the UKF's"),
         ),
         _MAIN_2,
         _OTHERS_2,
@@ -275,8 +273,8 @@ RULES = (
         "A2",
         "As A1, for the velocity error.",
         (
-            reduction("alpha_kf", "ekf", V_MEAN, 47.8, "velocity error below the EKF's"),
-            reduction("alpha_kf", "ukf", V_MEAN, 40.0, "velocity error below the UKF's"),
+            reduction("alpha_kf", "ekf", V_MEAN, 47.8, "below the EKF's"),
+            reduction("alpha_kf", "ukf", V_MEAN, 40.0, "below the UKF's"),
         ),
         _MAIN_2,
         _OTHERS_2,
@@ -294,8 +292,8 @@ RULES = (
         "A4",
         "As A1, with mixture noise.",
         (
-            reduction("alpha_kf", "ekf", R_MEAN, 34.5, "position error below the EKF's"),
-            reduction("alpha_kf", "ukf", R_MEAN, 36.0, "position error below the UKF's"),
+            reduction("alpha_kf", "ekf", R_MEAN, 34.5, "below the EKF's"),
+            reduction("alpha_kf", "ukf", R_MEAN, 36.0, "below the UKF's"),
         ),
         _MAIN_3,
         _OTHERS_3,
@@ -305,9 +303,9 @@ RULES = (
         "With mixture noise the alpha filter's mean velocity error is below the EKF's by at least half of 4.3 %, "
         "and above the UKF's by at least half of 0.007 m/s.",
         (
-            reduction("alpha_kf", "ekf", V_MEAN, 4.3, "velocity error below the EKF's"),
+            reduction("alpha_kf", "ekf", V_MEAN, 4.3, "below the EKF's"),
             Part(
-                "velocity error above the UKF's",
+                "above the UKF's",
                 "difference",
                 ("alpha_kf",),
                 V_MEAN,
@@ -335,7 +333,7 @@ RULES = (
         "than the EKF and fewer than the UKF.",
         tuple(
             Part(
-                f"operations over the {name.upper()}'s",
+                f"times the {name.upper()}'s operations",
                 "operations",
                 ("alpha_kf",),
                 "",
@@ -356,7 +354,7 @@ RULES = (
         "The three mean position errors printed in Table 2 lie within two standard deviations of the mean errors of "
         "our single runs (t >= 500 s).",
         tuple(
-            among_single_runs(role, R_MEAN, printed, f"{printed:g} m, {_LABELS[role]}: distance from our runs' mean")
+            among_single_runs(role, R_MEAN, printed, f"printed {printed:g} m, off the mean of our runs by")
             for role, printed in (("ekf", 2.623), ("ukf", 1.541), ("alpha_kf", 0.667))
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_gaussian", _SAME),),
@@ -366,7 +364,7 @@ RULES = (
         "A9",
         "As A8, for the two numbers of the abstract, with mixture noise.",
         tuple(
-            among_single_runs("alpha_kf", column, printed, f"{printed:g} {unit}: distance from our runs' mean")
+            among_single_runs("alpha_kf", column, printed, f"printed {printed:g} {unit}, off the mean of our runs by")
             for column, printed, unit in ((R_MEAN, 1.813, "m"), (V_MEAN, 0.022, "m/s"))
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_mixture", _SAME),),
@@ -385,9 +383,7 @@ RULES = (
         "The sinusoid that fits a run's radial velocity error best (t >= 500 s) has a period of 3500 s within a "
         "tenth, in the mean over runs, for each filter.",
         tuple(
-            within_tenth(
-                Part(f"period of the {_LABELS[role]}'s wave", "value", (role,), "wave_period_s", "s", published=3500.0)
-            )
+            within_tenth(Part(_LABELS[role], "value", (role,), "wave_period_s", "s", published=3500.0))
             for role in _WAVE_ROLES
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_gaussian", _SAME),),
@@ -395,11 +391,11 @@ RULES = (
     ),
     Rule(
         "A12",
-        "The formal position sigma after 100 s is at most half of that at the first fix, for each filter. The paper "
-        "prints no number.",
+        "The formal position sigma after 100 s, less half of that at the first fix, is negative for each filter. The "
+        "paper prints no number.",
         tuple(
             Part(
-                f"formal position sigma of the {_LABELS[role]} after 100 s, less half of that at the first fix",
+                _LABELS[role],
                 "value",
                 (role,),
                 "sigma_r_excess_m",
