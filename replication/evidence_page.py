@@ -8,6 +8,7 @@ from relnav_sim.report.tables import Column, Row, Table, Words, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
 from replication.evidence import OUTCOMES
 from replication.findings import table_rows
+from replication.listed import deviation_table
 from replication.pages import verdict_in_words
 from replication.papers import papers
 from replication.summary import Claim, Experiment, PaperPart, Plot, Summary
@@ -20,18 +21,20 @@ NOTE = (
 )
 
 
-def evidence_page(summary: Summary, figures: str) -> str:
+def evidence_page(summary: Summary, figures: str, literal: str = "") -> str:
     """Return the Markdown page.
 
     Args:
         summary: What was found.
         figures: Path of the figures' folder as the page links it.
+        literal: Text of the campaigns that fly the papers literally; empty where there are none.
     """
     parts = [f"# {TITLE}", NOTE]
     for part in summary.papers:
         claims = [claim for claim in summary.claims if claim.number in papers()[part.key].claims]
         parts += _paper(part, claims, figures)
         parts += [_folded(table.title, table) for table in _inferred(summary, part)]
+    parts += ["## Where relnav deviates from the papers", deviation_table(literal)]
     parts += ["## Campaigns", _table(summary.campaigns)]
     return "\n\n".join(item.strip("\n") for item in parts if item) + "\n"
 

@@ -1,14 +1,13 @@
-"""The page of verdicts, made of the summary alone: one screen first, then causes, how claims are judged, deviations."""
+"""The page of verdicts, made of the summary alone: one screen first, then causes, and how claims are judged."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from relnav_sim.report.tables import plain_markdown
 from replication.findings import paper_lines, possible
+from replication.listed import entries, pipe_table
 from replication.papers import papers
 from replication.summary import Claim, Summary
 
@@ -35,19 +34,13 @@ PRINCIPLES = (
 )
 
 
-def markdown_page(summary: Summary, literal: str = "") -> str:
-    """Return the Markdown page.
-
-    Args:
-        summary: What was found.
-        literal: Text of the campaign that flies the papers literally; empty where there is none.
-    """
+def markdown_page(summary: Summary) -> str:
+    """Return the Markdown page."""
     parts = [f"# {TITLE}", _introduction(summary), "## Verdicts", verdict_table(summary)]
     parts += ["## Which settings could do it", *_inference(summary.findings)]
     parts += ["## Contradictions inside the papers", _bullets(_contradictions())]
     parts += ["## Causes", _bullets(causes(summary))]
     parts += ["## How a claim is judged", *PRINCIPLES]
-    parts += ["## Where relnav deviates from the papers", deviation_table(literal)]
     parts += ["## History of the rules", history_table()]
     return "\n\n".join(item.strip("\n") for item in parts if item) + "\n"
 
@@ -56,7 +49,7 @@ def _introduction(summary: Summary) -> str:
     missing = f"Not run yet: {', '.join(summary.missing)}. " if summary.missing else ""
     return (
         f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours. {plain_markdown(missing)}Rules, "
-        f"all interpretations, tables and figures: [the evidence]({EVIDENCE_PAGE})."
+        f"all interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE})."
     )
 
 
@@ -91,11 +84,12 @@ def verdict_lines(summary: Summary) -> list[tuple[str, str, str]]:
 
 
 def causes(summary: Summary) -> list[str]:
-    """Return the cause that each experiment shows, in a sentence or two, with the numbers of the claims."""
+    """Return the causes that experiments show, in a sentence or two each, with the numbers of the claims."""
     return [
         f"**{item.title}** ({', '.join(item.claims)}). {item.text[-1]}"
         for part in summary.papers
         for item in part.experiments
+        if not item.detail
     ]
 
 
@@ -126,43 +120,5 @@ def _marked(line: str) -> str:
 
 def history_table() -> str:
     """Return how the rules changed, and why, as a Markdown table."""
-    rows = [(item["rules"], item["change"], item["reason"]) for item in _data("history.yaml")]
-    return _pipe_table(("rules", "change", "reason"), rows)
-
-
-def deviation_table(literal: str) -> str:
-    """Return where relnav's usual settings differ from the papers, as a Markdown table.
-
-    Args:
-        literal: Text of the campaign that flies the papers literally: a switch is shown where it sets it.
-    """
-    rows = []
-    for item in _data("deviations.yaml"):
-        switch = item["switch"]
-        shown = f"`{switch.rstrip(':')}`" if switch and switch in literal else "–"
-        rows.append((item["paper"], item["relnav"], item["printed"], shown))
-    table = _pipe_table(("paper", "relnav", "the paper", "switch"), rows)
-    if literal:
-        return f"{table}\n\n`campaigns/papers_literal.yaml` sets the switches."
-    return f"{table}\n\nA campaign that sets the papers' own ways is not here yet."
-
-
-def _pipe_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(head)} |", f"|{':--|' * len(head)}"]
-    for row in rows:
-        cells = (cell if cell.startswith("`") else plain_markdown(" ".join(cell.split())) for cell in row)
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _data(name: str) -> list[dict[str, str]]:
-    import yaml
-
-    content: list[dict[str, str]] = yaml.safe_load((files("replication") / name).read_text(encoding="utf-8"))
-    return content
-
-
-def literal_text(campaigns: Path) -> str:
-    """Return the text of the campaign that flies the papers literally; empty where there is none."""
-    path = campaigns / "papers_literal.yaml"
-    return path.read_text(encoding="utf-8") if path.exists() else ""
+    rows = [(item["rules"], item["change"], item["reason"]) for item in entries("history.yaml")]
+    return pipe_table(("rules", "change", "reason"), rows)

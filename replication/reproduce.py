@@ -15,8 +15,9 @@ from replication.extract import Extract, extracted
 from replication.figure_files import save
 from replication.findings import read_findings
 from replication.html_page import html_page
+from replication.listed import literal_text
 from replication.measured import Measured
-from replication.pages import literal_text, markdown_page
+from replication.pages import markdown_page
 from replication.plan import Size, complete_in_full, run_plan
 from replication.summary import Summary, written
 
@@ -111,8 +112,8 @@ def write_docs(
     renew(complete_in_full(campaigns, in_full / "campaigns", say), summaries, say)
     summary = summarised(Measured(committed(campaigns, summaries, say)), "full", read_findings())
     draw(summary, docs / DOCS_FIGURES)
-    _write(docs / "replication.md", markdown_page(summary, literal_text(campaigns)))
-    _write(docs / "replication-evidence.md", evidence_page(summary, DOCS_FIGURES))
+    _write(docs / "replication.md", markdown_page(summary))
+    _write(docs / "replication-evidence.md", evidence_page(summary, DOCS_FIGURES, literal_text(campaigns)))
     return summary
 
 

@@ -61,12 +61,16 @@ class Plot:
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment that shows a cause: its claims, what it shows in sentences, and its table."""
+    """An experiment that shows a cause: its claims, what it shows in sentences, and its table.
+
+    The last sentence of the text is on the page of verdicts, unless ``detail`` keeps it on that of the evidence.
+    """
 
     title: str
     claims: tuple[str, ...]
     text: tuple[str, ...]
     table: Table
+    detail: bool = False
 
 
 @dataclass(frozen=True)

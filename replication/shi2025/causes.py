@@ -60,8 +60,8 @@ def alpha_is_a_gain(measured: Measured) -> Experiment:
         "One step of the alpha filter weights samples of the prediction with the likelihood to the power α. A "
         "Gaussian to the power α is a Gaussian with R / α, and the converted measurement is linear: the filter is a "
         "sampled Kalman filter with R / α.",
-        f"On the same runs the alpha filter and KF(R/α) differ by at most {worst:.2f} % at α = 0.5; gain and "
-        "covariance depend on Q and R through their ratio alone, so choosing α is choosing the process noise.",
+        f"On the same runs the alpha filter and KF(R/α) differ by at most {worst:.2f} % at α = 0.5; the gain "
+        "depends on Q and R through their ratio alone, so choosing α is choosing the process noise.",
     )
     return Experiment("α is a gain", ("A1", "A2", "A4", "A5"), text, table)
 

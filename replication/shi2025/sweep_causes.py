@@ -65,7 +65,7 @@ def sampling_floor(measured: Measured) -> Experiment:
         f"the noise of 10000 samples alone would rise from {floors[-1][1]:.2f} to {floors[0][1]:.2f} m, and KF(R/α), "
         f"which has no samples, from {quiet:.2f} to {wide:.2f} m.",
     )
-    return Experiment("The scatter of Table 4 needs no divergence", ("A6", "A10"), text, table)
+    return Experiment("The scatter of Table 4 needs no divergence", ("A6", "A10"), text, table, detail=True)
 
 
 def small_alpha_is_slow(measured: Measured) -> Experiment:
@@ -160,4 +160,4 @@ def outliers(measured: Measured) -> Experiment:
         f"With one process noise the share of outliers of the position error is {found[0.05]:.2f} % at α = 0.05, "
         f"{found[0.1]:.2f} % at 0.1 and least at α = {least:g}, {found[least]:.2f} %.",
     )
-    return Experiment("Outliers by α", ("A10",), text, table)
+    return Experiment("Outliers by α", ("A10",), text, table, detail=True)

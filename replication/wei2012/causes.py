@@ -228,7 +228,7 @@ def _particles_and_step(measured: Measured) -> Experiment:
         f"{met(0.5, 0, absolute)} and below 0.001 m/s in {met(0.001, 1, absolute)}; the filter that learns the "
         f"residual in {met(0.5, 0, residual)} and {met(0.001, 1, residual)}.",
     )
-    return Experiment("What the number of particles and the time step change", ("B1", "B2"), text, table)
+    return Experiment("What the number of particles and the time step change", ("B1", "B2"), text, table, detail=True)
 
 
 def _depletion(measured: Measured) -> Experiment:
@@ -267,7 +267,7 @@ def _depletion(measured: Measured) -> Experiment:
         "start, where a radar of 3 cm meets a prior of metres; that ends when the process noise has spread the "
         "particles again, so depletion does not explain the paper's Fig. 3.",
     )
-    return Experiment("Depletion at the start", ("B3", "B4"), text, table)
+    return Experiment("Depletion at the start", ("B3", "B4"), text, table, detail=True)
 
 
 def _fair_baseline(measured: Measured) -> Experiment:
