@@ -13,7 +13,7 @@ from replication.summary import Claim, Summary
 
 TITLE = "Three papers, claim by claim"
 EVIDENCE_PAGE = "replication-evidence.md"
-_SHOWN_CONDITIONS = 2
+_SHOWN_CONDITIONS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
     "full": "Campaigns at full size, of which `replication/full/` holds a summary each. `make reproduce` computes some "

@@ -15,14 +15,9 @@ def prior(sigma_m: float) -> dict[str, object]:
     return {"start": {"kind": "dispersed", "position_sigma_m": sigma_m}}
 
 
-def _prior(sigma_m: float, filters: dict[str, str], words: str = "") -> Interpretation:
-    return Interpretation(
-        f"{sigma_m:g} m{words and ', ' + words}",
-        f"with a start error of {sigma_m:g} m (1 sigma){words and ' and ' + words}",
-        "two_step",
-        filters,
-        prior(sigma_m),
-    )
+def _prior(sigma_m: float, filters: dict[str, str]) -> Interpretation:
+    words = f"with a start error of {sigma_m:g} m"
+    return Interpretation(f"{sigma_m:g} m", words, "two_step", filters, prior(sigma_m))
 
 
 _STARTS = {"two_step": "two_step_unscented", "arbitrary": "two_step_linearised"}
@@ -41,7 +36,7 @@ def _slack(filter: str) -> Interpretation:
     return replace(
         _prior(WIDE_M, {**_STARTS, "arbitrary": filter}),
         name=f"slack {SLACKS[filter]}",
-        words=f"against a linearised start with a slack of {SLACKS[filter]}",
+        words=f"against a start with a slack of {SLACKS[filter]}",
     )
 
 

@@ -144,7 +144,7 @@ def test_verdicts_in_words():
     assert verdict_in_words(small_summary("not reproduced", ()).claims[0]) == "not reproduced"
     assert verdict_lines(small_summary()) == [("A1", "reproduced only with alpha", "found 3 %")]
     many = replace(small_summary().claims[0], conditions=("if a", "if b", "if c", "if d"))
-    assert verdict_in_words(many) == "reproduced only if a; or if b; or in 2 more"
+    assert verdict_in_words(many) == "reproduced only if a; or if b; or if c; or in 1 more"
 
 
 def test_the_summary_is_plain_json():
