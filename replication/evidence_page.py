@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from relnav_sim.report.tables import Column, Row, Table, Words, plain_markdown
+from relnav_sim.report.tables import Table, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
 from replication.evidence import OUTCOMES
-from replication.findings import table_rows
 from replication.listed import deviation_table
 from replication.pages import verdict_in_words
 from replication.papers import papers
@@ -33,7 +32,6 @@ def evidence_page(summary: Summary, figures: str, literal: str = "") -> str:
     for part in summary.papers:
         claims = [claim for claim in summary.claims if claim.number in papers()[part.key].claims]
         parts += _paper(part, claims, figures)
-        parts += [_folded(table.title, table) for table in _inferred(summary, part)]
     parts += ["## Where relnav deviates from the papers", deviation_table(literal)]
     parts += ["## Campaigns", _table(summary.campaigns)]
     return "\n\n".join(item.strip("\n") for item in parts if item) + "\n"
@@ -73,21 +71,6 @@ def _experiment(experiment: Experiment) -> list[str]:
 def _plot(plot: Plot, figures: str) -> str:
     caption = f"**{plain_markdown(plot.number)}.** {plain_markdown(plot.caption)}"
     return f"![{plain_markdown(plot.alt)}]({figures}/{plot.name}.png)\n\n{caption}"
-
-
-def _inferred(summary: Summary, part: PaperPart) -> list[Table]:
-    """Return a paper's tables with the best joint setting and its residuals, where the inference has them."""
-    tables = []
-    for name, content in summary.findings.get(part.key, {}).get("tables", {}).items():
-        heads = ("paper", "best", "residual")
-        columns = tuple(
-            Column(head, column, opens_group=head == heads[0]) for column in content["columns"] for head in heads
-        )
-        rows = tuple(Row(label, tuple(map(Words, cells))) for label, *cells in table_rows(content))
-        title = f"{name.replace('_', ' ').capitalize()} with the best joint setting"
-        caption = "Residuals in standard deviations of single runs."
-        tables.append(Table(f"inferred_{name}", title, caption, "value", columns, rows))
-    return tables
 
 
 def _table(table: Table) -> str:

@@ -37,8 +37,8 @@ def possible(findings: Mapping[str, Any], claim: str) -> str:
 
 
 def paper_lines(paper: Mapping[str, Any]) -> list[str]:
-    """Return what was found of one paper beside its claims: bank, sentences that no setting satisfies, checks."""
-    lines = []
+    """Return what was found of one paper beside its claims: the bank, and what settings say of its sentences."""
+    lines: list[str] = []
     bank = paper.get("bank")
     if bank:
         lines.append(
@@ -49,22 +49,4 @@ def paper_lines(paper: Mapping[str, Any]) -> list[str]:
         value = sentence.get("p_value")
         shown = f" (p = {value:.3g})" if isinstance(value, (int, float)) else ""
         lines.append(f"“{sentence['text']}”: {sentence['verdict']}{shown}.")
-    for number, claim in paper.get("claims", {}).items():
-        for conflict in claim.get("conflicts", ()):
-            lines.append(f"{number}: in conflict: {conflict}.")
     return lines
-
-
-def table_rows(table: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return a table's best joint setting beside the paper: label, then paper, best and residual of each column."""
-    rows = []
-    for row in table.get("rows", ()):
-        cells = [row["label"]]
-        for paper, best, residual in zip(row["paper"], row["best"], row["residual"], strict=True):
-            cells += [_shown(paper), _shown(best), _shown(residual, 2)]
-        rows.append(tuple(cells))
-    return rows
-
-
-def _shown(value: Any, decimals: int = 4) -> str:
-    return f"{value:.{decimals}g}" if isinstance(value, (int, float)) else "–"

@@ -13,6 +13,8 @@ from replication.summary import Claim, Summary
 
 TITLE = "Three papers, claim by claim"
 EVIDENCE_PAGE = "replication-evidence.md"
+SETTINGS_PAGE = "replication-settings.md"
+"""Written by replication/inverse with its findings."""
 _SHOWN_CONDITIONS = 3
 SIZES = {
     "trial": "A trial of a few minutes: three runs of each case, shortened. Its verdicts mean nothing.",
@@ -99,7 +101,7 @@ def _inference(findings: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, paper in findings.items():
         lines += [f"{papers()[key].short}: {line}" for line in paper_lines(paper)]
-    return [_bullets(lines)]
+    return [_bullets(lines), f"Settings, best joint fits and checks: [the inference]({SETTINGS_PAGE})."]
 
 
 def _contradictions() -> list[str]:

@@ -137,10 +137,10 @@ _OTHERS_3 = (*_OTHERS_3, *_EPSILON)
 _TIME = "convergence_relative_s"
 _A3_PARTS = (
     within_factor(
-        Part("EKF", "median", ("ekf",), _TIME, "s", published=18.0),
+        Part("EKF's time", "median", ("ekf",), _TIME, "s", published=18.0),
     ),
     Part(
-        "UKF over alpha filter",
+        "UKF's time over alpha filter's",
         "ratio of medians",
         ("ukf",),
         _TIME,
@@ -150,7 +150,7 @@ _A3_PARTS = (
         # Half of it on the scale where such ratios live, the logarithm.
         at_least=math.sqrt(240 / 21),
     ),
-    within_factor(Part("alpha filter over EKF", "ratio of medians", ("alpha_kf",), _TIME, "1", ("ekf",), 21 / 18)),
+    within_factor(Part("alpha filter's over EKF's", "ratio of medians", ("alpha_kf",), _TIME, "1", ("ekf",), 21 / 18)),
 )
 _A3_OTHERS = (
     Interpretation(
@@ -281,7 +281,7 @@ RULES = (
     ),
     Rule(
         "A3",
-        "Converged: the position error stays for 50 s below three times its settled RMS. The EKF's median time over "
+        "Converged: the position error stays for 50 s below three times its steady-state RMS. The EKF's median time over "
         "runs is 18 s within a factor of two; the UKF takes at least sqrt(240/21) = 3.4 times as long as the alpha "
         "filter; the alpha filter's time over the EKF's is 21/18 within a factor of two.",
         _A3_PARTS,
@@ -383,7 +383,7 @@ RULES = (
         "The sinusoid that fits a run's radial velocity error best (t >= 500 s) has a period of 3500 s within a "
         "tenth, in the mean over runs, for each filter.",
         tuple(
-            within_tenth(Part(_LABELS[role], "value", (role,), "wave_period_s", "s", published=3500.0))
+            within_tenth(Part(f"period, {_LABELS[role]}", "value", (role,), "wave_period_s", "s", published=3500.0))
             for role in _WAVE_ROLES
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_gaussian", _SAME),),
@@ -395,7 +395,7 @@ RULES = (
         "paper prints no number.",
         tuple(
             Part(
-                _LABELS[role],
+                f"excess of formal sigma, {_LABELS[role]}",
                 "value",
                 (role,),
                 "sigma_r_excess_m",
