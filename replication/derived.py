@@ -95,6 +95,6 @@ def derived(time_s: Array, error: Array, sigma: Array, settle_s: float) -> Mappi
         "v_rms_late_m_s": lambda: rms_in(time_s, v, LATE_S, np.inf),
         "sigma_r_first_m": lambda: formal[:, 0],
         "sigma_r_last_m": lambda: formal[:, -1],
-        "sigma_r_excess_m": lambda: formal[:, -1] - formal[:, 0] / 2,
+        "sigma_r_ratio": lambda: formal[:, -1] / formal[:, 0],
         **windows,
     }

@@ -61,7 +61,10 @@ def unit_of(unit: str) -> str:
 
 
 def found_in_words(judgement: Judgement) -> str:
-    """Return the first main interpretation's effects in a few words, and how the others end."""
+    """Return the first main interpretation's effects in a few words, and how the others end.
+
+    Where some hold the verdict itself says which.
+    """
     mains = [item for item in judgement.evidence if item.main]
     if not mains:
         return MISSING
@@ -73,7 +76,8 @@ def found_in_words(judgement: Judgement) -> str:
         if math.isfinite(part.published):
             claimed = f" (paper {shown_number(part.published, _printed(part.published))})"
         words.append(f"{part.what} {number.shown}{unit} {number.shown_interval}".rstrip() + claimed)
-    others = [f"{item.interpretation.words}: {OUTCOMES[item.outcome]}" for item in mains[1:]]
+    told = () if judgement.verdict == "reproduced only if" else mains[1:]
+    others = [f"{item.interpretation.words}: {OUTCOMES[item.outcome]}" for item in told]
     return ". ".join(text[:1].upper() + text[1:] for text in ("; ".join(words), "; ".join(others)) if text)
 
 

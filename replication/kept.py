@@ -66,7 +66,7 @@ COLUMNS: Mapping[str, Sequence[Columns]] = {
     "alpha_kf_sweep_tuned": (Columns((*MEANS, *OUTLIERS)),),
     "alpha_kf_bias": (Columns((*MEANS, *OUTLIERS)),),
     "alpha_kf_draws": (Columns((*MEANS, *RMS, *OUTLIERS)),),
-    "alpha_kf_start": (Columns(("sigma_r_first_m", "sigma_r_last_m", "sigma_r_excess_m", *TIMES)),),
+    "alpha_kf_start": (Columns(("sigma_r_first_m", "sigma_r_last_m", "sigma_r_ratio", *TIMES)),),
     "limit": (Columns((*MEANS, *RMS)),),
     "mf_upf": (Columns((*RMS, *QUANTILES)),),
     "mf_upf_particles": (Columns((*RMS, *QUANTILES)),),

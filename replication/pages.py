@@ -48,11 +48,13 @@ def markdown_page(summary: Summary) -> str:
 
 
 def _introduction(summary: Summary) -> str:
-    missing = f"Not run yet: {', '.join(summary.missing)}. " if summary.missing else ""
-    return (
-        f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours. {plain_markdown(missing)}Rules, "
-        f"all interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE})."
-    )
+    parts = [
+        f"{SIZES[summary.size]} The filters took {summary.cpu_hours:.1f} CPU hours.",
+        f"All interpretations, tables, figures and deviations from the papers: [the evidence]({EVIDENCE_PAGE}).",
+    ]
+    if summary.missing:
+        parts.append(f"Not run yet: {plain_markdown(', '.join(summary.missing))}.")
+    return " ".join(parts)
 
 
 def verdict_table(summary: Summary) -> str:

@@ -55,6 +55,17 @@ def _sweep_places(measured: Measured, quantity: str) -> str:
     return f"The paper's mean {quantity} among our runs, by alpha: {'; '.join(words)}."
 
 
+def _formal_range(measured: Measured) -> str:
+    """Return from where to where the formal position sigma falls."""
+    words = []
+    for role, label in _THREE.items():
+        first, last = (
+            measured.values("alpha_kf_start", 0, role, f"sigma_r_{which}_m").mean() for which in ("first", "last")
+        )
+        words.append(f"{label} {first:.1f} to {last:.2f} m")
+    return f"Position sigma at the first fix and after 100 s: {', '.join(words)}."
+
+
 def plots(measured: Measured) -> tuple[Plot, ...]:
     """Return the paper's figures with what the pages say of them."""
     gaussian, mixture, start = "alpha_kf_gaussian", "alpha_kf_mixture", "alpha_kf_start"
@@ -103,7 +114,7 @@ def plots(measured: Measured) -> tuple[Plot, ...]:
             lambda: drawing.sigma_curves(measured, start, {**_THREE, "ukf_quiet": "UKF, S_a = 1e-10"}),
             lambda: (
                 "Roots of the diagonal of P, formal sigma. EKF and UKF coincide; the alpha filter is where R / α "
-                "puts it."
+                f"puts it. {_formal_range(measured)}"
             ),
         ),
         (

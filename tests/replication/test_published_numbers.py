@@ -39,7 +39,7 @@ def published(campaign, case, filter, column):
             return A["table_3" if mixture else "table_2"][gaussian[column]][role_of(filter)][0]
         if column.startswith("convergence"):
             return float(A["convergence_s"][role_of(filter)])
-        return {"wave_period_s": 3500.0, "sigma_r_excess_m": -5.0}[column]
+        return {"wave_period_s": 3500.0, "sigma_r_ratio": 0.1}[column]
     if campaign == "mf_upf_depletion":
         if column == "settled_r_rms_m":
             return 1.0  # Fig. 2
