@@ -56,6 +56,7 @@ def test_the_cases_of_the_tuned_campaign_are_those_of_the_rules():
     noises = [case.variables["sensors.radar.noise"]["kind"] for case in cases]
     assert [noises[index] for index in TUNED_GAUSSIAN] == ["gaussian"] * 3
     assert [noises[index] for index in TUNED_MIXTURE] == ["mixture"] * 3
+    assert set(TUNED_GAUSSIAN) | set(TUNED_MIXTURE) == set(range(len(cases)))
     assert len(load_campaign(CAMPAIGNS / "alpha_kf_sweep_tuned.yaml").cases) == 3
 
 

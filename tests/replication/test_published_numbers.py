@@ -34,7 +34,7 @@ def published(campaign, case, filter, column):
         # "Few outliers" from 0.05 to 0.1, as Figs. 12 and 13 are said to show.
         return 0.01 if alpha in ("0.05", "0.1") else 0.03
     if campaign.startswith("alpha_kf"):
-        mixture = campaign in ("alpha_kf_mixture", "alpha_kf_epsilon") or case in ("3", "4", "5")
+        mixture = campaign in ("alpha_kf_mixture", "alpha_kf_epsilon") or case in ("3", "4")
         if column in gaussian:
             return A["table_3" if mixture else "table_2"][gaussian[column]][role_of(filter)][0]
         if column.startswith("convergence"):

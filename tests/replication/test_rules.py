@@ -27,7 +27,7 @@ def alike(campaign, case, filter, column):
 def as_published(campaign, case, filter, column):
     """What A1, A2, A4 and A5 would look like if the tables were right for every interpretation."""
     position = "r" in column.split("_")
-    mixture = campaign in ("alpha_kf_mixture", "alpha_kf_epsilon") or case in ("3", "4", "5")
+    mixture = campaign in ("alpha_kf_mixture", "alpha_kf_epsilon") or case in ("3", "4")
     is_alpha = filter.startswith(("alpha", "kf", "random", "adaptive"))
     rows = {
         (False, True): (0.667, 2.623, 1.541),
