@@ -13,7 +13,7 @@ from replication.kept import COLUMNS, CURVES
 from replication.measured import case_with
 from replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, of_size, planned_campaign
 from replication.shi2025.adaptive_rules import future_rules
-from replication.shi2025.rules import TUNED_GAUSSIAN, TUNED_MIXTURE
+from replication.shi2025.rules import ALPHAS, TUNED_GAUSSIAN, TUNED_MIXTURE
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 NAMES = {planned.name for planned in PLAN}
@@ -106,16 +106,31 @@ def test_only_complete_results_of_the_same_campaign_are_taken(tmp_path, monkeypa
 
 def test_every_filter_is_tuned_with_the_same_budget_over_a_whole_revolution():
     tunes = {}
-    for name in ("alpha_kf_tuned", "alpha_kf_sweep_tuned"):
-        campaign = load_campaign(CAMPAIGNS / f"{name}.yaml")
-        filters = yaml.safe_load((CAMPAIGNS / f"{name}.yaml").read_text(encoding="utf-8"))["filters"]
-        assert campaign.content["clock"]["duration_s"] == 6000
-        for filter in campaign.tune.filters:
-            assert filters[filter]["process_noise"]["acceleration_psd_m2_s3"] == 1e-6  # where each search begins
-        assert set(campaign.tune.free.values()) == {(1e-11, 1e-3)}
-        assert len(campaign.tune.free) == len(campaign.tune.filters)
+    for name, tuned, filters in (
+        ("alpha_kf_gaussian", "alpha_kf_tuned", ("kf", "alpha_kf")),
+        ("alpha_kf_mixture", "alpha_kf_tuned", ("kf", "alpha_kf")),
+        (
+            "alpha_kf_sweep",
+            "alpha_kf_sweep_tuned",
+            tuple(load_campaign(CAMPAIGNS / "alpha_kf_sweep_tuned.yaml").filters),
+        ),
+    ):
+        campaign, flown = (load_campaign(CAMPAIGNS / f"{each}.yaml") for each in (name, tuned))
+        assert campaign.content["clock"]["duration_s"] == flown.content["clock"]["duration_s"] == 6000
+        entries = yaml.safe_load((CAMPAIGNS / f"{tuned}.yaml").read_text(encoding="utf-8"))["filters"]
+        for filter in filters:
+            # The search began at the common value, and nothing but the process noise may differ.
+            assert entries[filter]["process_noise"]["acceleration_psd_m2_s3"] == 1e-6
+            settings = campaign.content["filters"][filter]
+            assert settings == {**flown.content["filters"][filter], **_changed(settings)}
+            assert campaign.tune.free[f"filters.{filter}.process_noise.acceleration_psd_m2_s3"] == (1e-11, 1e-3)
         tunes[name] = campaign.tune.model_copy(update={"filters": (), "free": {}})
     assert len(set(map(repr, tunes.values()))) == 1
+
+
+def _changed(settings):
+    """What tuning changes, and how the noise that a filter assumes is spelt where the radar's is Gaussian."""
+    return {key: settings[key] for key in ("process_noise", "assumed_noise") if key in settings}
 
 
 def test_extended_and_unscented_filters_have_the_process_noise_of_the_kalman_filter():
