@@ -112,7 +112,7 @@ def test_every_filter_is_tuned_with_the_same_budget_over_a_whole_revolution():
         (
             "alpha_kf_sweep",
             "alpha_kf_sweep_tuned",
-            tuple(load_campaign(CAMPAIGNS / "alpha_kf_sweep_tuned.yaml").filters),
+            tuple(f"kf_{alpha:g}" for alpha in ALPHAS),
         ),
     ):
         campaign, flown = (load_campaign(CAMPAIGNS / f"{each}.yaml") for each in (name, tuned))
