@@ -380,8 +380,8 @@ RULES = (
     ),
     Rule(
         "A11",
-        "The sinusoid that fits a run's radial velocity error best (t >= 500 s) has a period of 3500 s within a "
-        "tenth, in the mean over runs, for each filter.",
+        "The sinusoid that, beside a line, fits a run's radial velocity error best (t >= 500 s) has a period of 3500 s "
+        "within a tenth, in the mean over runs, for each filter.",
         tuple(
             within_tenth(Part(f"period, {_LABELS[role]}", "value", (role,), "wave_period_s", "s", published=3500.0))
             for role in _WAVE_ROLES
