@@ -59,6 +59,7 @@ def _claim(judgement: Judgement, experiments: tuple[Experiment, ...]) -> Claim:
         evidence=evidence_table(judgement),
         missing=judgement.missing,
         undecided=judgement.undecided,
+        stated=any(item.outcome == "holds" for item in judgement.evidence if item.main),
     )
 
 

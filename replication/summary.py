@@ -32,6 +32,7 @@ class Claim:
         evidence: Every interpretation with its effects, intervals and outcome.
         missing: Interpretations that were not run.
         undecided: Not reproduced, but no main interpretation contradicts the claim either: too few runs.
+        stated: With ``reproduced only if``: whether it holds in a main interpretation, not in another one alone.
     """
 
     number: str
@@ -46,6 +47,7 @@ class Claim:
     evidence: Table
     missing: tuple[str, ...] = ()
     undecided: bool = False
+    stated: bool = True
 
 
 @dataclass(frozen=True)

@@ -142,6 +142,8 @@ def test_verdicts_in_words():
     assert verdict_in_words(small_summary("reproduced", ()).claims[0]) == "reproduced"
     assert verdict_in_words(small_summary("not reproduced", ()).claims[0]) == "not reproduced"
     assert verdict_lines(small_summary()) == [("A1", "reproduced only with alpha", "found 3 %")]
+    other = replace(small_summary().claims[0], conditions=("if a",), stated=False)
+    assert verdict_in_words(other) == "not reproduced as stated, only if a"
     many = replace(small_summary().claims[0], conditions=("if a", "if b", "if c", "if d"))
     assert verdict_in_words(many) == "reproduced only if a; or if b; or if c; or in 1 more"
 
