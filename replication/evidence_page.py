@@ -80,4 +80,4 @@ def _table(table: Table) -> str:
 def _folded(words: str, table: Table) -> str:
     if not table.rows:
         return ""
-    return f"<details><summary>{words}</summary>\n\n{_table(table)}\n\n</details>"
+    return f'<details markdown="1"><summary>{words}</summary>\n\n{_table(table)}\n\n</details>'

@@ -20,7 +20,6 @@ ALPHAS = (0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 0.999)
 BEST_ALPHAS = (0.05, 0.1)
 
 _SAME = {"alpha_kf": "alpha_kf", "ekf": "ekf", "ukf": "ukf"}
-_TUNED = {"alpha_kf": "alpha_kf", "ekf": "ekf", "ukf": "ukf"}
 _IMPLIED = {role: f"{name}_implied" for role, name in _SAME.items()}
 # Where the alpha filter's closed form KF(R / alpha) stands for it: 1000 times cheaper, the same to the third digit
 # (the agreement is an experiment of its own).
@@ -38,7 +37,7 @@ def _gaussian_or_mixture(
 ) -> tuple[tuple[Interpretation, ...], tuple[Interpretation, ...]]:
     main = (
         Interpretation("common", _COMMON_WORDS, campaign, _SAME),
-        Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _TUNED, repeats=tuned),
+        Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _SAME, repeats=tuned),
     )
     others = (
         Interpretation("implied", _IMPLIED_WORDS, campaign, _IMPLIED),
@@ -101,11 +100,7 @@ _ATTITUDE = Interpretation(
 )
 _DRAWS = {"alpha_kf": "random_0.5", "ekf": "ekf", "ukf": "ukf"}
 _GAUSSIAN_DRAWS = Interpretation(
-    "draws",
-    "with 10000 random draws an epoch",
-    "alpha_kf_draws",
-    _DRAWS,
-    {"sensors.radar.azimuth_bias_deg": 0},
+    "draws", "with 10000 random draws an epoch", "alpha_kf_draws", _DRAWS, {"sensors.radar.azimuth_bias_deg": 0}
 )
 _EPSILON = tuple(
     Interpretation(name, words, "alpha_kf_epsilon", _CLOSED, {"sensors.radar.noise": noise})
@@ -242,18 +237,17 @@ _SWEEP_OTHERS = (
     ),
 )
 _ABSOLUTE_OTHERS_2 = (
-    Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _TUNED, repeats=TUNED_GAUSSIAN),
+    Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _SAME, repeats=TUNED_GAUSSIAN),
     Interpretation("implied", _IMPLIED_WORDS, "alpha_kf_gaussian", _IMPLIED),
     *_ORBITS,
     *_GEOMETRIES,
     _ATTITUDE,
 )
 _ABSOLUTE_OTHERS_3 = (
-    Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _TUNED, repeats=TUNED_MIXTURE),
+    Interpretation("tuned", _TUNED_WORDS, "alpha_kf_tuned", _SAME, repeats=TUNED_MIXTURE),
     Interpretation("implied", _IMPLIED_WORDS, "alpha_kf_mixture", _IMPLIED),
     *_EPSILON,
 )
-_WAVE_ROLES = ("ekf", "ukf", "alpha_kf")
 _LABELS = {"ekf": "EKF", "ukf": "UKF", "alpha_kf": "alpha filter"}
 
 RULES = (
@@ -384,7 +378,7 @@ RULES = (
         "within a tenth, in the mean over runs, for each filter.",
         tuple(
             within_tenth(Part(f"period, {_LABELS[role]}", "value", (role,), "wave_period_s", "s", published=3500.0))
-            for role in _WAVE_ROLES
+            for role in _LABELS
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_gaussian", _SAME),),
         (Interpretation("implied", _IMPLIED_WORDS, "alpha_kf_gaussian", _IMPLIED), *_ORBITS),
@@ -402,7 +396,7 @@ RULES = (
                 "1",
                 at_most=HALF,
             )
-            for role in _WAVE_ROLES
+            for role in _LABELS
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_start", _SAME),),
     ),
