@@ -27,13 +27,13 @@ demo: setup  ## Run the demo campaign and write its report
 	$(BIN)/relnav run campaigns/demo.yaml
 	$(BIN)/relnav report results/demo.h5
 
-reproduce: setup  ## Replicate three papers, claim by claim; 12 minutes of processor time
+reproduce: setup  ## Replicate three papers, claim by claim: compute some runs again and compare them with the committed summaries
 	$(BIN)/python -m replication
 
-reproduce-full: setup  ## The same at the papers' own sizes, 100 runs of each case, the longest last; goes on where it stopped
+reproduce-full: setup  ## Compute every campaign of the replication at full size and renew replication/full; goes on where it stopped
 	$(BIN)/python -m replication --full
 
-reproduce-docs: setup  ## Write docs/replication.md with its data and figures: what is complete of reproduce-full, else of reproduce
+reproduce-docs: setup  ## Write the replication's pages from replication/full, renewed with what reproduce-full has completed
 	$(BIN)/python -m replication --docs docs
 
 # Types are checked while kernels are compiled, which together keeps two cores busy.

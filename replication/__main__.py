@@ -15,7 +15,6 @@ from relnav_sim.cli.watched import TimeoutOption, check_timeout
 
 if TYPE_CHECKING:
     from replication.plan import Size
-    from replication.summary import Summary
 
 
 def reproduce(
@@ -23,8 +22,8 @@ def reproduce(
         bool,
         typer.Option(
             "--full",
-            help="At the papers' own sizes with 100 runs of each case: hours, the longest campaigns last. Interrupt it "
-            "when you have to: what is complete serves --docs, and the same command goes on.",
+            help="Every campaign at full size, hours; renews the summaries in replication/full. Interrupt it when you "
+            "have to: the same command goes on, and --docs takes what is complete.",
         ),
     ] = False,
     trial: Annotated[
@@ -37,13 +36,17 @@ def reproduce(
     campaigns: Annotated[Path, typer.Option(help="The folder with the campaign files.")] = Path("campaigns"),
     docs: Annotated[
         Path | None,
-        typer.Option(help="Also write replication.md, its data and its figures into this folder.", show_default="no"),
+        typer.Option(
+            help="Run nothing: write the two pages and their figures into this folder, from the summaries in "
+            "replication/full.",
+            show_default="no",
+        ),
     ] = None,
     in_full: Annotated[
         Path | None,
         typer.Option(
-            help="With --docs: every campaign that is complete at full size in this folder takes the place of the "
-            "usual one on that page, which says so.",
+            help="With --docs: the folder of a --full replication; first renews the summaries of the campaigns that "
+            "are complete there.",
             show_default="results/reproduce-full",
         ),
     ] = None,
@@ -53,51 +56,40 @@ def reproduce(
     local_cluster: LocalClusterOption = None,
     timeout_s: TimeoutOption = None,
 ) -> None:
-    """Replicate three papers: run their campaigns, judge every claim, write tables and figures beside theirs.
+    """Replicate three papers: compute some of the runs again, compare them with the committed summaries, judge claims.
 
     The same command continues where an earlier one was interrupted.
     """
     if full and trial:
         raise UserError("--full and --trial exclude each other")
-    if in_full is not None and (full or trial or docs is None):
-        raise UserError("--in-full goes with --docs, and with neither --full nor --trial")
+    if docs is not None and (full or trial or out is not None):
+        raise UserError("--docs runs nothing: give it without --full, --trial and --out")
+    if in_full is not None and docs is None:
+        raise UserError("--in-full goes with --docs")
     if in_full is not None and not (in_full / "campaigns").is_dir():
         raise UserError(f"{in_full} is no folder that make reproduce-full has written: it has no folder campaigns")
     if not campaigns.is_dir():
         raise UserError(f"there is no folder {campaigns}; run this where relnav's campaigns/ is, or give --campaigns")
     place = where(backend, workers, scheduler, local_cluster)
     check_timeout(timeout_s, backend)
-    size: Size = "full" if full else "trial" if trial else "usual"
-    folder = out or Path("results") / ("reproduce" if size == "usual" else f"reproduce-{size}")
+    size: Size = "full" if full else "trial" if trial else "subset"
+    folder = out or Path("results") / ("reproduce" if size == "subset" else f"reproduce-{size}")
     if folder.exists() and not folder.is_dir():
         raise UserError(f"{folder} is a file; give --out the name of a folder")
     with ending_promptly("interrupted; what is finished is kept, and the same command continues"):
         from replication.pages import verdict_lines
-        from replication.reproduce import SUMMARY_FILE, reproduce
+        from replication.reproduce import SUMMARY_FILE, write_docs
+        from replication.reproduce import reproduce as replicate
 
-        larger = (in_full or Path("results/reproduce-full")) if size == "usual" else None
-        summary = reproduce(
-            size, campaigns, folder, place.workers, docs, larger, True, _say, place.backend, place.scheduler, timeout_s
+        if docs is not None:
+            write_docs(campaigns, docs, in_full or Path("results/reproduce-full"), _say)
+            say(f"wrote {docs / 'replication.md'} and {docs / 'replication-evidence.md'}")
+            return
+        summary = replicate(
+            size, campaigns, folder, place.workers, True, _say, place.backend, place.scheduler, timeout_s
         )
-        print_table(verdict_lines(summary), ("claim", "verdict", "what the main readings show"))
-        say(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}{_beside_the_committed(summary)}")
-
-
-def _beside_the_committed(summary: Summary) -> str:
-    """Return how the summary compares with the one that docs/replication.md was made of, where that is at hand."""
-    from replication.summary import fingerprint, read_summary, written
-
-    path = Path("docs/replication.json")
-    if not path.exists():
-        return ""
-    committed = read_summary(path)
-    if committed.size == "mixed" and summary.size == "usual":
-        same = committed.usual_sha256 == fingerprint(summary)
-        return f"; the summary is {'' if same else 'not '}the one that {path} was made with"
-    if committed.size != summary.size:
-        return ""
-    same = path.read_bytes() == written(summary).encode("utf-8")
-    return f"; the summary {'is' if same else 'differs from'} {path}{', byte for byte' if same else ''}"
+        print_table(verdict_lines(summary), ("claim", "verdict", "what the main interpretations show"))
+        say(f"wrote {folder / 'index.html'} and {folder / SUMMARY_FILE}")
 
 
 def _say(sentence: str) -> None:

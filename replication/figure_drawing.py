@@ -24,34 +24,32 @@ def error_curves(
     campaign: str,
     filters: Mapping[str, str],
     velocity: bool,
-    until_s: float | None = None,
     reach: Sequence[float] | None = None,
 ) -> Figure:
-    """Return the errors of one run and the 95 % spread of all runs, an axis a row, in the paper's axes.
+    """Return the errors of run 0 and the 95 % spread of all runs, an axis a row, in the paper's axes.
 
     Args:
-        measured: The results.
+        measured: What the campaigns found.
         campaign: Name of the campaign.
         filters: Label of the figure by filter of the campaign.
         velocity: Velocity errors; else position errors.
-        until_s: End of the time axis; default: that of the campaign.
-        reach: Half heights of the panels; default: what holds the settled spread.
+        reach: Half heights of the panels; default: what holds the spread of the steady state.
     """
-    results = measured.results(campaign)
-    time = results.time_s(0)
-    part = slice(None) if until_s is None else time <= until_s
+    time, curves = measured.curves(campaign, 0, "errors")
     columns = slice(3, 6) if velocity else slice(0, 3)
     unit = "m/s" if velocity else "m"
     with house_style():
         figure = new_figure(4.2 + legend_height(list(filters.values())), _WIDE)
         panels = figure.subplots(3, len(filters), sharex=True, sharey="row", squeeze=False)
         for column, (filter, label) in enumerate(filters.items()):
-            error = turned_states(results.error(0, filter), "shi2025")[:, part, columns]
-            low, high = np.nanquantile(error, (0.025, 0.975), axis=0)
+            first, one, other = (
+                turned_states(curves[filter][key], "shi2025")[:, columns] for key in ("first", "low", "high")
+            )
+            low, high = np.minimum(one, other), np.maximum(one, other)  # an axis that is turned round swaps them
             for row in range(3):
                 panel = panels[row][column]
-                panel.fill_between(time[part], low[:, row], high[:, row], color="#c9ccd1", linewidth=0)
-                panel.plot(time[part], error[0, :, row], color=PALETTE[0], linewidth=0.5)
+                panel.fill_between(time, low[:, row], high[:, row], color="#c9ccd1", linewidth=0)
+                panel.plot(time, first[:, row], color=PALETTE[0], linewidth=0.5)
                 if column == 0:
                     panel.set_ylabel(f"{'v' if velocity else ''}{_AXES[row]} error [{unit}]")
                 if row == 0:
@@ -67,15 +65,14 @@ def error_curves(
 
 
 def sigma_curves(measured: Measured, campaign: str, filters: Mapping[str, str]) -> Figure:
-    """Return the standard deviations that the filters state (roots of P's diagonal), position left, velocity right."""
-    results = measured.results(campaign)
-    time = results.time_s(0)
+    """Return the formal standard deviations (roots of P's diagonal), position left, velocity right."""
+    time, curves = measured.curves(campaign, 0, "sigmas")
     with house_style():
         names = [f"{label}, {axis}" for axis in _AXES for label in filters.values()]
         figure = new_figure(2.4 + legend_height(names), _WIDE)
         panels = figure.subplots(1, 2)
         for index, (filter, label) in enumerate(filters.items()):
-            sigma = turned_sigmas(results.sigma(0, filter), "shi2025")[0]
+            sigma = turned_sigmas(curves[filter]["sigma"], "shi2025")
             for panel, columns in zip(panels, (slice(0, 3), slice(3, 6)), strict=True):
                 for axis, dashes in zip(range(3), ("-", (0, (5, 1.5)), (0, (1, 1))), strict=True):
                     panel.semilogy(
@@ -97,28 +94,35 @@ def sigma_curves(measured: Measured, campaign: str, filters: Mapping[str, str]) 
 
 
 def alpha_boxes(measured: Measured, campaign: str, filters: Mapping[str, str], paper: Mapping[str, Any]) -> Figure:
-    """Return box plots over time and runs of position and velocity error, by alpha, with the published means."""
-    results = measured.results(campaign)
-    settled = results.time_s(0) >= results.campaign_content["statistics"]["settle_s"]
+    """Return box plots over time and runs of position and velocity error, by alpha, with the published means.
+
+    Whiskers reach the last values within 1.5 interquartile ranges of the box; dots are outliers, thinned out evenly.
+    """
+    _, curves = measured.curves(campaign, 0, "boxes")
     with house_style():
         figure = new_figure(2.8, _WIDE)
         panels = figure.subplots(1, 2)
-        for panel, columns, quantity, unit in (
-            (panels[0], slice(0, 3), "position", "m"),
-            (panels[1], slice(3, 6), "velocity", "m/s"),
-        ):
+        for panel, key, quantity, unit in ((panels[0], "r", "position", "m"), (panels[1], "v", "velocity", "m/s")):
             boxes = []
             for filter in filters:
-                error = results.error(0, filter)[:, settled, columns]
-                boxes.append(np.linalg.norm(error, axis=-1).ravel())
-            panel.boxplot(
+                least, low, middle, high, most = curves[filter][key]
+                boxes.append(
+                    {
+                        "whislo": least,
+                        "q1": low,
+                        "med": middle,
+                        "q3": high,
+                        "whishi": most,
+                        "fliers": curves[filter][f"{key}_outliers"],
+                    }
+                )
+            panel.bxp(
                 boxes,
-                showfliers=False,
-                whis=(0, 100),
                 widths=0.55,
                 medianprops={"color": PALETTE[1]},
                 boxprops={"color": PALETTE[0]},
                 whiskerprops={"linewidth": 0.6},
+                flierprops={"marker": ".", "markersize": 2, "markeredgecolor": PALETTE[3]},
             )
             places = np.arange(1, len(filters) + 1)
             panel.plot(places, paper[quantity], "k^", markersize=3.5, label="mean in the paper's Table 4")
@@ -126,7 +130,7 @@ def alpha_boxes(measured: Measured, campaign: str, filters: Mapping[str, str], p
             panel.set_xlabel("alpha")
             panel.set_ylabel(f"{quantity} error [{unit}]")
             panel.set_ylim(bottom=0)
-        panels[0].legend(loc="lower right")
+        panels[0].legend(loc="upper right")
         margins(figure, left=0.5, right=0.1, top=0.1, bottom=0.4, hspace=0.1, wspace=0.5)
     return figure
 
@@ -169,45 +173,30 @@ def alpha_trend(curves: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def error_norms(
-    measured: Measured,
-    campaign: str,
-    case: int,
-    filters: Mapping[str, str],
+    places: Sequence[tuple[str, Array, Mapping[str, Array]]],
     velocity: bool,
     level: float | None = None,
-    bound: Array | None = None,
 ) -> Figure:
     """Return |error| over time, median over runs with the 90 % spread, on a logarithmic axis.
 
     Args:
-        measured: The results.
-        campaign: Name of the campaign.
-        case: Number of the case.
-        filters: Label of the figure by filter.
+        places: For each line its label, epochs (K,) and curves, as `Measured.curves` has them.
         velocity: Velocity error; else position error.
         level: The published level, drawn as a line.
-        bound: Bound on the RMS error at the stored epochs (K,).
     """
-    results = measured.results(campaign)
-    time = results.time_s(case)
-    columns = slice(3, 6) if velocity else slice(0, 3)
+    key = "v" if velocity else "r"
     with house_style():
-        labels = list(filters.values())
+        labels = [label for label, _, _ in places]
         figure = new_figure(2.6 + legend_height(labels), _WIDE)
         panel = figure.subplots()
         handles: list[Any] = []
-        for index, filter in enumerate(filters):
-            norm = np.linalg.norm(results.error(case, filter)[..., columns], axis=-1)
-            low, middle, high = np.nanquantile(norm, (0.05, 0.5, 0.95), axis=0)
+        for index, (_, time, curve) in enumerate(places):
             colour = PALETTE[index % len(PALETTE)]
-            panel.fill_between(time, low, high, color=colour, alpha=0.15, linewidth=0)
-            handles += panel.semilogy(time, middle, color=colour, linewidth=0.9)
+            panel.fill_between(time, curve[f"{key}_low"], curve[f"{key}_high"], color=colour, alpha=0.15, linewidth=0)
+            handles += panel.semilogy(time, curve[f"{key}_median"], color=colour, linewidth=0.9)
         if level is not None:
             handles.append(panel.axhline(level, color="k", linestyle="--", linewidth=0.8))
             labels = [*labels, "published"]
-        if bound is not None:
-            handles += panel.semilogy(time, bound, color="k", linewidth=0.8, linestyle=(0, (1, 1)))
-            labels = [*labels, "bound"]
         panel.set_yscale("log")
         panel.set_xlabel("time [s]")
         panel.set_ylabel("velocity error [m/s]" if velocity else "position error [m]")
@@ -216,25 +205,23 @@ def error_norms(
     return figure
 
 
-def orbit_plane(measured: Measured, campaign: str, case: int, filters: Mapping[str, str]) -> Figure:
+def orbit_plane(measured: Measured, campaign: str, filters: Mapping[str, str]) -> Figure:
     """Return the relative path in the orbit plane (run 0), whole and magnified about its last tenth."""
-    results = measured.results(campaign)
-    run = int(results.case_runs(case, next(iter(filters)))[0])
+    _, curves = measured.curves(campaign, 0, "plane")
     with house_style():
         labels = ["truth", *filters.values()]
         figure = new_figure(2.9 + legend_height(labels), _WIDE)
         panels = figure.subplots(1, 2)
         handles: list[Any] = []
         for index, filter in enumerate(filters):
-            series = results.series(case, filter, run)
-            track = series.truth[:, :2] + series.error[:, :2]
+            truth, track = curves[filter]["truth"], curves[filter]["estimate"]
             for panel in panels:
                 (line,) = panel.plot(track[:, 1], track[:, 0], color=PALETTE[index % len(PALETTE)], linewidth=0.8)
             handles.append(line)
         for panel in panels:
-            (line,) = panel.plot(series.truth[:, 1], series.truth[:, 0], color="k", linewidth=0.8, linestyle="--")
+            (line,) = panel.plot(truth[:, 1], truth[:, 0], color="k", linewidth=0.8, linestyle="--")
             panel.set_xlabel("along-track y [m]")
-        centre = series.truth[-len(series.truth) // 10, :2]
+        centre = truth[-len(truth) // 10]
         panels[1].set_xlim(centre[1] - 2, centre[1] + 2)
         panels[1].set_ylim(centre[0] - 2, centre[0] + 2)
         panels[1].locator_params(nbins=5)

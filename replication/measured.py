@@ -1,74 +1,39 @@
-"""What the campaigns found: figures per run by campaign, case and filter."""
+"""What the campaigns found, from their extracts: figures per run by campaign, case and filter, and curves."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array
-from relnav_sim.results.block import ResultsError
-from relnav_sim.results.read import Results, open_results
+from replication.extract import Extract
+from replication.kept import CurveKind
 
 
 class Measured:
-    """The results of the replication's campaigns, opened as they are asked for; use it in a ``with`` statement.
+    """The extracts of the replication's campaigns.
 
     Args:
-        paths: Results file by name of the campaign.
+        extracts: Extract by name of the campaign; campaigns that have not been run are left out.
     """
 
-    def __init__(self, paths: Mapping[str, Path]) -> None:
-        self._paths = dict(paths)
-        self._open = ExitStack()
-        self._results: dict[str, Results] = {}
-        self._columns: dict[str, dict[str, NDArray[Any]]] = {}
-
-    def __enter__(self) -> Measured:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.close()
-
-    @property
-    def campaigns(self) -> tuple[str, ...]:
-        """Names of the campaigns that have been run, in order."""
-        return tuple(self._paths)
-
-    def results(self, campaign: str) -> Results:
-        """Return a campaign's open results.
-
-        Raises:
-            KeyError: It has not been run.
-            ResultsError: Its file can't be read.
-        """
-        if campaign not in self._results:
-            self._results[campaign] = self._open.enter_context(open_results(self._paths[campaign]))
-        return self._results[campaign]
+    def __init__(self, extracts: Mapping[str, Extract]) -> None:
+        self.extracts = dict(extracts)
 
     def has(self, campaign: str, filters: Sequence[str] = ()) -> bool:
         """Return whether a campaign has been run with these filters."""
-        return campaign in self._paths and set(filters) <= set(self.results(campaign).filters)
+        extract = self.extracts.get(campaign)
+        return extract is not None and set(filters) <= set(extract.content["filters"])
 
     def case(self, campaign: str, wanted: Mapping[str, Any]) -> int:
         """Return the number of the first case whose swept variables are those wanted.
 
         Raises:
-            ResultsError: There is none.
+            KeyError: The campaign has not been run, or has no such case.
         """
-        results = self.results(campaign)
-        for index in range(len(results.cases)):
-            variables = results.variables(index)
-            if all(path in variables and _agrees(variables[path], value) for path, value in wanted.items()):
-                return index
-        raise ResultsError(f"{results.path}: no case with {dict(wanted)}")
+        return case_with([case["variables"] for case in self.extracts[campaign].cases], wanted)
 
     def values(self, campaign: str, case: int, filter: str, column: str, runs: Sequence[int] | None = None) -> Array:
         """Return one figure per run (runs,), in run order; NaN where the filter failed or the run is not there.
@@ -77,26 +42,22 @@ class Measured:
             campaign: Name of the campaign.
             case: Number of the case.
             filter: Name of the filter.
-            column: Column of `Results.summary`.
-            runs: The runs; default: all the filter has.
+            column: A column of `kept.COLUMNS`.
+            runs: The runs; default: all of the campaign.
 
         Raises:
-            ResultsError: There is no such filter.
+            KeyError: There is no such campaign, filter or column.
         """
-        columns = self._summary(campaign)
-        if filter not in self.results(campaign).filters:
-            raise ResultsError(f"{self.results(campaign).path}: no filter {filter!r}")
-        rows = np.flatnonzero((columns["case"] == case) & (columns["filter"] == filter))
-        figures = np.where(columns["failed"][rows], np.nan, columns[column][rows].astype(np.float64))
-        held = columns["run"][rows]
+        extract = self.extracts[campaign]
+        figures = np.array(extract.cases[case]["columns"][filter][column], dtype=np.float64)
         if runs is None:
-            return figures[np.argsort(held)]
-        found = dict(zip(held.tolist(), figures.tolist(), strict=True))
+            return figures
+        found = dict(zip(extract.runs, figures.tolist(), strict=True))
         return np.array([found.get(run, np.nan) for run in runs])
 
-    def runs(self, campaign: str, case: int, filter: str) -> tuple[int, ...]:
-        """Return the numbers of a filter's runs, ascending."""
-        return tuple(sorted(self.results(campaign).case_runs(case, filter).tolist()))
+    def runs(self, campaign: str) -> tuple[int, ...]:
+        """Return the numbers of a campaign's runs, ascending."""
+        return self.extracts[campaign].runs
 
     def runs_in_words(self, campaign: str, *others: str) -> str:
         """Return how many runs of each case a campaign has: ``100 runs``, and of others where they have fewer or more.
@@ -105,15 +66,57 @@ class Measured:
             campaign: Name of the campaign.
             others: Names of further ones, which need not have been run.
         """
-        number = len(self.results(campaign).runs)
-        held = {name: len(self.results(name).runs) for name in others if self.has(name)}
+        number = len(self.runs(campaign))
+        held = {name: len(self.runs(name)) for name in others if self.has(name)}
         differing = ", ".join(f"{name}: {runs}" for name, runs in held.items() if runs != number)
         return f"{number} runs ({differing})" if differing else f"{number} runs"
 
-    def _summary(self, campaign: str) -> dict[str, NDArray[Any]]:
-        if campaign not in self._columns:
-            self._columns[campaign] = self.results(campaign).summary()
-        return self._columns[campaign]
+    def window(self, campaign: str, case: int, whole: bool = False) -> str:
+        """Return the span that a campaign's figures are of: ``500-6000 s``.
+
+        Args:
+            campaign: Name of the campaign.
+            case: Number of the case.
+            whole: From the start on, not from the steady state.
+        """
+        extract = self.extracts[campaign]
+        start = 0.0 if whole else extract.content["settle_s"]
+        return f"{start:.0f}–{extract.cases[case]['end_s']:.0f} s"
+
+    def curves(self, campaign: str, case: int, kind: CurveKind) -> tuple[Array, Mapping[str, Mapping[str, Array]]]:
+        """Return the stored epochs (K,) and the curves by filter, as `replication.curves` describes them.
+
+        Raises:
+            KeyError: The campaign has not been run, or keeps no such curves.
+        """
+        for entry in self.extracts[campaign].cases[case]["curves"]:
+            if entry["kind"] == kind:
+                filters = {
+                    name: {key: np.array(values, dtype=np.float64) for key, values in kept.items()}
+                    for name, kept in entry["filters"].items()
+                }
+                return np.array(entry["time_s"], dtype=np.float64), filters
+        raise KeyError(f"{campaign}, case {case}: no curves {kind}")
+
+    def bound(self, campaign: str, case: int) -> tuple[float, float] | None:
+        """Return the RMS of the posterior Cramér-Rao bound of a perfect model over the steady state, m and m/s.
+
+        None where the campaign stores none.
+        """
+        bound = self.extracts[campaign].cases[case]["bound"]
+        return None if bound is None else (bound[0], bound[1])
+
+
+def case_with(variables: Sequence[Mapping[str, Any]], wanted: Mapping[str, Any]) -> int:
+    """Return the number of the first case whose swept variables are those wanted.
+
+    Raises:
+        KeyError: There is none.
+    """
+    for index, held in enumerate(variables):
+        if all(path in held and _agrees(held[path], value) for path, value in wanted.items()):
+            return index
+    raise KeyError(f"no case with {dict(wanted)}")
 
 
 def _agrees(value: Any, wanted: Any) -> bool:

@@ -19,6 +19,7 @@ class Paper:
         citation: Authors, source and DOI.
         scenario: What it simulates, in words.
         silent: What it doesn't say.
+        contradictions: Sentences and numbers of it that exclude each other.
         claims: Text by number of the claim.
         content: Everything in papers.yaml, its tables by number included.
     """
@@ -29,6 +30,7 @@ class Paper:
     citation: str
     scenario: str
     silent: tuple[str, ...]
+    contradictions: tuple[str, ...]
     claims: dict[str, str]
     content: dict[str, Any]
 
@@ -47,6 +49,7 @@ def papers() -> dict[str, Paper]:
             citation=f"{entry['authors']}: {entry['title']}. {entry['source']}. doi {entry['doi']}",
             scenario=entry["scenario"],
             silent=tuple(entry["silent"]),
+            contradictions=tuple(entry["contradictions"]),
             claims={number: " ".join(text.split()) for number, text in entry["claims"].items()},
             content=entry,
         )

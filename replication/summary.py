@@ -1,23 +1,18 @@
-"""The outcome of a replication as data: what the pages show, kept as one JSON file.
-
-Everything a page says is in here, so that a page can be made again, and checked, without the campaigns. Figures are
-rounded to six digits and there are no times, versions or dates: two replications give the same bytes.
-"""
+"""The outcome of a replication as data: what the pages show."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from relnav_sim.report.tables import Cell, Column, Number, Row, Table, Words
+from relnav_sim.report.tables import Table
 
-_DIGITS = 6
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -29,13 +24,15 @@ class Claim:
         text: What the paper claims.
         rule: The rule in words.
         verdict: ``reproduced``, ``reproduced only if`` or ``not reproduced``.
-        conditions: With ``reproduced only if``: the readings in which it holds.
+        conditions: With ``reproduced only if``: the interpretations in which it holds, by family.
         found: The main effects in a few words.
-        runs: Runs of the main readings; 0 where nothing was simulated.
-        why: The cause, in sentences with the figures of its experiment.
-        evidence: Every reading with its effects, intervals and outcome.
-        missing: Readings that were not run.
-        undecided: Not reproduced, but no main reading contradicts the claim either: too few runs.
+        window: The span of time that they are of.
+        runs: Runs of the main interpretations; 0 where nothing was simulated.
+        why: The causes: title and what the experiment shows.
+        evidence: Every interpretation with its effects, intervals and outcome.
+        missing: Interpretations that were not run.
+        undecided: Not reproduced, but no main interpretation contradicts the claim either: too few runs.
+        stated: With ``reproduced only if``: whether it holds in a main interpretation, not in another one alone.
     """
 
     number: str
@@ -44,31 +41,38 @@ class Claim:
     verdict: str
     conditions: tuple[str, ...]
     found: str
+    window: str
     runs: int
     why: tuple[str, ...]
     evidence: Table
     missing: tuple[str, ...] = ()
     undecided: bool = False
+    stated: bool = True
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure: the paper's number ("Figs. 3 and 5"), the file's name, caption and alternative text."""
+    """A figure: the paper's number ("Figs. 3 and 5"), the file's name, caption, alternative text and what draws it."""
 
     number: str
     name: str
     caption: str
     alt: str
+    draw: Callable[[], Figure]
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment that shows a cause: its claims, what it shows in sentences, and its table."""
+    """An experiment that shows a cause: its claims, what it shows in sentences, and its table.
+
+    The last sentence of the text is on the page of verdicts, unless ``detail`` keeps it on that of the evidence.
+    """
 
     title: str
     claims: tuple[str, ...]
     text: tuple[str, ...]
     table: Table
+    detail: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,6 @@ class PaperPart:
     citation: str
     scenario: str
     silent: tuple[str, ...]
-    learned: tuple[str, ...]
     index: Table
     tables: tuple[Table, ...]
     plots: tuple[Plot, ...]
@@ -93,124 +96,37 @@ class Summary:
     """A whole replication.
 
     Attributes:
-        size: Size of the plan; ``mixed``: the usual one, with the full size of some campaigns.
+        size: ``full``, or ``trial``, whose verdicts mean nothing.
         claims: Every claim with its verdict.
         papers: What belongs to each paper.
         campaigns: The campaigns with their sizes.
-        usual_sha256: Of the file of the summary of the usual size, where this is another one of the same results.
+        missing: Campaigns of the plan that have not been run.
+        cpu_hours: What those that have been run took.
+        findings: What the inference from all printed numbers found: `replication.findings`.
     """
 
     size: str
     claims: tuple[Claim, ...]
     papers: tuple[PaperPart, ...]
     campaigns: Table
-    usual_sha256: str = ""
+    missing: tuple[str, ...]
+    cpu_hours: float
+    findings: Mapping[str, Any]
 
 
 def written(summary: Summary) -> str:
-    """Return the summary as JSON text."""
+    """Return the summary as JSON text, for programs; pages are made of the summary itself."""
     return json.dumps(_plain(summary), ensure_ascii=False, indent=1) + "\n"
-
-
-def fingerprint(summary: Summary) -> str:
-    """Return the SHA-256 of the summary's file."""
-    return hashlib.sha256(written(summary).encode("utf-8")).hexdigest()
-
-
-def read_summary(path: Path) -> Summary:
-    """Return the summary in a file.
-
-    Raises:
-        OSError: The file can't be read.
-        ValueError: It is no summary.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return _summary(content)
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no summary of a replication: {error}") from error
-
-
-def as_stored(summary: Summary) -> Summary:
-    """Return the summary as it comes back from its file, figures rounded."""
-    return _summary(json.loads(written(summary)))
 
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        kept = {}
-        for item in dataclasses.fields(value):
-            entry = getattr(value, item.name)
-            # What is at its default says nothing: half the file.
-            if item.default is dataclasses.MISSING or not _same(entry, item.default):
-                kept[item.name] = _plain(entry)
-        return kept
+        fields = (item.name for item in dataclasses.fields(value) if item.name != "draw")
+        return {name: _plain(getattr(value, name)) for name in fields}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return _rounded(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
     return value
-
-
-def _same(value: Any, default: Any) -> bool:
-    both_nan = isinstance(value, float) and isinstance(default, float) and math.isnan(value) and math.isnan(default)
-    return both_nan or bool(value == default)
-
-
-def _rounded(value: float) -> float | str | None:
-    """Return a figure with six digits; JSON has no NaN and no infinity."""
-    if math.isnan(value):
-        return None
-    if math.isinf(value):
-        return "inf" if value > 0 else "-inf"
-    return float(f"{value:.{_DIGITS}g}")
-
-
-def _number(value: Any) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _cell(content: Mapping[str, Any]) -> Cell:
-    if "value" not in content:
-        return Words(**content)
-    figures = {key: _number(content[key]) for key in ("value", "low", "high") if key in content}
-    return Number(**{**content, **figures})
-
-
-def _table(content: Mapping[str, Any]) -> Table:
-    rows = tuple(Row(**{**row, "cells": tuple(map(_cell, row["cells"]))}) for row in content["rows"])
-    return Table(**{**content, "columns": tuple(Column(**item) for item in content["columns"]), "rows": rows})
-
-
-def _claim(content: Mapping[str, Any]) -> Claim:
-    lists = {key: tuple(content.get(key, ())) for key in ("conditions", "why", "missing")}
-    return Claim(**{**content, **lists, "evidence": _table(content["evidence"])})
-
-
-def _experiment(content: Mapping[str, Any]) -> Experiment:
-    return Experiment(content["title"], tuple(content["claims"]), tuple(content["text"]), _table(content["table"]))
-
-
-def _part(content: Mapping[str, Any]) -> PaperPart:
-    return PaperPart(
-        **{
-            **content,
-            "silent": tuple(content["silent"]),
-            "learned": tuple(content["learned"]),
-            "index": _table(content["index"]),
-            "tables": tuple(map(_table, content["tables"])),
-            "plots": tuple(Plot(**plot) for plot in content["plots"]),
-            "experiments": tuple(map(_experiment, content["experiments"])),
-            "beyond": tuple(map(_table, content["beyond"])),
-        }
-    )
-
-
-def _summary(content: Mapping[str, Any]) -> Summary:
-    return Summary(
-        content["size"],
-        tuple(map(_claim, content["claims"])),
-        tuple(map(_part, content["papers"])),
-        _table(content["campaigns"]),
-        content.get("usual_sha256", ""),
-    )

@@ -15,11 +15,14 @@ class Synthetic:
     def case(self, campaign, wanted):
         return str(sorted((path, repr(value)) for path, value in wanted.items()))
 
-    def runs(self, campaign, case, filter):
+    def runs(self, campaign):
         return tuple(range(self._runs))
 
     def runs_in_words(self, campaign, *others):
         return f"{self._runs} runs"
+
+    def window(self, campaign, case, whole=False):
+        return "whole" if whole else "steady state"
 
     def values(self, campaign, case, filter, column, runs=None):
         chosen = list(range(self._runs)) if runs is None else list(runs)

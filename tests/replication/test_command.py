@@ -12,7 +12,8 @@ from replication.__main__ import app
         (["--full", "--trial"], "exclude each other"),
         (["--campaigns", "nowhere"], "there is no folder nowhere"),
         (["--in-full", "nowhere"], "--in-full goes with --docs"),
-        (["--in-full", "nowhere", "--docs", "docs", "--full"], "neither --full nor --trial"),
+        (["--docs", "docs", "--full"], "--docs runs nothing"),
+        (["--docs", "docs", "--out", "here"], "--docs runs nothing"),
         (["--in-full", "nowhere", "--docs", "docs"], "nowhere is no folder that make reproduce-full has written"),
     ],
 )
@@ -29,5 +30,5 @@ def test_a_missing_campaign_file_is_told_before_any_run(tmp_path, monkeypatch):
     (tmp_path / "campaigns").mkdir()
     result = CliRunner().invoke(app, ["--trial"])
     assert result.exit_code == 3
-    assert "mf_upf.yaml" in result.stderr
+    assert "two_step.yaml" in result.stderr
     assert not list((tmp_path / "results").rglob("*.h5"))

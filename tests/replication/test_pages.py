@@ -1,4 +1,4 @@
-"""The pages say what the summary holds, and the committed page is made of the committed data."""
+"""The pages say what the summary holds, and the committed pages are made of the committed summaries."""
 
 import json
 import math
@@ -8,23 +8,23 @@ from pathlib import Path
 import pytest
 
 from relnav_sim.report.tables import Column, Number, Row, Table, Words
-from replication import reproduce as reproduce_module
-from replication.pages import claims_of, html_page, markdown_page, verdict_in_words, verdict_lines
+from replication import findings as findings_module
+from replication.committed import FOLDER, committed
+from replication.compose import summarised
+from replication.evidence_page import evidence_page
+from replication.findings import possible, read_findings
+from replication.html_page import html_page
+from replication.listed import deviation_table, literal_text
+from replication.measured import Measured
+from replication.pages import markdown_page, verdict_in_words, verdict_lines
 from replication.papers import papers
-from replication.reproduce import DOCS_FIGURES, write_docs
-from replication.summary import (
-    Claim,
-    Experiment,
-    PaperPart,
-    Plot,
-    Summary,
-    as_stored,
-    fingerprint,
-    read_summary,
-    written,
-)
+from replication.plan import PLAN
+from replication.reproduce import DOCS_FIGURES
+from replication.summary import Claim, Experiment, PaperPart, Plot, Summary, written
 
-DOCS = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[2]
+DOCS, CAMPAIGNS = ROOT / "docs", ROOT / "campaigns"
+FORMER_WORDS = 23763
 
 
 def small_table(name):
@@ -36,117 +36,169 @@ def small_table(name):
             "m",
             opens_block=True,
         ),
-        Row("never", (Number(math.inf, -math.inf, math.nan), Words("x"))),
     )
     return Table(name, f"Title of {name}", "caption", "row", (Column("r"), Column("words", numeric=False)), rows)
 
 
-def small_summary(verdict="reproduced only if"):
+def small_summary(verdict="reproduced only if", conditions=("with alpha",), findings=None):
     claim = Claim(
-        "A1",
-        "claimed | text",
-        "the rule",
-        verdict,
-        ("with dice",),
-        "found 3 %",
-        7,
-        ("because",),
-        small_table("e"),
-        ("draws",),
-    )
+        "A1", "claimed | text.", "the rule", verdict, conditions, "found 3 %", "500 to 6000 s", 7, ("because",),
+        small_table("e"), ("draws",),
+    )  # fmt: skip
     part = PaperPart(
-        "alpha_kf", "Shi et al. 2025", "cited", "scene", ("Q",), ("a fact",), small_table("i"), (small_table("t"),),
-        (Plot("Fig. 3", "fig", "caption", "alt"),),
+        "alpha_kf", "Shi et al. 2025", "cited", "scene", ("Q",), small_table("i"), (small_table("t"),),
+        (Plot("Fig. 3", "fig", "caption", "alt", lambda: None),),
         (Experiment("cause", ("A1",), ("first", "last"), small_table("x")),),
         (small_table("b"),),
     )  # fmt: skip
-    return Summary("usual", (claim,), (part,), small_table("campaigns"))
+    return Summary("full", (claim,), (part,), small_table("campaigns"), ("limit",), 1.25, findings or {})
 
 
-def test_a_summary_comes_back_from_its_file(tmp_path):
-    path = tmp_path / "summary.json"
-    path.write_text(written(small_summary()), encoding="utf-8")
-    back = read_summary(path)
-    assert written(back) == path.read_text(encoding="utf-8")
-    assert back == as_stored(small_summary()) or written(back) == written(as_stored(small_summary()))
-    number = back.claims[0].evidence.rows[1].cells[0]
-    assert number.value == 0.333333
-    assert math.isnan(number.high)
-    assert back.claims[0].evidence.rows[2].cells[0].value == math.inf
-    json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)  # no NaN: plain JSON
+FINDINGS = {
+    "alpha_kf": {
+        "bank": {"campaigns": 20000, "cpu_hours": 2.5, "seed": 7},
+        "claims": {
+            "A1": {
+                "probability": 0.02,
+                "interval": [0.01, 0.04],
+                "sentence": "possible only if e > 0.01",
+                "settings": [],
+                "conflicts": ["z mean of the EKF against r mean of the UKF"],
+            }
+        },
+        "tables": {
+            "table_2": {
+                "columns": ["ekf"],
+                "rows": [{"label": "x mean", "paper": [0.048], "best": [0.05], "residual": [None]}],
+            }
+        },
+        "sentences": [{"text": "the same R and Q", "verdict": "no setting satisfies it", "p_value": 1e-4}],
+        "checks": {},
+    }
+}
 
 
-def test_a_file_that_is_no_summary_is_refused(tmp_path):
-    path = tmp_path / "summary.json"
-    path.write_text('{"size": "usual"}', encoding="utf-8")
-    with pytest.raises(ValueError, match="no summary"):
-        read_summary(path)
+def test_the_page_of_verdicts():
+    page = markdown_page(small_summary())
+    row = "claimed \\| text | **reproduced only with alpha** | found 3 % | 500 to 6000 s | 7 |"
+    for text in (row, "**cause** (A1). last", "1.2 CPU hours", "Not run yet: limit.", "has not been run", "## History"):
+        assert text in page
+    assert page.index("## Verdicts") < page.index("## Causes") < page.index("## How a claim is judged")
 
 
-def test_the_markdown_page_holds_verdict_rule_tables_and_figures():
-    page = markdown_page(small_summary(), "images")
+def test_the_page_of_evidence():
+    page = evidence_page(small_summary(), "images")
     for text in (
-        "| A1 | claimed \\| text | **reproduced only with dice** | found 3 % | 7 |",
+        "### A1",
         "Rule: the rule",
-        "- because",
         "![alt](images/fig.png)",
         "#### Title of t",
         "0.3333",
-        "### Cause: cause (A1)",
+        "### cause (A1)",
         "Not run here, and counted as undecided: draws.",
     ):
         assert text in page
-    assert page.index("## Verdicts") < page.index("## Shi et al. 2025")
+
+
+def test_findings_of_the_inference_are_shown():
+    summary = small_summary(findings=FINDINGS)
+    page = markdown_page(summary)
+    assert "possible only if e &gt; 0.01 (probability 0.02 \\[0.01, 0.04\\])" in page
+    assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
+    assert "20000 short campaigns" in page and "(replication-settings.md)" in page
+    assert possible(FINDINGS, "B1") == ""
+
+
+def test_findings_may_be_missing_or_damaged(tmp_path):
+    path = tmp_path / "findings.json"
+    assert read_findings(path) == {}
+    path.write_text(json.dumps({"papers": {"mf_upf": {}, "other": {}}}), encoding="utf-8")
+    assert read_findings(path) == {"mf_upf": {}}
+    assert markdown_page(small_summary(findings={"mf_upf": {}}))
+    path.write_text('{"papers"', encoding="utf-8")
+    with pytest.raises(ValueError, match="holds no findings"):
+        read_findings(path)
+    assert findings_module.FINDINGS.parent.name == "inverse"
+
+
+def test_a_switch_is_shown_where_the_literal_campaign_sets_it():
+    without = deviation_table("")
+    assert "`" not in without.split("\n\n")[0] and "not here yet" in without
+    with_one = deviation_table("filters: {alpha_kf: {sampling: random, samples: 10000}}")
+    assert with_one.count("`sampling: random`") == 1 and "`covariance_correction: false`" not in with_one
 
 
 def test_the_html_page_is_whole_and_escaped(tmp_path):
     (tmp_path / "fig.png").write_bytes(b"\x89PNG")
-    page = html_page(small_summary(), tmp_path)
+    page = html_page(small_summary(findings=FINDINGS), tmp_path)
     assert "no &lt;b&gt;" in page
+    assert "possible only if e &gt; 0.01" in page
     assert "data:image/png;base64,iVBORw==" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count('id="A1"') == 1
 
 
 def test_verdicts_in_words():
-    assert verdict_in_words(small_summary("reproduced").claims[0]) == "reproduced"
-    assert verdict_in_words(small_summary("not reproduced").claims[0]) == "not reproduced"
-    assert verdict_lines(small_summary()) == [("A1", "reproduced only with dice", "found 3 %")]
+    assert verdict_in_words(small_summary("reproduced", ()).claims[0]) == "reproduced"
+    assert verdict_in_words(small_summary("not reproduced", ()).claims[0]) == "not reproduced"
+    assert verdict_lines(small_summary()) == [("A1", "reproduced only with alpha", "found 3 %")]
+    other = replace(small_summary().claims[0], conditions=("if a",), stated=False)
+    assert verdict_in_words(other) == "not reproduced as stated, only if a"
+    many = replace(small_summary().claims[0], conditions=("if a", "if b", "if c", "if d"))
+    assert verdict_in_words(many) == "reproduced only if a; or if b; or if c; or in 1 more"
 
 
-@pytest.mark.parametrize("larger", [{}, {"two_step": Path("full") / "two_step.h5"}])
-def test_the_documentation_takes_the_full_size_where_it_is(tmp_path, monkeypatch, larger):
-    asked = {}
-
-    def summarised(measured, size, figures, in_full):
-        asked.update(paths=measured._paths, size=size, in_full=set(in_full))
-        (figures / "fig.png").write_bytes(b"\x89PNG")
-        return replace(small_summary(), size=size)
-
-    monkeypatch.setattr(reproduce_module, "summarised", summarised)
-    usual = {name: Path("usual") / f"{name}.h5" for name in ("two_step", "limit")}
-    write_docs(as_stored(small_summary()), usual, larger, tmp_path)
-    assert asked == {"paths": usual | larger, "size": "mixed" if larger else "usual", "in_full": set(larger)}
-    page = (tmp_path / "replication.md").read_text(encoding="utf-8")
-    stored = read_summary(tmp_path / "replication.json")
-    assert markdown_page(stored, DOCS_FIGURES) == page
-    assert ("make reproduce-full" in page) == bool(larger)
-    assert stored.usual_sha256 == (fingerprint(as_stored(small_summary())) if larger else "")
-    assert (tmp_path / DOCS_FIGURES / "fig.png").exists()
+def test_the_summary_is_plain_json():
+    content = json.loads(written(small_summary(findings=FINDINGS)), parse_constant=pytest.fail)
+    assert content["claims"][0]["window"] == "500 to 6000 s"
+    assert "draw" not in content["papers"][0]["plots"][0]
 
 
-def test_the_committed_page_is_made_of_the_committed_data():
-    summary = read_summary(DOCS / "replication.json")
-    assert markdown_page(summary, DOCS_FIGURES) == (DOCS / "replication.md").read_text(encoding="utf-8")
-    for part in summary.papers:
+@pytest.fixture(scope="module")
+def of_committed():
+    return summarised(Measured(committed(CAMPAIGNS)), "full", read_findings())
+
+
+def test_the_committed_pages_are_made_of_the_committed_summaries(of_committed):
+    page = (DOCS / "replication.md").read_text(encoding="utf-8")
+    assert page == markdown_page(of_committed)
+    evidence = (DOCS / "replication-evidence.md").read_text(encoding="utf-8")
+    assert evidence == evidence_page(of_committed, DOCS_FIGURES, literal_text(CAMPAIGNS))
+    for part in of_committed.papers:
         for plot in part.plots:
             assert (DOCS / DOCS_FIGURES / f"{plot.name}.png").exists()
+    assert len(page.split()) <= FORMER_WORDS / 10
 
 
-def test_the_committed_page_judges_every_claim():
-    summary = read_summary(DOCS / "replication.json")
-    assert [claim.number for claim in summary.claims] == [c for paper in papers().values() for c in paper.claims]
-    assert {number for part in summary.papers for number in claims_of(part)} == {c.number for c in summary.claims}
-    for claim in summary.claims:
+def test_every_committed_summary_is_of_its_campaign_as_it_is_now():
+    told = []
+    held = committed(CAMPAIGNS, say=told.append)
+    assert not told
+    assert set(held) == {path.stem for path in FOLDER.glob("*.json")}
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.json")) < 3e6
+    runs = {planned.name: planned.full_runs for planned in PLAN}
+    for name, extract in held.items():
+        assert extract.runs == tuple(range(runs[name]))
+
+
+def test_every_claim_is_judged(of_committed):
+    claims = [claim for paper in papers().values() for claim in paper.claims]
+    assert [claim.number for claim in of_committed.claims] == claims
+    for claim in of_committed.claims:
         assert claim.verdict in ("reproduced", "reproduced only if", "not reproduced")
-        assert claim.why
+        if claim.evidence.rows:
+            assert claim.window
+
+
+def test_the_pages_speak_plainly():
+    """Words that the pages must not use, since a reader who knows the field would stop at them."""
+    for name in ("replication.md", "replication-evidence.md"):
+        text = (DOCS / name).read_text(encoding="utf-8").lower()
+        for word in (" dice", " dies", "believes", "settled", "alternative reading", "leaves over"):
+            assert word not in text, (name, word)
+
+
+def test_no_figure_is_left_that_no_page_shows(of_committed):
+    shown = {f"{plot.name}.png" for part in of_committed.papers for plot in part.plots}
+    if not of_committed.missing:
+        assert {path.name for path in (DOCS / DOCS_FIGURES).glob("*.png")} == shown
