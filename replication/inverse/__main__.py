@@ -24,7 +24,8 @@ class PaperName(StrEnum):
 
 PaperArgument = Annotated[PaperName, typer.Argument(help="The paper.")]
 OutOption = Annotated[Path, typer.Option(help="The folder with the banks.")]
-OUT = Path("results/inverse")
+FindingsOption = Annotated[Path, typer.Option(help="The file of findings.")]
+OUT, FILE = Path("results/inverse"), Path("replication/inverse/findings.json")
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -41,8 +42,61 @@ def bank(
     if size % 100:
         raise UserError(f"--size is {size}; give a multiple of 100")
     with ending_promptly("interrupted; finished blocks are kept, and the same command continues"):
-        made = fill(_paper(paper), out / paper, size, seed, workers, lambda line: say(line, err=True))
-    say(f"{len(made.numbers)} settings in {out / paper}, {made.cpu_s / 3600:.2f} hours of processor time, {made.digest}")
+        made = fill(_paper(paper), out / paper, size, seed, workers, _say)
+    say(
+        f"{len(made.numbers)} settings in {out / paper}, {made.cpu_s / 3600:.2f} hours of processor time, {made.digest}"
+    )
+
+
+def infer(
+    paper: PaperArgument,
+    out: OutOption = OUT,
+    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
+    generations: Annotated[
+        int, typer.Option(help="How often the search for the best setting improves it.", min=1)
+    ] = 60,
+    findings: FindingsOption = FILE,
+) -> None:
+    """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
+    from replication.inverse.bank import read
+    from replication.inverse.findings import add_findings
+    from replication.inverse.judging import judged_paper
+
+    made = _paper(paper)
+    add_findings(paper, judged_paper(made, read(made, out / paper, size), generations, _say), findings)
+    say(f"wrote {findings}")
+
+
+def check(
+    paper: PaperArgument,
+    out: OutOption = OUT,
+    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
+    findings: FindingsOption = FILE,
+) -> None:
+    """Check the inference on synthetic papers: coverage of their settings, and power against a forged column."""
+    from replication.inverse.bank import read
+    from replication.inverse.findings import add_findings
+    from replication.inverse.study import Study
+
+    made = _paper(paper)
+    study = Study.of(made, read(made, out / paper, size), _say)
+    add_findings(paper, {"inferred": study.printed(), "checks": study.checks()}, findings)
+    say(f"wrote {findings}")
+
+
+def page(
+    docs: Annotated[Path, typer.Option(help="The folder of the page.")] = Path("docs"), findings: FindingsOption = FILE
+) -> None:
+    """Write the page of settings, replication-settings.md, from the findings."""
+    from replication.inverse.findings import read_findings
+    from replication.inverse.page import PAGE, page_of
+
+    (docs / PAGE).write_text(page_of(read_findings(findings)), encoding="utf-8")
+    say(f"wrote {docs / PAGE}")
+
+
+def _say(line: str) -> None:
+    say(line, err=True)
 
 
 def _paper(name: PaperName) -> Paper:
@@ -56,7 +110,8 @@ def inverse() -> None:
     """Which unreported settings give a paper's printed numbers, or that none do."""
 
 
-app.command()(guarded(bank))
+for command in (bank, infer, check, page):
+    app.command()(guarded(command))
 
 if __name__ == "__main__":
     app(prog_name="python -m replication.inverse")

@@ -8,11 +8,12 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from replication.inverse.alpha_kf_flight import QUICK, flights
-from replication.inverse.alpha_kf_numbers import NUMBERS, numbers
+from replication.inverse.alpha_kf_numbers import NUMBERS, numbers, printed
 from replication.inverse.alpha_kf_truth import motion
-from replication.inverse.alpha_kf_unknowns import UNKNOWNS
+from replication.inverse.alpha_kf_unknowns import COLUMNS, UNKNOWNS
 from replication.inverse.prior import Unknown, values
 from replication.inverse.table import Number
+from replication.papers import papers
 
 
 class AlphaKf:
@@ -21,6 +22,22 @@ class AlphaKf:
     name = "alpha_kf"
     unknowns: Sequence[Unknown] = UNKNOWNS
     numbers: Sequence[Number] = NUMBERS
+
+    @property
+    def printed(self) -> Array:
+        """What the paper prints, (numbers,)."""
+        return printed(papers()[self.name].content)
+
+    def effective(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns) with the process noise in each column that its filter has."""
+        acting = u.copy()
+        sharing = values(UNKNOWNS, u)["sharing"]
+        place = {unknown.name: k for k, unknown in enumerate(UNKNOWNS)}
+        for kind in ("acceleration_psd", "velocity_psd"):
+            for column in COLUMNS:
+                own, first, base = (place[f"{kind}_{name}"] for name in (column, COLUMNS[0], f"{column[:-1]}2"))
+                acting[:, own] = np.choose(sharing.astype(int), [u[:, first], u[:, base], u[:, own]])
+        return acting
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the numbers of single runs, (n, runs, numbers); arguments as for `bank.Paper`."""

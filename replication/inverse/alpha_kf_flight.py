@@ -178,9 +178,7 @@ def _reading_errors(
     return errors + np.cross(_turns(setting, share, h, generator, runs), places)
 
 
-def _turns(
-    setting: Mapping[str, float], share: Array, h: Array, generator: np.random.Generator, runs: int
-) -> Array:
+def _turns(setting: Mapping[str, float], share: Array, h: Array, generator: np.random.Generator, runs: int) -> Array:
     """Return the error of the measured axes as a rotation, (runs, K + 1, 3), rad."""
     across, about = TRACKER_RAD if setting["tracker_labels"] == 0 else TRACKER_RAD[::-1]
     sigma = np.full(3, across)

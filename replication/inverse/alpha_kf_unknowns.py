@@ -19,7 +19,9 @@ DIRECTION = (
     Unknown("ahead", "", "whether the deputy leads", choice((1, 1)), choices=("behind", "ahead")),
     Unknown("in_plane_share", "", "of the 12 km that is an ellipse in the plane", or_else(0.5, 0.0, uniform(0, 1))),
     Unknown("in_plane_phase_deg", "deg", "of that ellipse", uniform(0, 360)),
-    Unknown("cross_share", "", "of the 12 km that is an oscillation across the plane", or_else(0.5, 0.0, uniform(0, 1))),
+    Unknown(
+        "cross_share", "", "of the 12 km that is an oscillation across the plane", or_else(0.5, 0.0, uniform(0, 1))
+    ),
     Unknown("drift_m", "m", "along the track in a revolution", or_else(0.5, 0.0, uniform(-1000, 1000))),
     Unknown("cross_phase_deg", "deg", "of that oscillation", uniform(0, 360)),
 )

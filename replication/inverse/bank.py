@@ -36,6 +36,13 @@ class Paper(Protocol):
     def numbers(self) -> Sequence[Number]:
         """What it prints."""
 
+    @property
+    def printed(self) -> Array:
+        """What it prints, (numbers,)."""
+
+    def effective(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns) with those in place that act where settings share a value."""
+
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the numbers of single runs, (n, runs, numbers), of settings.
 
@@ -104,7 +111,9 @@ def read(paper: Paper, folder: Path, size: int | None = None) -> Bank:
     seed = int(json.loads((folder / "bank.json").read_text())["seed"])
     blocks = list(_blocks(folder, size))
     if not blocks:
-        raise UserError(f"the bank in {folder} is empty; continue it with: python -m replication.inverse bank {paper.name}")
+        raise UserError(
+            f"the bank in {folder} is empty; continue it with: python -m replication.inverse bank {paper.name}"
+        )
     numbers = np.concatenate([block for block, _ in blocks])[:size]
     return Bank(seed, settings(paper, seed, 0, len(numbers)), numbers, sum(cpu for _, cpu in blocks))
 

@@ -1,0 +1,124 @@
+"""A claim over a bank: how probable it is before the numbers are seen, and what it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Mask
+from replication.inverse.table import Number
+
+LEVEL = 0.90
+TELLING = 0.7
+"""A condition is told where at most this share of the prior meets it."""
+RARE, USUAL = 0.025, 0.05
+ENOUGH = 20
+"""Settings that a claim must hold in before anything is said of them."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A setting, or a ratio of settings, of which conditions are told.
+
+    Attributes:
+        words: What it is.
+        unit: Its unit.
+        values: Its value in each of the bank's settings, (n,).
+        choices: Names of its values, if it has any.
+    """
+
+    words: str
+    unit: str
+    values: Array
+    choices: tuple[str, ...] = ()
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson, J. American Statistical Association 22, 1927)."""
+    if count == 0:
+        return 0.0, 1.0
+    z, share = 1.959964, hits / count
+    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2)) / (1 + z**2 / count)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number], met: Mask) -> dict[str, Any]:
+    """Return what is told of a claim.
+
+    Args:
+        holds: Whether it holds in each of the bank's settings, (n,).
+        quantities: What conditions are told of.
+        numbers: The printed numbers.
+        met: Whether each setting gives each printed number roughly, (n, numbers).
+    """
+    hits, count = int(holds.sum()), len(holds)
+    low, high = wilson(hits, count)
+    found: dict[str, Any] = {"probability": hits / count, "interval": [low, high], "settings": [], "conflicts": []}
+    if hits < ENOUGH:
+        found["sentence"] = f"no condition can be told from {hits} of {count} settings"
+        return found
+    conditions = sorted((_condition(quantity, holds) for quantity in quantities), key=lambda each: each[0])
+    telling = [each for share, each in conditions if share <= TELLING][:5]
+    found["settings"] = telling
+    found["sentence"] = (
+        "possible only if " + _words(telling[0]) if telling else "possible in settings of every kind of the prior"
+    )
+    before, after = met.mean(axis=0), met[holds].mean(axis=0)
+    against = [
+        place for place in np.argsort(after / np.maximum(before, 1e-9)) if after[place] < RARE <= USUAL <= before[place]
+    ]
+    found["conflicts"] = [
+        f"{numbers[place].name}: the printed value comes out in {after[place]:.1%} of the settings that reproduce the claim, "
+        f"and in {before[place]:.1%} of all"
+        for place in against[:4]
+    ]
+    return found
+
+
+def _condition(quantity: Quantity, holds: Mask) -> tuple[float, dict[str, Any]]:
+    """Return the interval, or the choices, of 90 % of the settings in which a claim holds, and the prior's share of it."""
+    own = quantity.values[holds]
+    if quantity.choices:
+        kept = [c for c in range(len(quantity.choices)) if np.mean(own == c) > (1 - LEVEL) / len(quantity.choices)]
+        share = float(np.isin(quantity.values, kept).mean())
+        return share, {
+            "name": quantity.words,
+            "choices": [quantity.choices[c] for c in kept],
+            "unit": "",
+            "prior": share,
+        }
+    tail = (1 - LEVEL) / 2
+    ends = [(tail, 1 - tail), (0.0, LEVEL), (1 - LEVEL, 1.0)]
+    intervals = [np.quantile(own, pair) for pair in ends]
+    shares = [float(np.mean((quantity.values >= low) & (quantity.values <= high))) for low, high in intervals]
+    best = int(np.argmin(shares))
+    low, high = intervals[best]
+    told = {"name": quantity.words, "interval": [float(low), float(high)], "unit": quantity.unit, "prior": shares[best]}
+    return shares[best], told
+
+
+def _words(condition: Mapping[str, Any]) -> str:
+    """Return a condition as the end of a sentence."""
+    name = condition["name"]
+    if "choices" in condition:
+        return f"{name} is {' or '.join(condition['choices'])}"
+    low, high = condition["interval"]
+    unit = f" {condition['unit']}" if condition["unit"] else ""
+    return f"{name} is between {low:.3g} and {high:.3g}{unit} (90 % of the settings that do; {condition['prior']:.0%} of all)"
+
+
+def roughly_met(found: Array, printed: Array, numbers: Sequence[Number]) -> Mask:
+    """Return which of the bank's numbers (n, numbers) are the printed ones roughly: sizes within a factor of two.
+
+    A signed number is met within a factor of two with its sign, or within three of its last digits.
+    """
+    signed = np.array([number.signed for number in numbers])
+    digits = np.array([number.digit for number in numbers])
+    ratio = np.where(printed == 0, 0.0, found / np.where(printed == 0, 1.0, printed))
+    close = (ratio >= 0.5) & (ratio <= 2.0)
+    near: Mask = np.where(signed, close | (np.abs(found - printed) <= 3 * digits), close)
+    return near
