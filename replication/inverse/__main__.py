@@ -71,16 +71,17 @@ def check(
     paper: PaperArgument,
     out: OutOption = OUT,
     size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
+    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 4,
+    each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 3000,
     findings: FindingsOption = FILE,
 ) -> None:
     """Check the inference on synthetic papers: coverage of their settings, and power against a forged column."""
     from replication.inverse.bank import read
     from replication.inverse.findings import add_findings
-    from replication.inverse.study import Study
+    from replication.inverse.study import studied
 
     made = _paper(paper)
-    study = Study.of(made, read(made, out / paper, size), _say)
-    add_findings(paper, {"inferred": study.printed(), "checks": study.checks()}, findings)
+    add_findings(paper, studied(made, read(made, out / paper, size), rounds, each, _say), findings)
     say(f"wrote {findings}")
 
 

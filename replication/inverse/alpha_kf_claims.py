@@ -1,6 +1,7 @@
 """The claims and sentences of Shi et al. (2025) as conditions on printed numbers.
 
-As everywhere, a published reduction counts as reproduced when at least half of it is there, a size within a factor of two.
+As everywhere, a published reduction counts as reproduced when at least half of it is there, and a size within a factor
+of two.
 """
 
 from __future__ import annotations

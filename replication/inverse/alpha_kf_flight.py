@@ -122,7 +122,7 @@ def _white_acceleration(h: float, setting: Mapping[str, float]) -> Array:
     What turns meanwhile is left out: it is of order (n h)^2.
     """
     densities = np.diag([setting["radial_noise"], 1.0, setting["cross_noise"]])
-    return np.kron([[h**3 / 3, h**2 / 2], [h**2 / 2, h]], densities)
+    return np.asarray(np.kron([[h**3 / 3, h**2 / 2], [h**2 / 2, h]], densities), dtype=float)
 
 
 def _axes(places: Array) -> tuple[Array, Array]:

@@ -96,7 +96,7 @@ def _left_out(n: float, states: Array) -> Array:
         impulse = cw_transition(n, NODE_S * (1 - point) / 2)[:, 3:] * NODE_S * weight / 2
         effect[:, 0] += impulse
         effect[:, 1] += impulse * point / 2
-    return np.linalg.solve(effect.reshape(6, 6), missed.T).T.reshape(-1, 2, 3)
+    return np.asarray(np.linalg.solve(effect.reshape(6, 6), missed.T).T.reshape(-1, 2, 3), dtype=float)
 
 
 def steps_left_out(left_out: Array, ends_s: Array, spans_s: Array) -> Array:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from relnav_sim.arrays import Array
 from replication.inverse.bank import Paper
-from replication.inverse.consistency import ColumnCheck, p_value_of_paper
+from replication.inverse.consistency import Consistency
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.prior import Unknown
 
@@ -43,8 +42,9 @@ def coverage(paper: Paper, inference: Inference, u: Array, numbers: Array) -> di
                 inside[row, place], narrower[row, place] = _credible(unknown, draws[:, place], known[row, place])
     count = len(u)
     least = int(binom.ppf(0.025 / len(paper.unknowns), count, LEVEL))
+    contained, width = inside.sum(axis=0), narrower.mean(axis=0)
     table = [
-        {"unknown": unknown.name, "contained": int(inside[:, place].sum()), "width": float(narrower[:, place].mean())}
+        {"unknown": unknown.name, "contained": int(contained[place]), "width": float(width[place])}
         for place, unknown in enumerate(paper.unknowns)
     ]
     return {
@@ -52,7 +52,7 @@ def coverage(paper: Paper, inference: Inference, u: Array, numbers: Array) -> di
         "level": LEVEL,
         "contained": float(inside.mean()),
         "least_allowed": least,
-        "passed": bool(min(row["contained"] for row in table) >= least),
+        "passed": bool(contained.min() >= least),
         "unknowns": table,
     }
 
@@ -66,25 +66,25 @@ def _credible(unknown: Unknown, draws: Array, known: float) -> tuple[bool, float
     return own in order[:needed], needed / len(unknown.choices)
 
 
-def power(paper: Paper, checks: Mapping[str, ColumnCheck], numbers: Array) -> dict[str, Any]:
+def power(paper: Paper, consistency: Consistency, numbers: Array) -> dict[str, Any]:
     """Return how often a synthetic paper with one forged column is called inconsistent, and one without.
 
     A column is forged by multiplying all its sizes by a factor, which keeps mean, deviation and norm in step.
 
     Args:
         paper: Whose tables they are.
-        checks: What was learned from the bank, by column.
+        consistency: What honest papers have taught.
         numbers: Numbers of papers held out of the bank, (papers, numbers).
     """
-    alarms = p_value_of_paper(checks, features(paper, numbers)) <= FALSE_ALARM
+    alarms = consistency.paper_p_values(features(paper, numbers)) <= FALSE_ALARM
     rows = []
-    for name, check in checks.items():
+    for name, places in consistency.columns.items():
         found = {}
         for factor in FORGERIES:
             forged = numbers.copy()
-            forged[:, check.places] *= factor
+            forged[:, places] *= factor
             seen = features(paper, forged)
-            found[f"{factor:g}"] = float(np.mean(p_value_of_paper(checks, seen) <= FALSE_ALARM))
+            found[f"{factor:g}"] = float(np.mean(consistency.paper_p_values(seen) <= FALSE_ALARM))
         rows.append({"column": name, "called_inconsistent": found})
     return {
         "papers": len(numbers),

@@ -1,8 +1,9 @@
 """Whether a column of printed numbers goes with all the others.
 
-Each column is predicted from the other columns by what the bank teaches. How far off it is, in units of what such
-columns usually are off in like papers, has a known distribution in the bank, whatever the settings (split conformal
-prediction: Lei et al., J. American Statistical Association 113, 2018).
+The density of papers is a mixture of normal ones (Dempster, Laird and Rubin, J. Royal Statistical Society B 39(1), 1977),
+which gives the density of a column when the others are known. How improbable a column may be is calibrated on papers
+that the density was not learned from (split conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in
+a Random World, 2005), so that the rate of false alarms does not rest on the mixture.
 """
 
 from __future__ import annotations
@@ -13,8 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
-from replication.inverse.learned import Learned
+from replication.inverse.learned import Scale
 from replication.inverse.table import Number
+
+COMPONENTS = 6
+RIDGE = 1e-3
+"""What is added to variances: the square of three hundredths of the spread among papers."""
+TAUGHT = 0.75
 
 
 def columns_of(numbers: Sequence[Number]) -> dict[str, Indices]:
@@ -26,61 +32,85 @@ def columns_of(numbers: Sequence[Number]) -> dict[str, Indices]:
 
 
 @dataclass(frozen=True)
-class ColumnCheck:
-    """How well a column goes with the others.
+class Consistency:
+    """How well each column goes with the others.
 
     Attributes:
-        places: Its numbers.
-        others: All other numbers.
-        expected: Its numbers from the others.
-        precision: Inverse of the covariance of what they are off by.
-        usual: Logarithm of how far off they usually are, from the others.
-        calibration: Scores of papers that are what they say, in increasing order.
+        columns: Places of each column's numbers.
+        scale: Scale of the numbers.
+        weights: Of the mixture's components, (c,).
+        means: Their means, (c, numbers).
+        covariances: Their covariances, (c, numbers, numbers).
+        calibration: Scores of papers that are what they say, in increasing order, (papers, columns).
     """
 
-    places: Indices
-    others: Indices
-    expected: Learned
-    precision: Array
-    usual: Learned
+    columns: Mapping[str, Indices]
+    scale: Scale
+    weights: Array
+    means: Array
+    covariances: Array
     calibration: Array
 
     @classmethod
-    def learned(cls, places: Indices, seen: Array, seed: int) -> ColumnCheck:
-        """Return the check of a column from the bank's features (n, numbers): three parts, each for one purpose."""
-        others = np.setdiff1d(np.arange(seen.shape[1]), places)
-        teach, spread, calibrate = np.split(seen, [len(seen) * 6 // 10, len(seen) * 8 // 10])
-        expected = Learned.from_examples(teach[:, others], teach[:, places], seed)
-        off = np.clip(spread[:, places] - expected(spread[:, others]), -3, 3)
-        precision = np.linalg.inv(np.cov(off.T) + 1e-6 * np.eye(len(places)))
-        distance = _distance(spread[:, places] - expected(spread[:, others]), precision)
-        usual = Learned.from_examples(spread[:, others], distance[:, None], seed)
-        bare = cls(places, others, expected, precision, usual, np.empty(0))
-        return cls(places, others, expected, precision, usual, np.sort(bare.scores(calibrate)))
+    def learned(cls, numbers: Sequence[Number], seen: Array, seed: int) -> Consistency:
+        """Return what papers teach, from their features (n, numbers)."""
+        from sklearn.mixture import GaussianMixture
+
+        taught = int(TAUGHT * len(seen))
+        scale = Scale.of(seen[:taught])
+        components = min(COMPONENTS, max(taught // (5 * seen.shape[1]), 1))
+        mixture = GaussianMixture(components, reg_covar=RIDGE, max_iter=60, random_state=seed, init_params="k-means++")
+        mixture.fit(scale.scaled(seen[:taught]))
+        columns = columns_of(numbers)
+        bare = cls(columns, scale, mixture.weights_, mixture.means_, mixture.covariances_, np.empty((0, len(columns))))
+        calibration = np.sort(bare.scores(seen[taught:]), axis=0)
+        return cls(columns, scale, bare.weights, bare.means, bare.covariances, calibration)
 
     def scores(self, seen: Array) -> Array:
-        """Return how much further off the column is than usual, (n,), from features (n, numbers)."""
-        distance = _distance(seen[:, self.places] - self.expected(seen[:, self.others]), self.precision)
-        scores: Array = distance - self.usual(seen[:, self.others])[:, 0]
-        return scores
+        """Return how improbable each column is when the others are known, (n, columns), from features (n, numbers)."""
+        scaled = self.scale.scaled(seen)
+        every = np.arange(seen.shape[1])
+        whole = self._log_density(scaled, every)
+        others = [self._log_density(scaled, np.setdiff1d(every, places)) for places in self.columns.values()]
+        return np.stack([other - whole for other in others], axis=1)
 
     def p_values(self, seen: Array) -> Array:
-        """Return the share of honest papers whose column is as far off or further, (n,)."""
-        below = np.searchsorted(self.calibration, self.scores(seen), side="left")
-        return (len(self.calibration) - below + 1) / (len(self.calibration) + 1)
+        """Return the share of honest papers whose column is as improbable or more, (n, columns)."""
+        count = len(self.calibration)
+        scores = self.scores(seen)
+        below = np.stack(
+            [np.searchsorted(self.calibration[:, c], scores[:, c], side="left") for c in range(scores.shape[1])], axis=1
+        )
+        return np.asarray((count - below + 1) / (count + 1), dtype=float)
 
-    def off(self, seen: Array) -> Array:
-        """Return how far each number is from what the others make expected, in standard deviations, (n, places)."""
-        sigma = np.sqrt(np.diag(np.linalg.inv(self.precision)))
-        difference: Array = (seen[:, self.places] - self.expected(seen[:, self.others])) / sigma
-        return difference
+    def paper_p_values(self, seen: Array) -> Array:
+        """Return the p-value of whole papers, (n,): the smallest of their columns', times their number."""
+        return np.minimum(self.p_values(seen).min(axis=1) * len(self.columns), 1.0)
 
+    def expected(self, seen: Array, places: Indices) -> tuple[Array, Array]:
+        """Return mean and standard deviation of some numbers of one paper (numbers,) when the others are known.
 
-def _distance(off: Array, precision: Array) -> Array:
-    return np.log(np.einsum("ni,ij,nj->n", off, precision, off) + 1e-9) / 2
+        They are those of the component that fits the others best, on the scale of `table.compared`.
+        """
+        scaled = self.scale.scaled(seen[None])
+        others = np.setdiff1d(np.arange(len(seen)), places)
+        best = int(np.argmax(self._by_component(scaled, others)[:, 0]))
+        mean, P = self.means[best], self.covariances[best]
+        gain = np.linalg.solve(P[np.ix_(others, others)], P[np.ix_(others, places)]).T
+        middle = mean[places] + gain @ (scaled[0, others] - mean[others])
+        variance = np.diag(P[np.ix_(places, places)] - gain @ P[np.ix_(others, places)])
+        width = self.scale.width[places]
+        return middle * width + self.scale.middle[places], np.sqrt(variance) * width
 
+    def _by_component(self, scaled: Array, places: Indices) -> Array:
+        """Return the logarithm of weight times density of some numbers by component, (components, n)."""
+        found = []
+        for weight, mean, P in zip(self.weights, self.means, self.covariances, strict=True):
+            L = np.linalg.cholesky(P[np.ix_(places, places)])
+            white = np.linalg.solve(L, (scaled[:, places] - mean[places]).T)
+            found.append(np.log(weight) - (white**2).sum(axis=0) / 2 - np.log(np.diag(L) * np.sqrt(2 * np.pi)).sum())
+        return np.array(found)
 
-def p_value_of_paper(checks: Mapping[str, ColumnCheck], seen: Array) -> Array:
-    """Return the p-value of whole papers, (n,): the smallest of their columns', times their number."""
-    smallest = np.min([check.p_values(seen) for check in checks.values()], axis=0)
-    return np.minimum(smallest * len(checks), 1.0)
+    def _log_density(self, scaled: Array, places: Indices) -> Array:
+        each = self._by_component(scaled, places)
+        return np.asarray(np.logaddexp.reduce(each, axis=0), dtype=float)

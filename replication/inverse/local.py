@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.table import compared
 
@@ -50,6 +50,6 @@ def like_papers(
     return u, numbers
 
 
-def _nearest(paper: Paper, numbers: Array, target: Array, count: int) -> Array:
+def _nearest(paper: Paper, numbers: Array, target: Array, count: int) -> Indices:
     distance = np.abs(compared(numbers, paper.numbers) - target).sum(axis=1)
     return np.argsort(distance, kind="stable")[:count]

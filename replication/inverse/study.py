@@ -1,102 +1,78 @@
-"""All that a bank says of its paper, in the form that the page of findings is made of."""
+"""What a bank says of settings, and how that holds on papers whose settings are known."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.checks import PAPERS, coverage, power
-from replication.inverse.consistency import ColumnCheck, columns_of, p_value_of_paper
+from replication.inverse.consistency import Consistency
 from replication.inverse.inference import Inference, features, interval
+from replication.inverse.local import like_papers
 
 HELD_OUT = 0.09
-"""Share of the bank that nothing is learned from."""
+"""Share of papers that nothing is learned from."""
+LEVEL = 0.90
 
 
-@dataclass(frozen=True)
-class Study:
-    """What a bank has taught.
+def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """Return the settings inferred from the printed numbers, how its columns go together, and the checks of both.
 
-    Attributes:
-        paper: Its paper.
-        bank: The bank.
-        taught: Number of its settings that are learned from: the first ones.
-        inference: Settings from numbers.
-        columns: The check of each column, by name.
+    Args:
+        paper: The paper.
+        bank: Its bank.
+        rounds: Rounds in which papers like the printed one are searched.
+        each: How many papers a round flies.
+        say: Told how far it is.
     """
+    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
+    say(f"{paper.name}: learning settings from numbers")
+    inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
+    everywhere = Consistency.learned(paper.numbers, features(paper, bank.numbers[:taught]), bank.seed)
+    _, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
+    alike = alike[np.random.default_rng([bank.seed, 7]).permutation(len(alike))]
+    kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
+    nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), bank.seed)
+    say(f"{paper.name}: checking on synthetic papers")
+    held_u, held = bank.u[taught:], bank.numbers[taught:]
+    return {
+        "inferred": {"settings": _inferred(paper, inference), **_columns(paper, nearby)},
+        "checks": {
+            "coverage": coverage(paper, inference, held_u[:PAPERS], held[:PAPERS]),
+            "forged": power(paper, everywhere, held),
+            "forged_like_printed": power(paper, nearby, alike[kept:]),
+        },
+    }
 
-    paper: Paper
-    bank: Bank
-    taught: int
-    inference: Inference
-    columns: dict[str, ColumnCheck]
 
-    @classmethod
-    def of(cls, paper: Paper, bank: Bank, say: Callable[[str], None]) -> Study:
-        """Learn from a bank."""
-        taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
-        seen = features(paper, bank.numbers[:taught])
-        say(f"{paper.name}: learning settings from numbers")
-        inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
-        columns = {}
-        for name, places in columns_of(paper.numbers).items():
-            say(f"{paper.name}: learning {name} from the other columns")
-            columns[name] = ColumnCheck.learned(places, seen, bank.seed)
-        return cls(paper, bank, taught, inference, columns)
-
-    def checks(self) -> dict[str, Any]:
-        """Return coverage and power on papers held out of the bank."""
-        u, numbers = self.bank.u[self.taught :], self.bank.numbers[self.taught :]
-        return {
-            "coverage": coverage(self.paper, self.inference, u[:PAPERS], numbers[:PAPERS]),
-            "forged": power(self.paper, self.columns, numbers),
-        }
-
-    def printed(self) -> dict[str, Any]:
-        """Return the settings inferred from the printed numbers, and how well their columns go together."""
-        seen = features(self.paper, self.paper.printed[None])
-        draws = self.inference.posterior(seen[0])
-        low, high = interval(draws, 0.90)
-        inferred = []
-        for place, unknown in enumerate(self.paper.unknowns):
-            if unknown.choices:
-                drawn = unknown.law(draws[:, place]).astype(int)
-                shares = {name: float(np.mean(drawn == k)) for k, name in enumerate(unknown.choices)}
-                inferred.append({"name": unknown.name, "unit": "", "choices": shares})
-                continue
+def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:
+    """Return what is inferred of each unknown from the printed numbers."""
+    draws = inference.posterior(features(paper, paper.printed[None])[0])
+    low, high = interval(draws, LEVEL)
+    inferred: list[dict[str, Any]] = []
+    for place, unknown in enumerate(paper.unknowns):
+        if unknown.choices:
+            drawn = unknown.law(draws[:, place]).astype(int)
+            shares = {name: float(np.mean(drawn == k)) for k, name in enumerate(unknown.choices)}
+            inferred.append({"name": unknown.name, "unit": "", "choices": shares})
+        else:
             ends = unknown.law(np.array([low[place], high[place]]))
             inferred.append({"name": unknown.name, "unit": unknown.unit, "interval": [float(end) for end in ends]})
-        pulls = []
-        for name, check in self.columns.items():
-            off = check.off(seen)[0]
-            worst = np.argsort(-np.abs(off))[:3]
-            numbers = [self.paper.numbers[check.places[k]].name for k in worst]
-            pulls.append(
-                {
-                    "column": name,
-                    "p_value": float(check.p_values(seen)[0]),
-                    "furthest": [
-                        {"number": n, "deviations": float(off[k])} for n, k in zip(numbers, worst, strict=True)
-                    ],
-                }
-            )
-        return {"settings": inferred, "p_value": float(p_value_of_paper(self.columns, seen)[0]), "columns": pulls}
+    return inferred
 
-    def summary(self) -> dict[str, Any]:
-        """Return what the bank is: its size, its cost, and the spread of each number in it."""
-        low, middle, high = np.quantile(self.bank.numbers, (0.05, 0.5, 0.95), axis=0)
-        return {
-            "campaigns": len(self.bank.u),
-            "cpu_hours": round(self.bank.cpu_s / 3600, 3),
-            "seed": self.bank.seed,
-            "digest": self.bank.digest,
-            "unknowns": [{"name": each.name, "unit": each.unit, "words": each.words} for each in self.paper.unknowns],
-            "numbers": [
-                {"name": number.name, "quantiles": [float(low[k]), float(middle[k]), float(high[k])]}
-                for k, number in enumerate(self.paper.numbers)
-            ],
-        }
+
+def _columns(paper: Paper, consistency: Consistency) -> dict[str, Any]:
+    """Return how the printed columns go together, and which of their numbers are furthest from what the others imply."""
+    seen = features(paper, paper.printed[None])
+    pulls = []
+    for (name, places), p in zip(consistency.columns.items(), consistency.p_values(seen)[0], strict=True):
+        mean, sigma = consistency.expected(seen[0], places)
+        off = (seen[0, places] - mean) / sigma
+        furthest = [
+            {"number": paper.numbers[places[k]].name, "deviations": float(off[k])} for k in np.argsort(-np.abs(off))[:3]
+        ]
+        pulls.append({"column": name, "p_value": float(p), "furthest": furthest})
+    return {"p_value": float(consistency.paper_p_values(seen)[0]), "columns": pulls}
