@@ -20,6 +20,7 @@ class PaperName(StrEnum):
     """The papers, by their names in papers.yaml."""
 
     ALPHA_KF = "alpha_kf"
+    TWO_STEP_KF = "two_step_kf"
 
 
 PaperArgument = Annotated[PaperName, typer.Argument(help="The paper.")]
@@ -54,7 +55,7 @@ def infer(
     size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
     generations: Annotated[
         int, typer.Option(help="How often the search for the best setting improves it.", min=1)
-    ] = 60,
+    ] = 40,
     findings: FindingsOption = FILE,
 ) -> None:
     """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
@@ -71,7 +72,7 @@ def check(
     paper: PaperArgument,
     out: OutOption = OUT,
     size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
-    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 4,
+    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 3,
     each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 3000,
     findings: FindingsOption = FILE,
 ) -> None:
@@ -102,8 +103,9 @@ def _say(line: str) -> None:
 
 def _paper(name: PaperName) -> Paper:
     from replication.inverse.alpha_kf import AlphaKf
+    from replication.inverse.two_step import TwoStep
 
-    return {PaperName.ALPHA_KF: AlphaKf}[name]()
+    return AlphaKf() if name is PaperName.ALPHA_KF else TwoStep()
 
 
 @app.callback()

@@ -71,7 +71,9 @@ def holds(found: Array) -> dict[str, Mask]:
     return each
 
 
-A7_SENTENCE = "impossible: the paper states 10000 samples, which cost more than a UKF's 13 points in any setting of what it leaves open"
+A7_SENTENCE = (
+    "impossible: the paper states 10000 samples, and more than 13 cost more than a UKF, whatever it leaves open"
+)
 
 
 def quantities(u: Array) -> list[Quantity]:
@@ -80,7 +82,7 @@ def quantities(u: Array) -> list[Quantity]:
     rows = [{name: float(value[row]) for name, value in setting.items()} for row in range(len(u))]
     noise = {column: np.array([process_noise(row, column)[0] for row in rows]) for column in COLUMNS}
     told = [
-        Quantity(f"{unknown.name} ({unknown.words})", unknown.unit, setting[unknown.name], unknown.choices)
+        Quantity(unknown.words, unknown.unit, setting[unknown.name], unknown.choices)
         for unknown in UNKNOWNS
         if "_psd_" not in unknown.name
     ]
@@ -88,9 +90,11 @@ def quantities(u: Array) -> list[Quantity]:
         own = noise[f"alpha_kf_{table}"]
         for other in ("ekf", "ukf"):
             ratio = noise[f"{other}_{table}"] / own
-            told.append(Quantity(f"process noise of the {other} over the alpha filter's in table {table}", "", ratio))
+            told.append(
+                Quantity(f"the process noise of the {other} over the alpha filter's in table {table}", "", ratio)
+            )
         told += [
-            Quantity(f"process noise of the {name} in table {table}", "m^2/s^3", noise[f"{name}_{table}"])
+            Quantity(f"the process noise of the {name} in table {table}", "m^2/s^3", noise[f"{name}_{table}"])
             for name in ("ekf", "ukf", "alpha_kf")
         ]
     told.append(Quantity("process noise in table 4", "m^2/s^3", noise["alpha_kf_4"]))

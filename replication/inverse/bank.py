@@ -76,7 +76,7 @@ class Bank:
 
 
 def settings(paper: Paper, seed: int, first: int, count: int) -> Array:
-    """Return the uniform numbers of the settings from `first` on, (count, unknowns); each depends on its number alone."""
+    """Return the uniform numbers of settings from `first` on, (count, unknowns); each depends on its number alone."""
     return np.stack(
         [np.random.default_rng([seed, n, 0]).random(len(paper.unknowns)) for n in range(first, first + count)]
     )

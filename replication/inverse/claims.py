@@ -72,7 +72,7 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
         place for place in np.argsort(after / np.maximum(before, 1e-9)) if after[place] < RARE <= USUAL <= before[place]
     ]
     found["conflicts"] = [
-        f"{numbers[place].name}: the printed value comes out in {after[place]:.1%} of the settings that reproduce the claim, "
+        f"{numbers[place].name}: the printed value comes out in {after[place]:.1%} of settings with the claim, "
         f"and in {before[place]:.1%} of all"
         for place in against[:4]
     ]
@@ -80,7 +80,7 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
 
 
 def _condition(quantity: Quantity, holds: Mask) -> tuple[float, dict[str, Any]]:
-    """Return the interval, or the choices, of 90 % of the settings in which a claim holds, and the prior's share of it."""
+    """Return the interval, or choices, of 90 % of the settings in which a claim holds, and the prior's share of it."""
     own = quantity.values[holds]
     if quantity.choices:
         kept = [c for c in range(len(quantity.choices)) if np.mean(own == c) > (1 - LEVEL) / len(quantity.choices)]
@@ -98,7 +98,7 @@ def _condition(quantity: Quantity, holds: Mask) -> tuple[float, dict[str, Any]]:
     best = int(np.argmin(shares))
     low, high = intervals[best]
     told = {"name": quantity.words, "interval": [float(low), float(high)], "unit": quantity.unit, "prior": shares[best]}
-    return shares[best], told
+    return shares[best], told | {"side": ("between", "at most", "at least")[best]}
 
 
 def _words(condition: Mapping[str, Any]) -> str:
@@ -108,7 +108,13 @@ def _words(condition: Mapping[str, Any]) -> str:
         return f"{name} is {' or '.join(condition['choices'])}"
     low, high = condition["interval"]
     unit = f" {condition['unit']}" if condition["unit"] else ""
-    return f"{name} is between {low:.3g} and {high:.3g}{unit} (90 % of the settings that do; {condition['prior']:.0%} of all)"
+    sides = {
+        "between": f"between {low:.3g} and {high:.3g}",
+        "at most": f"at most {high:.3g}",
+        "at least": f"at least {low:.3g}",
+    }
+    share = f"90 % of the settings that do; {condition['prior']:.0%} of all"
+    return f"{name} is {sides[condition['side']]}{unit} ({share})"
 
 
 def roughly_met(found: Array, printed: Array, numbers: Sequence[Number]) -> Mask:

@@ -1,9 +1,9 @@
 """Whether a column of printed numbers goes with all the others.
 
-The density of papers is a mixture of normal ones (Dempster, Laird and Rubin, J. Royal Statistical Society B 39(1), 1977),
-which gives the density of a column when the others are known. How improbable a column may be is calibrated on papers
-that the density was not learned from (split conformal prediction: Vovk, Gammerman and Shafer, Algorithmic Learning in
-a Random World, 2005), so that the rate of false alarms does not rest on the mixture.
+The density of papers is a mixture of normal ones (Dempster, Laird and Rubin, J. Royal Statistical Society B 39(1),
+1977), which gives the density of a column when the others are known. How improbable a column may be is calibrated on
+papers that the density was not learned from (split conformal prediction: Vovk, Gammerman and Shafer, Algorithmic
+Learning in a Random World, 2005), so that the rate of false alarms does not rest on the mixture.
 """
 
 from __future__ import annotations

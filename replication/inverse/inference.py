@@ -2,8 +2,8 @@
 
 The posterior mean of each unknown, learned from the bank, is its summary (Fearnhead and Prangle, J. Royal Statistical
 Society B 74(3), 2012). The bank's settings whose summary is nearest to that of the printed numbers are its posterior,
-moved along a line fitted to them (Beaumont, Zhang and Balding, Genetics 162(4), 2002). One fit answers for any paper of the
-same tables.
+moved along a line fitted to them (Beaumont, Zhang and Balding, Genetics 162(4), 2002). One fit answers for any paper
+of the same tables.
 """
 
 from __future__ import annotations

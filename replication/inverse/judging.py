@@ -7,31 +7,51 @@ from typing import Any
 
 import numpy as np
 
-from replication.inverse import alpha_kf_claims
+from replication.inverse import alpha_kf_claims, two_step
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.findings import table_rows
-from replication.inverse.prior import values
+from replication.inverse.prior import Unknown, values
 from replication.inverse.refinement import Fit, best_fit
 
 FAR = 4.0
-CLAIMS = {"alpha_kf": alpha_kf_claims.findings}
+CLAIMS = {"alpha_kf": alpha_kf_claims.findings, "two_step_kf": two_step.findings}
 
 
 def judged_paper(paper: Paper, bank: Bank, generations: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Return bank, claims, sentences and tables of a paper as the file of findings has them."""
     found = CLAIMS[paper.name](bank, paper.printed)
-    found["bank"] = {
-        "campaigns": len(bank.u),
-        "cpu_hours": bank.cpu_s / 3600,
-        "seed": bank.seed,
-        "digest": bank.digest,
-        "unknowns": [{"name": each.name, "unit": each.unit, "words": each.words} for each in paper.unknowns],
-    }
-    if len(paper.numbers):
+    found["bank"] = bank_summary(paper, bank)
+    found["tables"] = {}
+    if len(paper.printed):
         fit = best_fit(paper, bank, paper.printed, np.ones(len(paper.numbers), dtype=bool), generations, bank.seed, say)
         found["tables"] = table_rows(paper, fit)
         found["best"] = _best(paper, fit)
     return found
+
+
+def bank_summary(paper: Paper, bank: Bank) -> dict[str, Any]:
+    """Return what a bank is: its size and cost, its prior, and between which values 90 % of its numbers lie."""
+    low, middle, high = np.quantile(bank.numbers, (0.05, 0.5, 0.95), axis=0)
+    return {
+        "campaigns": len(bank.u),
+        "cpu_hours": bank.cpu_s / 3600,
+        "seed": bank.seed,
+        "digest": bank.digest,
+        "unknowns": [_prior(unknown) for unknown in paper.unknowns],
+        "numbers": [
+            {"name": number.name, "quantiles": [float(low[k]), float(middle[k]), float(high[k])]}
+            for k, number in enumerate(paper.numbers)
+        ],
+    }
+
+
+def _prior(unknown: Unknown) -> dict[str, Any]:
+    """Return an unknown with its prior: the share of each choice, or the 0, 5, 50, 95 and 100 % quantiles."""
+    told: dict[str, Any] = {"name": unknown.name, "unit": unknown.unit, "words": unknown.words}
+    if unknown.choices:
+        drawn = unknown.law((np.arange(1200) + 0.5) / 1200)
+        return told | {"choices": {name: float(np.mean(drawn == k)) for k, name in enumerate(unknown.choices)}}
+    return told | {"quantiles": [float(end) for end in unknown.law(np.array([0, 0.05, 0.5, 0.95, 1 - 1e-12]))]}
 
 
 def _best(paper: Paper, fit: Fit) -> dict[str, Any]:
@@ -50,6 +70,7 @@ def _best(paper: Paper, fit: Fit) -> dict[str, Any]:
         told.append(
             {
                 "name": unknown.name,
+                "words": unknown.words,
                 "unit": unknown.unit,
                 "value": unknown.choices[int(number)] if unknown.choices else number,
             }

@@ -1,6 +1,6 @@
 """The setting that comes nearest to a paper's printed numbers, by flying settings that get better.
 
-Differential evolution (Storn and Price, J. Global Optimization 11, 1997), which starts from the bank's nearest settings.
+Differential evolution (Storn and Price, J. Global Optimization 11, 1997) from the bank's nearest settings on.
 Every setting flies with the same noise, so that two of them differ by what they are.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ RUNS = 4
 POPULATION = 120
 CHECK_RUNS = 40
 FREEDOM = 4.0
-"""Degrees of freedom of the Student t by which residuals count: a number that can't be met must not decide all others."""
+"""Degrees of freedom of the Student t by which residuals count: a number that can't be met must not decide the rest."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +94,10 @@ def best_fit(
 
     done = [0]
 
-    def after(intermediate_result: object) -> None:
+    def after(intermediate_result: Any) -> None:
         done[0] += 1
         if done[0] % 20 == 0:
-            say(
-                f"{paper.name}: generation {done[0]} of {generations}, misfit {getattr(intermediate_result, 'fun'):.1f}"
-            )
+            say(f"{paper.name}: generation {done[0]} of {generations}, misfit {intermediate_result.fun:.1f}")
 
     found = differential_evolution(
         of,
@@ -113,11 +112,11 @@ def best_fit(
         recombination=0.5,
         tol=0.0,
         callback=after,
-        rng=np.random.default_rng([seed, 3]),
+        seed=np.random.default_rng([seed, 3]),
     )
     u = fixed(found.x[None])[0]
     numbers = paper.flown(u[None], [[seed, 4]], CHECK_RUNS)[0]
     mean, scatter = numbers.mean(axis=0), numbers.std(axis=0, ddof=1)
     digits = np.array([number.digit for number in paper.numbers])
     sigma = np.sqrt(scatter**2 * (1 + 1 / CHECK_RUNS) + digits**2 / 12)
-    return Fit(u, mean, scatter, (printed - mean) / sigma, int(found.nit), int(found.nfev))
+    return Fit(u, mean, scatter, (printed - mean) / sigma, int(found.nit), POPULATION * (int(found.nit) + 1))

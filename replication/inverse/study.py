@@ -31,17 +31,20 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
     say(f"{paper.name}: learning settings from numbers")
     inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
+    held_u, held = bank.u[taught:], bank.numbers[taught:]
+    covered = coverage(paper, inference, held_u[:PAPERS], held[:PAPERS])
+    if not len(paper.printed):
+        return {"checks": {"coverage": covered}}
     everywhere = Consistency.learned(paper.numbers, features(paper, bank.numbers[:taught]), bank.seed)
     _, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
     alike = alike[np.random.default_rng([bank.seed, 7]).permutation(len(alike))]
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), bank.seed)
     say(f"{paper.name}: checking on synthetic papers")
-    held_u, held = bank.u[taught:], bank.numbers[taught:]
     return {
         "inferred": {"settings": _inferred(paper, inference), **_columns(paper, nearby)},
         "checks": {
-            "coverage": coverage(paper, inference, held_u[:PAPERS], held[:PAPERS]),
+            "coverage": covered,
             "forged": power(paper, everywhere, held),
             "forged_like_printed": power(paper, nearby, alike[kept:]),
         },
@@ -65,7 +68,7 @@ def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:
 
 
 def _columns(paper: Paper, consistency: Consistency) -> dict[str, Any]:
-    """Return how the printed columns go together, and which of their numbers are furthest from what the others imply."""
+    """Return how the printed columns go together, and which of their numbers are furthest from what others imply."""
     seen = features(paper, paper.printed[None])
     pulls = []
     for (name, places), p in zip(consistency.columns.items(), consistency.p_values(seen)[0], strict=True):

@@ -34,7 +34,7 @@ def test_a_bank_of_another_seed_is_left_alone(linear: Any, tmp_path: Path) -> No
 
 
 def test_no_bank_says_how_to_make_one(linear: Any, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="replication.inverse bank linear"):
+    with pytest.raises(UserError, match=r"replication\.inverse bank linear"):
         bank.read(linear, tmp_path)
 
 

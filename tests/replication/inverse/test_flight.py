@@ -56,7 +56,7 @@ def test_errors_are_those_of_relnavs_filter_on_the_same_readings(position_noise:
 
 
 def test_steps_with_the_left_out_acceleration_meet_the_propagated_truth() -> None:
-    """From node to node, to a hundredth of what that acceleration does; and positions between nodes by the propagator."""
+    """From node to node, to a hundredth of what that acceleration does; positions between nodes by the propagator."""
     setting = _plain() | {"eccentricity": 0.01, "in_plane_share": 0.4, "cross_share": 0.3, "drift_m": 300.0}
     setting |= {"true_anomaly_deg": 70.0, "latitude_argument_deg": 200.0, "cross_phase_deg": 50.0}
     moved = _motion(setting)
