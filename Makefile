@@ -38,8 +38,8 @@ reproduce-docs: setup  ## Write docs/replication.md with its data and figures: w
 
 inverse: setup  ## Find which settings give the papers' printed numbers, and write docs/replication-settings.md; goes on where it stopped
 	$(BIN)/python -m replication.inverse bank alpha_kf --size 22000
-	$(BIN)/python -m replication.inverse bank two_step_kf --size 20000
-	for paper in alpha_kf two_step_kf; do $(BIN)/python -m replication.inverse infer $$paper && $(BIN)/python -m replication.inverse check $$paper || exit 1; done
+	for paper in two_step_kf mf_upf; do $(BIN)/python -m replication.inverse bank $$paper --size 20000 || exit 1; done
+	for paper in alpha_kf two_step_kf mf_upf; do $(BIN)/python -m replication.inverse infer $$paper && $(BIN)/python -m replication.inverse check $$paper || exit 1; done
 	$(BIN)/python -m replication.inverse page
 
 # Types are checked while kernels are compiled, which together keeps two cores busy.

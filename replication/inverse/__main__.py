@@ -20,6 +20,7 @@ class PaperName(StrEnum):
     """The papers, by their names in papers.yaml."""
 
     ALPHA_KF = "alpha_kf"
+    MF_UPF = "mf_upf"
     TWO_STEP_KF = "two_step_kf"
 
 
@@ -103,9 +104,15 @@ def _say(line: str) -> None:
 
 def _paper(name: PaperName) -> Paper:
     from replication.inverse.alpha_kf import AlphaKf
+    from replication.inverse.mf_upf import MfUpf
     from replication.inverse.two_step import TwoStep
 
-    return AlphaKf() if name is PaperName.ALPHA_KF else TwoStep()
+    made: dict[PaperName, Paper] = {
+        PaperName.ALPHA_KF: AlphaKf(),
+        PaperName.MF_UPF: MfUpf(),
+        PaperName.TWO_STEP_KF: TwoStep(),
+    }
+    return made[name]
 
 
 @app.callback()
