@@ -54,9 +54,7 @@ def infer(
     paper: PaperArgument,
     out: OutOption = OUT,
     size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
-    generations: Annotated[
-        int, typer.Option(help="How often the search for the best setting improves it.", min=1)
-    ] = 40,
+    turns: Annotated[int, typer.Option(help="How often the search for the best setting improves it.", min=1)] = 20,
     findings: FindingsOption = FILE,
 ) -> None:
     """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
@@ -65,7 +63,7 @@ def infer(
     from replication.inverse.judging import judged_paper
 
     made = _paper(paper)
-    add_findings(paper, judged_paper(made, read(made, out / paper, size), generations, _say), findings)
+    add_findings(paper, judged_paper(made, read(made, out / paper, size), turns, _say), findings)
     say(f"wrote {findings}")
 
 
@@ -73,8 +71,8 @@ def check(
     paper: PaperArgument,
     out: OutOption = OUT,
     size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
-    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 3,
-    each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 3000,
+    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 2,
+    each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 2500,
     findings: FindingsOption = FILE,
 ) -> None:
     """Check the inference on synthetic papers: coverage of their settings, and power against a forged column."""

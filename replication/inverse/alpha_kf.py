@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from replication.inverse.alpha_kf_flight import QUICK, flights
 from replication.inverse.alpha_kf_numbers import NUMBERS, numbers, printed
 from replication.inverse.alpha_kf_truth import motion
@@ -38,6 +38,28 @@ class AlphaKf:
                 own, first, base = (place[f"{kind}_{name}"] for name in (column, COLUMNS[0], f"{column[:-1]}2"))
                 acting[:, own] = np.choose(sharing.astype(int), [u[:, first], u[:, base], u[:, own]])
         return acting
+
+    @property
+    def groups(self) -> Sequence[tuple[Indices, Indices]]:
+        """The numbers of each filter that may have a process noise of its own, and its two densities."""
+        place = {unknown.name: k for k, unknown in enumerate(UNKNOWNS)}
+        found = []
+        for column in COLUMNS:
+            name, _, table = column.rpartition("_")
+            numbers = [
+                k
+                for k, number in enumerate(NUMBERS)
+                if number.table == f"table_{table}" and (table == "4" or number.column == name)
+            ]
+            own = [place[f"acceleration_psd_{column}"], place[f"velocity_psd_{column}"]]
+            found.append((np.array(numbers), np.array(own)))
+        return found
+
+    def apart(self, u: Array) -> Array:
+        """Return settings in which each filter and table has a process noise of its own."""
+        moved = u.copy()
+        moved[:, [unknown.name for unknown in UNKNOWNS].index("sharing")] = 0.99
+        return moved
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the numbers of single runs, (n, runs, numbers); arguments as for `bank.Paper`."""

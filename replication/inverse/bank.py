@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.cli.failures import UserError
 from replication.inverse.prior import Unknown
 from replication.inverse.table import Number
@@ -42,6 +42,13 @@ class Paper(Protocol):
 
     def effective(self, u: Array) -> Array:
         """Return uniform numbers (n, unknowns) with those in place that act where settings share a value."""
+
+    @property
+    def groups(self) -> Sequence[tuple[Indices, Indices]]:
+        """Groups of numbers, and the unknowns that act on this group alone once `apart` has moved settings."""
+
+    def apart(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns), moved to where the groups share no value."""
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the numbers of single runs, (n, runs, numbers), of settings.

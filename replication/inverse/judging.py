@@ -17,13 +17,13 @@ FAR = 4.0
 CLAIMS = {"alpha_kf": alpha_kf_claims.findings, "mf_upf": mf_upf.findings, "two_step_kf": two_step.findings}
 
 
-def judged_paper(paper: Paper, bank: Bank, generations: int, say: Callable[[str], None]) -> dict[str, Any]:
+def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Any]:
     """Return bank, claims, sentences and tables of a paper as the file of findings has them."""
     found = CLAIMS[paper.name](bank, paper.printed)
     found["bank"] = bank_summary(paper, bank)
     found["tables"] = {}
     if len(paper.printed):
-        fit = best_fit(paper, bank, paper.printed, np.ones(len(paper.numbers), dtype=bool), generations, bank.seed, say)
+        fit = best_fit(paper, bank, paper.printed, turns, bank.seed, say)
         found["tables"] = table_rows(paper, fit)
         found["best"] = _best(paper, fit)
     return found

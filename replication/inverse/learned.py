@@ -13,6 +13,8 @@ from relnav_sim.arrays import Array
 WIDTHS = (128, 64)
 CLIP = 6.0
 """Scaled inputs beyond this count as this: a network says nothing sensible further out."""
+NARROWEST = 0.02
+"""Least width of a scale: numbers that hardly differ but by rounding are the same."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Scale:
     def of(cls, values: Array) -> Scale:
         """Return the scale of values (n, q)."""
         low, middle, high = np.quantile(values, (0.16, 0.5, 0.84), axis=0)
-        return cls(middle, np.maximum((high - low) / 2, 1e-9))
+        return cls(middle, np.maximum((high - low) / 2, NARROWEST))
 
     def scaled(self, values: Array) -> Array:
         """Return values on this scale, clipped."""

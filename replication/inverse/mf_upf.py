@@ -24,7 +24,7 @@ from relnav_sim import (
     rtn_from_eci,
     run_filter,
 )
-from relnav_sim.arrays import Array, Mask
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.astro.constants import MU_M3_S2, RADIUS_M
 from relnav_sim.astro.orbits import Elements, state_from_elements
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
@@ -67,12 +67,17 @@ class MfUpf:
         for low, high in WINDOWS_S
     )
     printed = np.empty(0)
+    groups: Sequence[tuple[Indices, Indices]] = ()
 
     def effective(self, u: Array) -> Array:
         """Return uniform numbers (n, unknowns) with those of each block's first setting where a block shares them."""
         acting = u.copy()
         acting[:, : len(SHARED)] = u[np.arange(len(u)) // BLOCK * BLOCK, : len(SHARED)]
         return acting
+
+    def apart(self, u: Array) -> Array:
+        """Return the settings as they are: there are no groups."""
+        return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the outcomes of one run, (n, 1, outcomes), of a block of settings; arguments as for `bank.Paper`."""

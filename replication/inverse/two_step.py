@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from relnav_sim import create_filter, dynamics, measurements, run_filter
-from relnav_sim.arrays import Array, Mask
+from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from replication.inverse.bank import BLOCK, Bank
 from replication.inverse.claims import Quantity, judged
@@ -63,12 +63,17 @@ class TwoStep:
     unknowns: Sequence[Unknown] = UNKNOWNS
     numbers: Sequence[Number] = tuple(Number("outcomes", "two_step", outcome, "", digit=1e-3) for outcome in OUTCOMES)
     printed = np.empty(0)
+    groups: Sequence[tuple[Indices, Indices]] = ()
 
     def effective(self, u: Array) -> Array:
         """Return uniform numbers (n, unknowns) with those of each block's first setting where a block shares them."""
         acting = u.copy()
         acting[:, : len(SHARED)] = u[np.arange(len(u)) // BLOCK * BLOCK, : len(SHARED)]
         return acting
+
+    def apart(self, u: Array) -> Array:
+        """Return the settings as they are: there are no groups."""
+        return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return what the claims are about, (n, 1, outcomes), of a block of settings; arguments as for `bank.Paper`."""

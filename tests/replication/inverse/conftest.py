@@ -27,9 +27,14 @@ class Linear:
         Number("table_1", column, f"row {row}", "m", signed=True) for column in ("one", "two") for row in range(3)
     )
     printed = np.array([0.5, 0.5, 0.5, 0.7, 0.7, 0.7])
+    groups = ((np.array([3, 4]), np.array([1])),)
 
     def effective(self, u: Array) -> Array:
         """Return the uniform numbers as they are."""
+        return u
+
+    def apart(self, u: Array) -> Array:
+        """Return the settings as they are: b is shared by nothing."""
         return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
