@@ -57,13 +57,15 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
     """
     hits, count = int(holds.sum()), len(holds)
     low, high = wilson(hits, count)
-    found: dict[str, Any] = {"probability": hits / count, "interval": [low, high], "settings": [], "conflicts": []}
+    found: dict[str, Any] = {"probability": hits / count, "interval": [low, high]}
+    found |= {"settings": [], "choices": [], "conflicts": []}
     if hits < ENOUGH:
         found["sentence"] = f"no condition can be told from {hits} of {count} settings"
         return found
     conditions = sorted((_condition(quantity, holds) for quantity in quantities), key=lambda each: each[0])
     telling = [each for share, each in conditions if share <= TELLING][:5]
-    found["settings"] = telling
+    found["settings"] = [each for each in telling if "interval" in each]
+    found["choices"] = [each for each in telling if "choices" in each]
     found["sentence"] = (
         "possible only if " + _words(telling[0]) if telling else "possible in settings of every kind of the prior"
     )

@@ -29,13 +29,13 @@ R / alpha and the scatter of its samples: at 12 km they are the same ([why](repl
 first and 5 s from 960 s on, with readings that much better, which leaves white noise as it is. Drag is left out.
 """,
     "mf_upf": """The bank has the particle filter over Clohessy-Wiltshire dynamics alone, with 50 to 500 particles and
-at least 2 s between readings. Filters over learned dynamics, which B1 and B2 are about, are not flown yet. B3 asks for an
-error of about 5 m from 1000 to 3500 s and from 3500 to 6000 s, and for less before: an oscillation that starts and
+at least 2 s between readings. Filters over learned dynamics, which B1 and B2 are about, are not flown yet. B3 asks for
+an error of about 5 m from 1000 to 3500 s and from 3500 to 6000 s, and for less before: an oscillation that starts and
 stays.
 """,
     "two_step_kf": """No scenario of the paper is accessible, so that every scenario is admissible. A hundred settings
-of the bank share radar, clock and process noise; each flies eight runs of 60 readings, with Clohessy-Wiltshire motion for
-truth and filters.
+of the bank share radar, clock and process noise; each flies eight runs of 60 readings, with Clohessy-Wiltshire motion
+for truth and filters.
 """,
 }
 _FITTED = """### The best joint setting
