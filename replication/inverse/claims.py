@@ -36,9 +36,9 @@ class Quantity:
     choices: tuple[str, ...] = ()
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
+def wilson(hits: float, count: float) -> tuple[float, float]:
     """Return the 95 % interval of a share (Wilson, J. American Statistical Association 22, 1927)."""
-    if count == 0:
+    if count <= 0:
         return 0.0, 1.0
     z, share = 1.959964, hits / count
     middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
@@ -46,7 +46,23 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number], met: Mask) -> dict[str, Any]:
+def independent(holds: Mask, block: int) -> float:
+    """Return how many independent settings tell as much as these do where those of a block share values.
+
+    That is their number over the design effect (Kish, Survey Sampling, 1965, section 5.4): the variance of the blocks'
+    shares over that of as many independent settings.
+    """
+    share, blocks = float(holds.mean()), len(holds) // block
+    if blocks < 2 or share in (0.0, 1.0):
+        return float(max(blocks, 1))
+    by_block = holds[: blocks * block].reshape(blocks, block).mean(axis=1)
+    effect = float(by_block.var(ddof=1)) * block / (share * (1 - share))
+    return len(holds) / max(effect, 1.0)
+
+
+def judged(
+    holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number], met: Mask, block: int = 1
+) -> dict[str, Any]:
     """Return what is told of a claim.
 
     Args:
@@ -54,9 +70,11 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
         quantities: What conditions are told of.
         numbers: The printed numbers.
         met: Whether each setting gives each printed number roughly, (n, numbers).
+        block: How many settings on end share some values.
     """
     hits, count = int(holds.sum()), len(holds)
-    low, high = wilson(hits, count)
+    effective = independent(holds, block) if block > 1 else count
+    low, high = wilson(hits / count * effective, effective)
     found: dict[str, Any] = {"probability": hits / count, "interval": [low, high]}
     found |= {"settings": [], "choices": [], "conflicts": []}
     if hits < ENOUGH:

@@ -146,6 +146,6 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
     told = [Quantity(each.words, each.unit, setting[each.name], each.choices) for each in UNKNOWNS]
     none = np.empty((len(bank.u), 0), dtype=bool)
     by_claim = holds(bank.numbers)
-    claims = {name: judged(mask, told, (), none) for name, mask in by_claim.items()}
-    claims["B3 and B4"] = judged(np.logical_and(*by_claim.values()), told, (), none)
+    claims = {name: judged(mask, told, (), none, BLOCK) for name, mask in by_claim.items()}
+    claims["B3 and B4"] = judged(np.logical_and(*by_claim.values()), told, (), none, BLOCK)
     return {"claims": claims, "sentences": []}

@@ -151,6 +151,6 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
     told.append(Quantity("the bend of the range over the start error, in the range's standard deviations", "", bend))
     none = np.empty((len(bank.u), 0), dtype=bool)
     return {
-        "claims": {name: judged(mask, told, (), none) for name, mask in holds(bank.numbers).items()},
+        "claims": {name: judged(mask, told, (), none, BLOCK) for name, mask in holds(bank.numbers).items()},
         "sentences": [],
     }
