@@ -24,9 +24,7 @@ DIRECTION = (
         or_else(0.5, 0.0, uniform(0, 1)),
     ),
     Unknown("in_plane_phase_deg", "deg", "the phase of that ellipse", uniform(0, 360)),
-    Unknown(
-        "cross_share", "", "of the 12 km that is an oscillation across the plane", or_else(0.5, 0.0, uniform(0, 1))
-    ),
+    Unknown("cross_share", "", "the share of the 12 km that is across the plane", or_else(0.5, 0.0, uniform(0, 1))),
     Unknown("drift_m", "m", "the drift along the track in a revolution", or_else(0.5, 0.0, uniform(-1000, 1000))),
     Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360)),
 )

@@ -80,13 +80,16 @@ def judged(
     if hits < ENOUGH:
         found["sentence"] = f"no condition can be told from {hits} of {count} settings"
         return found
-    conditions = sorted((_condition(quantity, holds) for quantity in quantities), key=lambda each: each[0])
-    telling = [each for share, each in conditions if share <= TELLING][:5]
-    found["settings"] = [each for each in telling if "interval" in each]
+    tried = [_condition(quantity, holds) for quantity in quantities]
+    chance = 3 * len(quantities)  # a condition is the best of three sides and of all quantities
+    telling = [
+        each
+        for each in sorted(tried, key=lambda each: float(each["prior"]))
+        if each["prior"] <= TELLING and chance * _by_chance(each, hits * effective / count) < 0.001
+    ]
+    found["settings"] = [each for each in telling if "interval" in each][:5]
     found["choices"] = [each for each in telling if "choices" in each]
-    found["sentence"] = (
-        "possible only if " + _words(telling[0]) if telling else "possible in settings of every kind of the prior"
-    )
+    found["sentence"] = _sentence(found["choices"], found["settings"])
     before, after = met.mean(axis=0), met[holds].mean(axis=0)
     against = [
         place for place in np.argsort(after / np.maximum(before, 1e-9)) if after[place] < RARE <= USUAL <= before[place]
@@ -99,33 +102,42 @@ def judged(
     return found
 
 
-def _condition(quantity: Quantity, holds: Mask) -> tuple[float, dict[str, Any]]:
-    """Return the interval, or choices, of 90 % of the settings in which a claim holds, and the prior's share of it."""
-    own = quantity.values[holds]
+def _by_chance(condition: Mapping[str, Any], hits: float) -> float:
+    """Return how probable it is that as many settings meet a condition that has nothing to do with the claim."""
+    from scipy.stats import binom
+
+    level = 0.99 if "choices" in condition else LEVEL
+    return float(binom.sf(np.ceil(level * hits) - 1, max(np.ceil(hits), 1), condition["prior"]))
+
+
+def _condition(quantity: Quantity, holds: Mask) -> dict[str, Any]:
+    """Return a condition that settings with a claim meet, and which share of the prior does.
+
+    Of choices it has all that occur in a hundredth of these settings or more; of numbers the interval of 90 % of them.
+    """
+    own, told = quantity.values[holds], {"name": quantity.words, "unit": quantity.unit}
     if quantity.choices:
-        kept = [c for c in range(len(quantity.choices)) if np.mean(own == c) > (1 - LEVEL) / len(quantity.choices)]
+        kept = [c for c in range(len(quantity.choices)) if np.mean(own == c) > 0.01]
         share = float(np.isin(quantity.values, kept).mean())
-        return share, {
-            "name": quantity.words,
-            "choices": [quantity.choices[c] for c in kept],
-            "unit": "",
-            "prior": share,
-        }
+        return told | {"choices": [quantity.choices[c] for c in kept], "prior": share}
     tail = (1 - LEVEL) / 2
-    ends = [(tail, 1 - tail), (0.0, LEVEL), (1 - LEVEL, 1.0)]
-    intervals = [np.quantile(own, pair) for pair in ends]
+    intervals = [np.quantile(own, pair) for pair in ((tail, 1 - tail), (0.0, LEVEL), (1 - LEVEL, 1.0))]
     shares = [float(np.mean((quantity.values >= low) & (quantity.values <= high))) for low, high in intervals]
     best = int(np.argmin(shares))
-    low, high = intervals[best]
-    told = {"name": quantity.words, "interval": [float(low), float(high)], "unit": quantity.unit, "prior": shares[best]}
-    return shares[best], told | {"side": ("between", "at most", "at least")[best]}
+    side = ("between", "at most", "at least")[best]
+    return told | {"interval": [float(end) for end in intervals[best]], "side": side, "prior": shares[best]}
 
 
-def _words(condition: Mapping[str, Any]) -> str:
-    """Return a condition as the end of a sentence."""
-    name = condition["name"]
-    if "choices" in condition:
-        return f"{name} is {' or '.join(condition['choices'])}"
+def _sentence(choices: Sequence[Mapping[str, Any]], settings: Sequence[Mapping[str, Any]]) -> str:
+    """Return what a claim takes: all choices that it excludes, and the interval that excludes the most."""
+    needed = [f"{each['name']} is {' or '.join(each['choices'])}" for each in choices]
+    mostly = [_interval_words(each) for each in settings[:1]]
+    if needed:
+        return "possible only if " + " and ".join(needed) + "".join(f"; mostly where {words}" for words in mostly)
+    return f"possible mostly where {mostly[0]}" if mostly else "possible in settings of every kind of the prior"
+
+
+def _interval_words(condition: Mapping[str, Any]) -> str:
     low, high = condition["interval"]
     unit = f" {condition['unit']}" if condition["unit"] else ""
     sides = {
@@ -133,8 +145,8 @@ def _words(condition: Mapping[str, Any]) -> str:
         "at most": f"at most {high:.3g}",
         "at least": f"at least {low:.3g}",
     }
-    share = f"90 % of the settings that do; {condition['prior']:.0%} of all"
-    return f"{name} is {sides[condition['side']]}{unit} ({share})"
+    share = f"90 % of these settings; {condition['prior']:.0%} of all"
+    return f"{condition['name']} is {sides[condition['side']]}{unit} ({share})"
 
 
 def roughly_met(found: Array, printed: Array, numbers: Sequence[Number]) -> Mask:

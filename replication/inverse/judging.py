@@ -48,10 +48,10 @@ def bank_summary(paper: Paper, bank: Bank) -> dict[str, Any]:
 def _prior(unknown: Unknown) -> dict[str, Any]:
     """Return an unknown with its prior: the share of each choice, or the 0, 5, 50, 95 and 100 % quantiles."""
     told: dict[str, Any] = {"name": unknown.name, "unit": unknown.unit, "words": unknown.words}
+    drawn = unknown.law((np.arange(1200) + 0.5) / 1200)
     if unknown.choices:
-        drawn = unknown.law((np.arange(1200) + 0.5) / 1200)
         return told | {"choices": {name: float(np.mean(drawn == k)) for k, name in enumerate(unknown.choices)}}
-    return told | {"quantiles": [float(end) for end in unknown.law(np.array([0, 0.05, 0.5, 0.95, 1 - 1e-12]))]}
+    return told | {"quantiles": [float(end) for end in np.quantile(drawn, (0, 0.05, 0.5, 0.95, 1))]}
 
 
 def _best(paper: Paper, fit: Fit) -> dict[str, Any]:

@@ -20,8 +20,9 @@ searches the best setting, `check PAPER` checks the inference on synthetic paper
 are kept in replication/inverse/findings.json: nothing is flown to read them.
 
 The probability of a claim is the share of the bank's settings in which the rule of the claim holds on the numbers of
-one run: at least half of a published reduction, a size within a factor of two. What it takes is the condition that
-excludes the most of the prior and that 90 % of the settings with the claim meet.
+one run: at least half of a published reduction, a size within a factor of two. What it takes is told by the choices
+without which it does not hold, and by the interval that excludes the most of the prior and that 90 % of the settings
+with the claim meet.
 """
 _HOW = {
     "alpha_kf": """EKF and UKF are flown as one Kalman filter on the converted reading, the alpha filter as that with

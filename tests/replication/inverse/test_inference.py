@@ -52,7 +52,7 @@ def test_a_claims_condition_is_found(linear: Any) -> None:
     low, high = found["settings"][0]["interval"]
     assert 8 <= low < 8.3
     assert high > 9.7  # the lower or the upper tail of a twentieth is left out, or both
-    assert found["sentence"].startswith("possible only if first is ")
+    assert found["sentence"].startswith("possible mostly where first is ")
     assert len(found["conflicts"]) == 1
     assert "row 1" in found["conflicts"][0]
     none = judged(np.zeros(4000, dtype=bool), told, linear.numbers[:2], met)
