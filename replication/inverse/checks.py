@@ -18,21 +18,21 @@ FALSE_ALARM = 0.05
 FORGERIES = (0.33, 0.5, 0.67, 0.8, 1.25, 1.5, 2.0, 3.0)
 
 
-def coverage(paper: Paper, inference: Inference, u: Array, numbers: Array) -> dict[str, Any]:
+def coverage(paper: Paper, inference: Inference, known: Array, numbers: Array) -> dict[str, Any]:
     """Return how often intervals contain the known settings of synthetic papers held out of the bank.
 
     Args:
         paper: Whose tables they are.
         inference: What was learned from the bank.
-        u: Their settings, (papers, unknowns).
+        known: Their settings as they act, (papers, unknowns).
         numbers: Their numbers, (papers, numbers).
     """
     from scipy.stats import binom
 
-    known, seen = paper.effective(u), features(paper, numbers)
-    inside = np.empty((len(u), len(paper.unknowns)), dtype=bool)
+    seen = features(paper, numbers)
+    inside = np.empty(known.shape, dtype=bool)
     narrower = np.empty(inside.shape)
-    for row in range(len(u)):
+    for row in range(len(known)):
         draws = inference.posterior(seen[row])
         low, high = interval(draws, LEVEL)
         inside[row] = (known[row] >= low) & (known[row] <= high)
@@ -40,7 +40,7 @@ def coverage(paper: Paper, inference: Inference, u: Array, numbers: Array) -> di
         for place, unknown in enumerate(paper.unknowns):
             if unknown.choices:
                 inside[row, place], narrower[row, place] = _credible(unknown, draws[:, place], known[row, place])
-    count = len(u)
+    count = len(known)
     least = int(binom.ppf(0.025 / len(paper.unknowns), count, LEVEL))
     contained, width = inside.sum(axis=0), narrower.mean(axis=0)
     table = [

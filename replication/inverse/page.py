@@ -151,7 +151,10 @@ def _checks(checks: Mapping[str, Any]) -> list[str]:
     least = min(each["contained"] for each in coverage["unknowns"])
     rows = ((each["unknown"], str(each["contained"]), f"{each['width']:.2f}") for each in coverage["unknowns"])
     head = ("unknown", f"contained, of {coverage['papers']}", "width")
-    parts = [_COVERED.format(**coverage, least=least), _table(head, rows)]
+    parts = [_COVERED.format(**coverage, least=least)]
+    if not coverage["passed"]:
+        parts.append("That is below the bound: intervals of settings from this bank are not to be relied on.\n")
+    parts.append(_table(head, rows))
     if "forged" in checks:
         parts += [_FORGED.format(**checks["forged"]), _powers(checks["forged"]["columns"])]
     return parts

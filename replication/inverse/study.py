@@ -31,8 +31,8 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
     say(f"{paper.name}: learning settings from numbers")
     inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
-    held_u, held = bank.u[taught:], bank.numbers[taught:]
-    covered = coverage(paper, inference, held_u[:PAPERS], held[:PAPERS])
+    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)  # of as many blocks as can be
+    covered = coverage(paper, inference, paper.effective(bank.u)[held], bank.numbers[held])
     if not len(paper.printed):
         return {"checks": {"coverage": covered}}
     _, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
