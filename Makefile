@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests start many processes, which need not compile the same modules each time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo reproduce reproduce-full reproduce-docs test types kernels check-slow docs bench scale scenarios schema clean
+.PHONY: help setup demo reproduce reproduce-full reproduce-docs inverse test types kernels check-slow docs bench scale scenarios schema clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1|/' | column -t -s '|'
@@ -35,6 +35,12 @@ reproduce-full: setup  ## Compute every campaign of the replication at full size
 
 reproduce-docs: setup  ## Write the replication's pages from replication/full, renewed with what reproduce-full has completed
 	$(BIN)/python -m replication --docs docs
+
+inverse: setup  ## Find which settings give the papers' printed numbers, and write docs/replication-settings.md; goes on where it stopped
+	$(BIN)/python -m replication.inverse bank alpha_kf --size 22000
+	for paper in two_step_kf mf_upf; do $(BIN)/python -m replication.inverse bank $$paper --size 20000 || exit 1; done
+	for paper in alpha_kf two_step_kf mf_upf; do $(BIN)/python -m replication.inverse infer $$paper && $(BIN)/python -m replication.inverse check $$paper || exit 1; done
+	$(BIN)/python -m replication.inverse page
 
 # Types are checked while kernels are compiled, which together keeps two cores busy.
 test: setup  ## Lint, check types and import rules, run the tests

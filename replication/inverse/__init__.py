@@ -1,0 +1,1 @@
+"""Which unreported settings of three papers give their printed numbers, or that none do."""

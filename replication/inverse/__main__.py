@@ -1,0 +1,125 @@
+"""`python -m replication.inverse`: which unreported settings give a paper's printed numbers."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from relnav_sim.cli.failures import UserError, guarded
+from relnav_sim.cli.interrupts import ending_promptly
+from relnav_sim.cli.output import say
+
+if TYPE_CHECKING:
+    from replication.inverse.bank import Paper
+
+
+class PaperName(StrEnum):
+    """The papers, by their names in papers.yaml."""
+
+    ALPHA_KF = "alpha_kf"
+    MF_UPF = "mf_upf"
+    TWO_STEP_KF = "two_step_kf"
+
+
+PaperArgument = Annotated[PaperName, typer.Argument(help="The paper.")]
+OutOption = Annotated[Path, typer.Option(help="The folder with the banks.")]
+FindingsOption = Annotated[Path, typer.Option(help="The file of findings.")]
+OUT, FILE = Path("results/inverse"), Path("replication/inverse/findings.json")
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+def bank(
+    paper: PaperArgument,
+    out: OutOption = OUT,
+    size: Annotated[int, typer.Option(help="Number of settings, in blocks of 100.", min=100)] = 20_000,
+    seed: Annotated[int, typer.Option(help="Seed of settings and noise.", min=0)] = 20251130,
+    workers: Annotated[int, typer.Option(help="Processes that fill it.", min=1)] = 1,
+) -> None:
+    """Draw settings from the prior and fly each once; the same command goes on where it was interrupted."""
+    from replication.inverse.bank import fill
+
+    if size % 100:
+        raise UserError(f"--size is {size}; give a multiple of 100")
+    with ending_promptly("interrupted; finished blocks are kept, and the same command continues"):
+        made = fill(_paper(paper), out / paper, size, seed, workers, _say)
+    say(
+        f"{len(made.numbers)} settings in {out / paper}, {made.cpu_s / 3600:.2f} hours of processor time, {made.digest}"
+    )
+
+
+def infer(
+    paper: PaperArgument,
+    out: OutOption = OUT,
+    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
+    turns: Annotated[int, typer.Option(help="How often the search for the best setting improves it.", min=1)] = 20,
+    findings: FindingsOption = FILE,
+) -> None:
+    """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
+    from replication.inverse.bank import read
+    from replication.inverse.findings import add_findings
+    from replication.inverse.judging import judged_paper
+
+    made = _paper(paper)
+    add_findings(paper, judged_paper(made, read(made, out / paper, size), turns, _say), findings)
+    say(f"wrote {findings}")
+
+
+def check(
+    paper: PaperArgument,
+    out: OutOption = OUT,
+    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
+    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 2,
+    each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 2500,
+    findings: FindingsOption = FILE,
+) -> None:
+    """Check the inference on synthetic papers: coverage of their settings, and power against a forged column."""
+    from replication.inverse.bank import read
+    from replication.inverse.findings import add_findings
+    from replication.inverse.study import studied
+
+    made = _paper(paper)
+    add_findings(paper, studied(made, read(made, out / paper, size), rounds, each, _say), findings)
+    say(f"wrote {findings}")
+
+
+def page(
+    docs: Annotated[Path, typer.Option(help="The folder of the page.")] = Path("docs"), findings: FindingsOption = FILE
+) -> None:
+    """Write the page of settings, replication-settings.md, from the findings."""
+    from replication.inverse.findings import read_findings
+    from replication.inverse.page import PAGE, page_of
+
+    (docs / PAGE).write_text(page_of(read_findings(findings)), encoding="utf-8")
+    say(f"wrote {docs / PAGE}")
+
+
+def _say(line: str) -> None:
+    say(line, err=True)
+
+
+def _paper(name: PaperName) -> Paper:
+    from replication.inverse.alpha_kf import AlphaKf
+    from replication.inverse.mf_upf import MfUpf
+    from replication.inverse.two_step import TwoStep
+
+    made: dict[PaperName, Paper] = {
+        PaperName.ALPHA_KF: AlphaKf(),
+        PaperName.MF_UPF: MfUpf(),
+        PaperName.TWO_STEP_KF: TwoStep(),
+    }
+    return made[name]
+
+
+@app.callback()
+def inverse() -> None:
+    """Which unreported settings give a paper's printed numbers, or that none do."""
+
+
+for command in (bank, infer, check, page):
+    app.command()(guarded(command))
+
+if __name__ == "__main__":
+    app(prog_name="python -m replication.inverse")

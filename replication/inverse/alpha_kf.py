@@ -1,0 +1,76 @@
+"""Shi et al. (2025) as a paper whose numbers can be made anew in any setting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Indices
+from replication.inverse.alpha_kf_flight import QUICK, flights
+from replication.inverse.alpha_kf_numbers import NUMBERS, numbers, printed
+from replication.inverse.alpha_kf_truth import motion
+from replication.inverse.alpha_kf_unknowns import COLUMNS, UNKNOWNS
+from replication.inverse.prior import Unknown, values
+from replication.inverse.table import Number
+from replication.papers import papers
+
+
+class AlphaKf:
+    """Tables 2, 3 and 4, flown together."""
+
+    name = "alpha_kf"
+    unknowns: Sequence[Unknown] = UNKNOWNS
+    numbers: Sequence[Number] = NUMBERS
+
+    @property
+    def printed(self) -> Array:
+        """What the paper prints, (numbers,)."""
+        return printed(papers()[self.name].content)
+
+    def effective(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns) with the process noise in each column that its filter has."""
+        acting = u.copy()
+        sharing = values(UNKNOWNS, u)["sharing"]
+        place = {unknown.name: k for k, unknown in enumerate(UNKNOWNS)}
+        for kind in ("acceleration_psd", "velocity_psd"):
+            for column in COLUMNS:
+                own, first, base = (place[f"{kind}_{name}"] for name in (column, COLUMNS[0], f"{column[:-1]}2"))
+                acting[:, own] = np.choose(sharing.astype(int), [u[:, first], u[:, base], u[:, own]])
+        return acting
+
+    @property
+    def groups(self) -> Sequence[tuple[Indices, Indices]]:
+        """The numbers of each filter that may have a process noise of its own, and its two densities."""
+        place = {unknown.name: k for k, unknown in enumerate(UNKNOWNS)}
+        found = []
+        for column in COLUMNS:
+            name, _, table = column.rpartition("_")
+            numbers = [
+                k
+                for k, number in enumerate(NUMBERS)
+                if number.table == f"table_{table}" and (table == "4" or number.column == name)
+            ]
+            own = [place[f"acceleration_psd_{column}"], place[f"velocity_psd_{column}"]]
+            found.append((np.array(numbers), np.array(own)))
+        return found
+
+    def apart(self, u: Array) -> Array:
+        """Return settings in which each filter and table has a process noise of its own."""
+        moved = u.copy()
+        moved[:, [unknown.name for unknown in UNKNOWNS].index("sharing")] = 0.99
+        return moved
+
+    def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
+        """Return the numbers of single runs, (n, runs, numbers); arguments as for `bank.Paper`."""
+        setting = values(UNKNOWNS, u)
+        moved = motion(setting)
+        out = np.empty((len(u), runs, len(NUMBERS)))
+        for row, seed in enumerate(seeds):
+            own = {name: float(value[row]) for name, value in setting.items()}
+            generator = np.random.default_rng(list(seed))
+            flown = flights(
+                own, moved.mean_motion_rad_s[row], moved.nodes[row], moved.left_out[row], generator, runs, QUICK
+            )
+            out[row] = numbers(own, flown, QUICK)
+        return out

@@ -1,0 +1,105 @@
+"""What Shi et al. (2025) leave open, and how likely each value is held to be before any printed number is looked at."""
+
+from __future__ import annotations
+
+from replication.inverse.prior import Unknown, choice, log_uniform, or_else, uniform
+
+SHARING = ("one for all", "one for each filter", "one for each filter and table")
+COLUMNS = ("ekf_2", "ukf_2", "alpha_kf_2", "ekf_3", "ukf_3", "alpha_kf_3", "alpha_kf_4")
+"""The filters of Tables 2, 3 and 4 that may each have a process noise of their own."""
+
+ORBIT = (
+    Unknown("period_s", "s", "the chief's period", uniform(5700, 6300)),
+    Unknown("eccentricity", "", "the chief's eccentricity", or_else(0.2, 0.0, log_uniform(1e-4, 3e-2)), True),
+    Unknown("inclination_deg", "deg", "the chief's inclination", uniform(0.5, 110)),
+    Unknown("latitude_argument_deg", "deg", "the chief's argument of latitude at the start", uniform(0, 360)),
+    Unknown("true_anomaly_deg", "deg", "the chief's true anomaly at the start", uniform(0, 360)),
+)
+DIRECTION = (
+    Unknown("ahead", "", "the deputy", choice((1, 1)), choices=("behind", "ahead")),
+    Unknown(
+        "in_plane_share",
+        "",
+        "the share of the 12 km that is an ellipse in the orbit plane",
+        or_else(0.5, 0.0, uniform(0, 1)),
+    ),
+    Unknown("in_plane_phase_deg", "deg", "the phase of that ellipse", uniform(0, 360)),
+    Unknown("cross_share", "", "the share of the 12 km that is across the plane", or_else(0.5, 0.0, uniform(0, 1))),
+    Unknown("drift_m", "m", "the drift along the track in a revolution", or_else(0.5, 0.0, uniform(-1000, 1000))),
+    Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360)),
+)
+READINGS = (
+    Unknown("sigma_reading", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
+    Unknown(
+        "attitude_tau_s",
+        "s",
+        "the correlation time of attitude and orbit errors",
+        or_else(0.5, 0.0, log_uniform(1, 3000)),
+        True,
+    ),
+    Unknown(
+        "boresight", "", "the star tracker's axis", choice((1, 1, 1)), choices=("radial", "along-track", "cross-track")
+    ),
+    Unknown(
+        "tracker_labels",
+        "",
+        "the order of the tracker's 30 and 100 arcsec",
+        choice((1, 1)),
+        choices=("as trackers are", "as printed"),
+    ),
+    Unknown("mixture_share", "", "the mean share of component B", or_else(0.5, 0.5, uniform(0, 1))),
+    Unknown("bias_channel", "", "the angle with the bias", choice((1, 1, 1)), choices=("both", "azimuth", "elevation")),
+    Unknown("azimuth_sign", "", "the azimuth bias's sign", choice((1, 1)), choices=("+", "-")),
+    Unknown("elevation_sign", "", "the elevation bias's sign", choice((1, 1)), choices=("+", "-")),
+    Unknown("bias_reading", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
+)
+FILTERS = (
+    Unknown("told_r", "", "the R told over the radar's", or_else(0.5, 1.0, log_uniform(0.1, 10)), True),
+    Unknown("told_shape", "", "the R told", choice((3, 1)), choices=("as the radar's", "the same on all axes")),
+    Unknown(
+        "told_mixture", "", "the R told with mixture noise", choice((1, 1)), choices=("component A's", "the mixture's")
+    ),
+    Unknown(
+        "start_position", "", "the first variance of positions over that of a reading", log_uniform(0.1, 100), True
+    ),
+    Unknown("start_velocity_m_s", "m/s", "the first standard deviation of velocities", log_uniform(1e-3, 30), True),
+    Unknown("draws", "", "the alpha filter's samples", choice((3, 1)), choices=("10000 drawn", "no scatter")),
+    Unknown("sharing", "", "the process noise", choice((1, 1, 1)), choices=SHARING),
+    Unknown("position_noise", "", "a part of Q for positions", choice((1, 1)), choices=("no", "yes")),
+    Unknown(
+        "radial_noise",
+        "",
+        "the radial over the along-track process noise",
+        or_else(0.5, 1.0, log_uniform(0.01, 100)),
+        True,
+    ),
+    Unknown(
+        "cross_noise",
+        "",
+        "the cross-track over the along-track process noise",
+        or_else(0.5, 1.0, log_uniform(0.01, 100)),
+        True,
+    ),
+    *(
+        Unknown(f"acceleration_psd_{c}", "m^2/s^3", f"the process noise of {c}", log_uniform(1e-11, 1e-3), True)
+        for c in COLUMNS
+    ),
+    *(
+        Unknown(f"velocity_psd_{c}", "m^2/s", f"the process noise on positions of {c}", log_uniform(1e-6, 1e-1), True)
+        for c in COLUMNS
+    ),
+)
+STATISTICS = (
+    Unknown("span_s", "s", "the start of the span of the tables", or_else(0.2, 0.0, log_uniform(20, 2000)), True),
+    Unknown(
+        "limit_kind",
+        "",
+        "what counts as converged",
+        choice((1, 1)),
+        choices=("a length", "a multiple of the settled RMS"),
+    ),
+    Unknown("limit_m", "m", "the limit of convergence as a length", log_uniform(1, 15), True),
+    Unknown("limit_ratio", "", "the limit of convergence over the settled RMS", log_uniform(1.2, 6), True),
+)
+
+UNKNOWNS: tuple[Unknown, ...] = (*ORBIT, *DIRECTION, *READINGS, *FILTERS, *STATISTICS)

@@ -1,0 +1,164 @@
+"""A bank of short campaigns drawn from a paper's prior: made once, in blocks that any number of workers fill."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Indices
+from relnav_sim.cli.failures import UserError
+from replication.inverse.prior import Unknown
+from replication.inverse.table import Number
+
+BLOCK = 100
+
+
+class Paper(Protocol):
+    """A paper whose numbers can be made anew in any setting of what it leaves open."""
+
+    @property
+    def name(self) -> str:
+        """Its name in papers.yaml."""
+
+    @property
+    def unknowns(self) -> Sequence[Unknown]:
+        """What it leaves open."""
+
+    @property
+    def numbers(self) -> Sequence[Number]:
+        """What it prints."""
+
+    @property
+    def printed(self) -> Array:
+        """What it prints, (numbers,)."""
+
+    def effective(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns) with those in place that act where settings share a value."""
+
+    @property
+    def groups(self) -> Sequence[tuple[Indices, Indices]]:
+        """Groups of numbers, and the unknowns that act on this group alone once `apart` has moved settings."""
+
+    def apart(self, u: Array) -> Array:
+        """Return uniform numbers (n, unknowns), moved to where the groups share no value."""
+
+    def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
+        """Return the numbers of single runs, (n, runs, numbers), of settings.
+
+        Args:
+            u: Uniform numbers that the laws of the unknowns turn into values, (n, unknowns).
+            seeds: Seed of each setting's noise.
+            runs: Runs of each setting.
+        """
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Settings and the numbers that one run of each gave.
+
+    Attributes:
+        seed: Its seed.
+        u: Uniform numbers of the settings, (n, unknowns).
+        numbers: What a paper would print of one run, (n, numbers).
+        cpu_s: Processor time that it took.
+    """
+
+    seed: int
+    u: Array
+    numbers: Array
+    cpu_s: float
+
+    @property
+    def digest(self) -> str:
+        """A digest of all its numbers in single precision."""
+        return hashlib.sha256(self.numbers.astype("<f4").tobytes()).hexdigest()[:16]
+
+
+def settings(paper: Paper, seed: int, first: int, count: int) -> Array:
+    """Return the uniform numbers of settings from `first` on, (count, unknowns); each depends on its number alone."""
+    return np.stack(
+        [np.random.default_rng([seed, n, 0]).random(len(paper.unknowns)) for n in range(first, first + count)]
+    )
+
+
+def fill(paper: Paper, folder: Path, size: int, seed: int, workers: int, say: Callable[[str], None]) -> Bank:
+    """Fill what a bank lacks and return it; the same numbers whatever the workers and however often it was interrupted.
+
+    Raises:
+        UserError: The folder holds a bank of another seed or other unknowns.
+    """
+    from joblib import Parallel, delayed
+
+    _claim(paper, folder, seed)
+    missing = [first for first in range(0, size, BLOCK) if not _file(folder, first).exists()]
+    pending = (delayed(_fill_block)(paper, folder, seed, first) for first in missing)
+    done = Parallel(n_jobs=workers, return_as="generator_unordered")(pending)
+    for count, _ in enumerate(done, 1):
+        if count % 10 == 0 or count == len(missing):
+            say(f"{paper.name}: {count} of {len(missing)} blocks of {BLOCK} settings")
+    return read(paper, folder, size)
+
+
+def read(paper: Paper, folder: Path, size: int | None = None) -> Bank:
+    """Return a bank from its folder: its first `size` settings, or all that are there without a gap.
+
+    Raises:
+        UserError: The folder holds no bank.
+    """
+    if not (folder / "bank.json").exists():
+        raise UserError(f"{folder} holds no bank; make one with: python -m replication.inverse bank {paper.name}")
+    seed = int(json.loads((folder / "bank.json").read_text())["seed"])
+    blocks = list(_blocks(folder, size))
+    if not blocks:
+        raise UserError(
+            f"the bank in {folder} is empty; continue it with: python -m replication.inverse bank {paper.name}"
+        )
+    numbers = np.concatenate([block for block, _ in blocks])[:size]
+    return Bank(seed, settings(paper, seed, 0, len(numbers)), numbers, sum(cpu for _, cpu in blocks))
+
+
+def _blocks(folder: Path, size: int | None) -> Iterator[tuple[Array, float]]:
+    first = 0
+    while _file(folder, first).exists() and (size is None or first < size):
+        with np.load(_file(folder, first)) as kept:
+            yield kept["numbers"].astype(float), float(kept["cpu_s"])
+        first += BLOCK
+
+
+def _claim(paper: Paper, folder: Path, seed: int) -> None:
+    """Note whose the bank is, or make sure of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    owner = {"paper": paper.name, "seed": seed, "unknowns": [unknown.name for unknown in paper.unknowns]}
+    path = folder / "bank.json"
+    if path.exists():
+        if json.loads(path.read_text()) != owner:
+            raise UserError(f"{folder} holds a bank of another seed or of other unknowns; give --out another folder")
+        return
+    _write(path, json.dumps(owner, indent=1).encode())
+
+
+def _fill_block(paper: Paper, folder: Path, seed: int, first: int) -> None:
+    before = time.process_time()
+    seeds = [[seed, n, 1] for n in range(first, first + BLOCK)]
+    numbers = paper.flown(settings(paper, seed, first, BLOCK), seeds, 1)[:, 0]
+    temporary = folder / f"{first:07d}.{os.getpid()}.npz"
+    np.savez(temporary, numbers=numbers.astype(np.float32), cpu_s=time.process_time() - before)
+    os.replace(temporary, _file(folder, first))
+
+
+def _file(folder: Path, first: int) -> Path:
+    return folder / f"block_{first:07d}.npz"
+
+
+def _write(path: Path, content: bytes) -> None:
+    temporary = path.with_suffix(f".{os.getpid()}")
+    temporary.write_bytes(content)
+    os.replace(temporary, path)

@@ -1,0 +1,94 @@
+"""Checks of the inference on papers whose settings are known: coverage, and power against a forged column."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from replication.inverse.bank import Paper
+from replication.inverse.consistency import Consistency
+from replication.inverse.inference import Inference, features, interval
+from replication.inverse.prior import Unknown
+
+PAPERS = 50
+LEVEL = 0.90
+FALSE_ALARM = 0.05
+FORGERIES = (0.33, 0.5, 0.67, 0.8, 1.25, 1.5, 2.0, 3.0)
+
+
+def coverage(paper: Paper, inference: Inference, known: Array, numbers: Array) -> dict[str, Any]:
+    """Return how often intervals contain the known settings of synthetic papers held out of the bank.
+
+    Args:
+        paper: Whose tables they are.
+        inference: What was learned from the bank.
+        known: Their settings as they act, (papers, unknowns).
+        numbers: Their numbers, (papers, numbers).
+    """
+    from scipy.stats import binom
+
+    seen = features(paper, numbers)
+    inside = np.empty(known.shape, dtype=bool)
+    narrower = np.empty(inside.shape)
+    for row in range(len(known)):
+        draws = inference.posterior(seen[row])
+        low, high = interval(draws, LEVEL)
+        inside[row] = (known[row] >= low) & (known[row] <= high)
+        narrower[row] = high - low
+        for place, unknown in enumerate(paper.unknowns):
+            if unknown.choices:
+                inside[row, place], narrower[row, place] = _credible(unknown, draws[:, place], known[row, place])
+    count = len(known)
+    least = int(binom.ppf(0.025 / len(paper.unknowns), count, LEVEL))
+    contained, width = inside.sum(axis=0), narrower.mean(axis=0)
+    table = [
+        {"unknown": unknown.name, "contained": int(contained[place]), "width": float(width[place])}
+        for place, unknown in enumerate(paper.unknowns)
+    ]
+    return {
+        "papers": count,
+        "level": LEVEL,
+        "contained": float(inside.mean()),
+        "least_allowed": least,
+        "passed": bool(contained.min() >= least),
+        "unknowns": table,
+    }
+
+
+def _credible(unknown: Unknown, draws: Array, known: float) -> tuple[bool, float]:
+    """Return whether the fewest choices that have `LEVEL` of the draws contain the known one, and their share."""
+    drawn, own = unknown.law(draws).astype(int), int(unknown.law(np.array([known]))[0])
+    counts = np.bincount(drawn, minlength=len(unknown.choices))
+    order = np.argsort(-counts, kind="stable")
+    needed = int(np.searchsorted(np.cumsum(counts[order]), LEVEL * len(draws))) + 1
+    return own in order[:needed], needed / len(unknown.choices)
+
+
+def power(paper: Paper, consistency: Consistency, numbers: Array) -> dict[str, Any]:
+    """Return how often a synthetic paper with one forged column is called inconsistent, and one without.
+
+    A column is forged by multiplying all its sizes by a factor, which keeps mean, deviation and norm in step.
+
+    Args:
+        paper: Whose tables they are.
+        consistency: What honest papers have taught.
+        numbers: Numbers of papers held out of the bank, (papers, numbers).
+    """
+    alarms = consistency.paper_p_values(features(paper, numbers)) <= FALSE_ALARM
+    rows = []
+    for name, places in consistency.columns.items():
+        found = {}
+        for factor in FORGERIES:
+            forged = numbers.copy()
+            forged[:, places] *= factor
+            seen = features(paper, forged)
+            found[f"{factor:g}"] = float(np.mean(consistency.paper_p_values(seen) <= FALSE_ALARM))
+        rows.append({"column": name, "called_inconsistent": found})
+    return {
+        "papers": len(numbers),
+        "nominal_false_alarm": FALSE_ALARM,
+        "false_alarm": float(alarms.mean()),
+        "columns": rows,
+    }

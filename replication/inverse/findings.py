@@ -1,0 +1,56 @@
+"""The file of findings: what banks and searches have said of each paper, small enough to be committed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from replication.inverse.bank import Paper
+from replication.inverse.refinement import Fit
+
+FILE = Path(__file__).with_name("findings.json")
+
+
+def read_findings(path: Path = FILE) -> dict[str, Any]:
+    """Return the findings, those of no paper if there is no file."""
+    if not path.exists():
+        return {"papers": {}}
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def add_findings(paper: str, parts: Mapping[str, Any], path: Path = FILE) -> None:
+    """Put parts of a paper's findings in the file, in place of what was there under the same names."""
+    found = read_findings(path)
+    found["papers"].setdefault(paper, {}).update(parts)
+    path.write_text(json.dumps(_short(found), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _short(value: Any) -> Any:
+    """Return a value with its numbers to five digits, as JSON can hold it."""
+    if isinstance(value, dict):
+        return {key: _short(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_short(each) for each in value]
+    if isinstance(value, float):
+        return float(f"{value:.5g}")
+    return value
+
+
+def table_rows(paper: Paper, fit: Fit) -> dict[str, Any]:
+    """Return the printed tables beside the best setting's numbers, by the name of the table."""
+    tables: dict[str, Any] = {}
+    for place, number in enumerate(paper.numbers):
+        table = tables.setdefault(number.table, {"columns": [], "rows": []})
+        if number.column not in table["columns"]:
+            table["columns"].append(number.column)
+        row = next((each for each in table["rows"] if each["label"] == number.label), None)
+        if row is None:
+            row = {"label": number.label, "unit": number.unit, "paper": [], "best": [], "residual": []}
+            table["rows"].append(row)
+        row["paper"].append(float(paper.printed[place]))
+        row["best"].append(float(fit.mean[place]))
+        row["residual"].append(round(float(fit.residual[place]), 2))
+    return tables

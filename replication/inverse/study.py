@@ -1,0 +1,79 @@
+"""What a bank says of settings, and how that holds on papers whose settings are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from replication.inverse.bank import Bank, Paper
+from replication.inverse.checks import PAPERS, coverage, power
+from replication.inverse.consistency import Consistency
+from replication.inverse.inference import Inference, features, interval
+from replication.inverse.local import like_papers
+
+HELD_OUT = 0.09
+"""Share of papers that nothing is learned from."""
+LEVEL = 0.90
+
+
+def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str], None]) -> dict[str, Any]:
+    """Return the settings inferred from the printed numbers, how its columns go together, and the checks of both.
+
+    Args:
+        paper: The paper.
+        bank: Its bank.
+        rounds: Rounds in which papers like the printed one are searched.
+        each: How many papers a round flies.
+        say: Told how far it is.
+    """
+    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
+    say(f"{paper.name}: learning settings from numbers")
+    inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
+    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)  # of as many blocks as can be
+    covered = coverage(paper, inference, paper.effective(bank.u)[held], bank.numbers[held])
+    if not len(paper.printed):
+        return {"checks": {"coverage": covered}}
+    _, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
+    alike = alike[np.random.default_rng([bank.seed, 7]).permutation(len(alike))]
+    kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
+    nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), bank.seed)
+    say(f"{paper.name}: checking on synthetic papers")
+    return {
+        "inferred": {"settings": _inferred(paper, inference), **_columns(paper, nearby)},
+        "checks": {
+            "coverage": covered,
+            "forged": power(paper, nearby, alike[kept:]),
+        },
+    }
+
+
+def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:
+    """Return what is inferred of each unknown from the printed numbers."""
+    draws = inference.posterior(features(paper, paper.printed[None])[0])
+    low, high = interval(draws, LEVEL)
+    inferred: list[dict[str, Any]] = []
+    for place, unknown in enumerate(paper.unknowns):
+        if unknown.choices:
+            drawn = unknown.law(draws[:, place]).astype(int)
+            shares = {name: float(np.mean(drawn == k)) for k, name in enumerate(unknown.choices)}
+            inferred.append({"name": unknown.name, "unit": "", "choices": shares})
+        else:
+            ends = unknown.law(np.array([low[place], high[place]]))
+            inferred.append({"name": unknown.name, "unit": unknown.unit, "interval": [float(end) for end in ends]})
+    return inferred
+
+
+def _columns(paper: Paper, consistency: Consistency) -> dict[str, Any]:
+    """Return how the printed columns go together, and which of their numbers are furthest from what others imply."""
+    seen = features(paper, paper.printed[None])
+    pulls = []
+    for (name, places), p in zip(consistency.columns.items(), consistency.p_values(seen)[0], strict=True):
+        mean, sigma = consistency.expected(seen[0], places)
+        off = (seen[0, places] - mean) / sigma
+        furthest = [
+            {"number": paper.numbers[places[k]].name, "deviations": float(off[k])} for k in np.argsort(-np.abs(off))[:3]
+        ]
+        pulls.append({"column": name, "p_value": float(p), "furthest": furthest})
+    return {"p_value": float(consistency.paper_p_values(seen)[0]), "columns": pulls}

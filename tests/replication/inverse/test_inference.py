@@ -1,0 +1,80 @@
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from relnav_sim.arrays import Array
+from replication.inverse.bank import settings
+from replication.inverse.checks import coverage, power
+from replication.inverse.claims import Quantity, independent, judged, roughly_met, wilson
+from replication.inverse.consistency import Consistency
+from replication.inverse.inference import Inference, features, interval
+
+SEED, BANK, PAPERS = 5, 4000, 300
+
+
+@pytest.fixture
+def flown(linear: Any) -> tuple[Array, Array]:
+    u = settings(linear, SEED, 0, BANK + PAPERS)
+    return u, linear.flown(u, [[SEED, n, 1] for n in range(len(u))], 1)[:, 0]
+
+
+def test_intervals_contain_known_settings_and_are_as_narrow_as_can_be(linear: Any, flown: tuple[Array, Array]) -> None:
+    u, numbers = flown
+    inference = Inference.learned(linear, u[:BANK], numbers[:BANK], SEED)
+    found = coverage(linear, inference, u[BANK:], numbers[BANK:])
+    assert found["passed"]
+    assert binom.cdf(found["unknowns"][0]["contained"], PAPERS, 0.9) < 0.999  # nor are they too wide
+    # a has four readings with noise of 0.1: the 90 % interval is 2 * 1.645 * 0.05 wide, of a prior that is 1 wide.
+    assert found["unknowns"][0]["width"] == pytest.approx(2 * 1.645 * 0.05, rel=0.25)
+    draws = inference.posterior(features(linear, linear.printed[None])[0])
+    low, high = interval(draws, 0.9)
+    assert low[0] < 0.53 < high[0]  # three numbers of 0.5 and one of 0.7
+
+
+def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, flown: tuple[Array, Array]) -> None:
+    _, numbers = flown
+    consistency = Consistency.learned(linear.numbers, features(linear, numbers[:BANK]), SEED)
+    found = power(linear, consistency, numbers[BANK:])
+    assert found["false_alarm"] <= binom.ppf(0.999, PAPERS, 0.05) / PAPERS
+    by_column = {row["column"]: row["called_inconsistent"] for row in found["columns"]}
+    assert by_column["table_1 one"]["3"] > 0.8  # the other column has a as well
+    assert by_column["table_1 one"]["1.25"] < by_column["table_1 one"]["3"]
+
+
+def test_a_claims_condition_is_found(linear: Any) -> None:
+    u = settings(linear, SEED, 0, 4000)
+    told = [Quantity("first", "m", 10 * u[:, 0]), Quantity("kind", "", np.floor(2 * u[:, 2]), ("plain", "shifted"))]
+    met = np.stack([u[:, 1] > 0.5, u[:, 0] < 0.5], axis=1)
+    found = judged(u[:, 0] > 0.8, told, linear.numbers[:2], met)
+    assert found["probability"] == pytest.approx(0.2, abs=4 * np.sqrt(0.16 / 4000))
+    low, high = found["settings"][0]["interval"]
+    assert 8 <= low < 8.3
+    assert high > 9.7  # the lower or the upper tail of a twentieth is left out, or both
+    assert found["sentence"].startswith("possible mostly where first is ")
+    assert len(found["conflicts"]) == 1
+    assert "row 1" in found["conflicts"][0]
+    none = judged(np.zeros(4000, dtype=bool), told, linear.numbers[:2], met)
+    assert none["probability"] == 0
+    assert none["interval"][1] == pytest.approx(3.84 / 4003.84, rel=1e-3)  # z^2 / (n + z^2)
+
+
+def test_shares_have_wilsons_interval() -> None:
+    assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)  # Brown, Cai and DasGupta 2001
+    assert wilson(0, 0) == (0, 1)
+
+
+def test_settings_that_share_values_tell_less() -> None:
+    rng = np.random.default_rng(4)
+    shared = np.repeat(rng.random(200) < 0.3, 100)  # a block holds as one
+    assert independent(shared, 100) == pytest.approx(200, rel=0.02)
+    alone = rng.random(20_000) < 0.3
+    assert 14_000 < independent(alone, 100) <= 20_000  # the variance of 200 blocks is known to a tenth
+    assert independent(np.zeros(2000, dtype=bool), 100) == 20
+
+
+def test_numbers_are_met_within_a_factor_of_two(linear: Any) -> None:
+    printed = np.array([1.0, 1.0, -1.0, 0.0, 0.001, -0.001])
+    found = np.array([[1.9, 2.1, 1.0, 0.002, -0.001, -0.01]])
+    assert roughly_met(found, printed, linear.numbers).tolist() == [[True, False, False, True, True, False]]
