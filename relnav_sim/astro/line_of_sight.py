@@ -1,4 +1,4 @@
-"""Frames and angles of a radar reading, with three-vectors as a tuple of component arrays.
+"""Frames and angles of a radar measurement, with three-vectors as a tuple of component arrays.
 
 Frames: the orbit frame RTN (x radial out, y along-track, z orbit normal); the nadir frame (x along-track, y minus
 orbit normal, z nadir), in which a body that points at the Earth stands still; the radar frame, mounted in that body.

@@ -75,10 +75,10 @@ class Clock(Options):
 
 
 class FirstFixStart(Options):
-    """Every filter starts at the position that the first reading gives; needs a sensor that gives one by itself."""
+    """Every filter starts at the position that the first measurement gives; needs a sensor that gives one by itself."""
 
     kind: Literal["first_fix"] = Field(
-        default="first_fix", description="Start at the position that the first reading gives"
+        default="first_fix", description="Start at the position that the first measurement gives"
     )
     velocity_m_s: Vector = Field(
         default=(0.0, 0.0, 0.0),
@@ -143,7 +143,7 @@ class StatisticsOptions(Options):
     whiteness: Annotated[bool, AddedLater()] = Field(
         default=False,
         description="Whether the residuals of each channel are tested for correlation; default false: it costs "
-        "one more prediction of each reading",
+        "one more prediction of each measurement",
     )
     matters_percent: Annotated[float, OfReports()] = Field(
         default=MATTERS_PERCENT,

@@ -73,8 +73,8 @@ def nonlinear_j2(
         step_s: Time between epochs, s; give `run_filter` the same.
         acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
             discretised about a circular orbit.
-        chief: The chief's states at the start of each step, so one step before each reading, ECI (J2000 axes), (T, 6)
-            or (runs, T, 6), m and m/s; default: the nominal orbit under the same gravity.
+        chief: The chief's states at the start of each step, so one step before each measurement, ECI (J2000 axes), (T,
+            6) or (runs, T, 6), m and m/s; default: the nominal orbit under the same gravity.
         zonals: Highest zonal harmonic.
 
     Raises:

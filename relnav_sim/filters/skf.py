@@ -67,7 +67,7 @@ class StochasticSearchOptions(SamplingOptions):
 def _operations(size: Size, options: Any) -> Operations:
     """Return what a gradient from `samples` costs, `iterations` times, where all states are sampled.
 
-    Each sample is drawn, its whitened misfits to reading and prior are squared, and it is added to the gradients.
+    Each sample is drawn, its whitened misfits to measurement and prior are squared, and it is added to the gradients.
     """
     n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + (m * m + 2 * m) + (n * n + 2 * n) + (n * n + n) + 4
@@ -91,8 +91,8 @@ class StochasticSearchFilter(SamplingFilter):
     The authors' gradient steps are affine-invariant, so they are taken here in whitened coordinates of the states
     the measurement depends on; the other states follow by regression, exactly. nis and log_likelihood are those of
     the Gaussian innovation; extra `fallback`: 1 where no step kept the covariance positive definite, numbers broke
-    down, or the reading is too precise for the prediction (a million standard deviations), and the iterated extended
-    Kalman update was taken.
+    down, or the measurement is too precise for the prediction (a million standard deviations), and the iterated
+    extended Kalman update was taken.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: StochasticSearchOptions) -> None:

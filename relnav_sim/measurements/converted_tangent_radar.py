@@ -1,4 +1,4 @@
-"""A radar reading with tangent angles converted to a Cartesian position, as a filter sees it.
+"""A radar measurement with tangent angles converted to a Cartesian position, as a filter sees it.
 
 As `converted_radar`, for noise that is two small turns (a, b) across the line of sight u: the read direction is
 cos(t) u + sin(t)/t (a e_a + b e_b), t = hypot(a, b), so its mean is E[cos t] u and its second moment

@@ -68,7 +68,7 @@ class Ranging(MeasurementDefaults):
 class GrowingRangeNoise(Around):
     """A measurement whose first channel, the range, is noisier the farther the target: sigma = (1 + c rho) sigma_0.
 
-    R is taken at the predicted range. Taken at the reading it would depend on the noise, give short readings more
+    R is taken at the predicted range. Taken at the measurement it would depend on the noise, give short ranges more
     weight and bias the filter. Its derivative by the state is left out, as in any filter of this kind.
 
     Args:

@@ -158,7 +158,7 @@ def rank(case: CaseFacts) -> Ranking:
 def _compared(case: CaseFacts) -> frozenset[str]:
     """Return the names of the filters that are compared with one another.
 
-    A ranking of filters that can't observe the state would be one of their start, and one that knows later readings
+    A ranking of filters that can't observe the state would be one of their start, and one that knows later measurements
     would win over those that must do without them.
     """
     observable = [item for item in case.filters if item.observable]

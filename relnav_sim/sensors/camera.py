@@ -87,7 +87,7 @@ class CameraOptions(SightSensorOptions):
         return super().in_reach(truth) & self._in_light(truth)
 
     def _in_light(self, truth: Sensed) -> Mask:
-        """Return where light allows a reading: the target outside the Earth's shadow, a cylinder, and off the Sun."""
+        """Return where light allows a measurement: target outside the Earth's shadow, a cylinder, and off the Sun."""
         seen = np.ones(np.broadcast_shapes(truth.host.shape[:-1], truth.target.shape[:-1]), dtype=bool)
         if self.sun_direction is None:
             return seen
@@ -145,7 +145,7 @@ class CameraOptions(SightSensorOptions):
         return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases of the angles, and a turn of the body, do to a reading.
+        """Return what biases of the angles, and a turn of the body, do to a measurement.
 
         In tangent form the biases are two constant turns across the line of sight, those of the channels' noise.
         """

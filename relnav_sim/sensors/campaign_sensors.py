@@ -38,7 +38,7 @@ def hosts_of(sensors: Sensors, options: SensorOptions) -> tuple[Craft, ...]:
 
 
 def reading_names(sensors: Sensors) -> dict[str, tuple[str, Craft]]:
-    """Return the names of all readings of a campaign: of each the sensor's own name and the craft that carries it.
+    """Return the names of all measurements of a campaign: of each the sensor's own name and the craft that carries it.
 
     A sensor that both craft may carry reads as ``chief_NAME`` and ``deputy_NAME``.
     """
@@ -95,7 +95,7 @@ def orbit_frame_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craf
 
 
 def frame_is_told(name: str, sensors: Sensors, step_s: float) -> bool:
-    """Return whether the covariance of its host's orbit frame comes with each reading of a sensor.
+    """Return whether the covariance of its host's orbit frame comes with each measurement of a sensor.
 
     So it is where a direction is read and the host's fixes may be missing: the frame is then the better known the
     shorter ago a fix was. Else that covariance is constant.

@@ -267,7 +267,7 @@ def sum_band(dof: float, divisor: float, level: float = CONFIDENCE) -> Band:
     """Return where a sum of independent chi-square figures divided by something lies when the filter is consistent.
 
     The sum is chi-square with the sum of their degrees of freedom, which may differ from one to the next: partial
-    readings have fewer.
+    measurements have fewer.
 
     Args:
         dof: Degrees of freedom of the sum.

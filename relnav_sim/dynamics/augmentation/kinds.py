@@ -205,7 +205,7 @@ class DifferentialDragOptions(SeparateStateOptions):
 class AccelerometerBiasOptions(SeparateStateOptions):
     """Bias of the measured relative thrust, RTN: the deputy's accelerometer's less the chief's.
 
-    A filter that is told measured forces u moves by u - b while there is a reading.
+    A filter that is told measured forces u moves by u - b while there is a measurement.
     """
 
     names: ClassVar[tuple[str, ...]] = ("accelerometer_bias_x", "accelerometer_bias_y", "accelerometer_bias_z")
