@@ -46,7 +46,7 @@ class FilterEntry(Options):
     process_noise: ProcessNoiseOptions = Field(
         default=ProcessNoiseOptions(acceleration_psd_m2_s3=1e-6),
         description="What the filter adds to its covariance each step; default: white acceleration of 1e-6 m^2/s^3, "
-        "about what curvature and differential J2 leave out of cw dynamics at 12 km",
+        "about the acceleration by curvature and differential J2 that cw lacks at 12 km",
     )
     sensors: Annotated[tuple[str, ...] | None, AddedLater()] = Field(
         default=None,

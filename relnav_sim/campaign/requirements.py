@@ -21,7 +21,7 @@ Interpretation = Literal["ensemble", "temporal", "mixed"]
 _OF_RUNS = 0.95
 
 _QUANTITY = "Error to look at: r position, v velocity (norms), or one component in RTN; default r"
-_SPAN = "settled: t >= settle_s; whole: every epoch after the start; default settled"
+_SPAN = "settled: the steady state, t >= settle_s; whole: every epoch after the start; default settled"
 _BELOW_M = "Limit of a position error, m"
 _BELOW_M_S = "Limit of a velocity error, m/s"
 

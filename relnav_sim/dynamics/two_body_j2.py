@@ -37,7 +37,7 @@ class NonlinearJ2Options(DynamicsOptions):
     )
     zonals: Literal[2, 3, 4] = Field(
         default=2,
-        description="Highest zonal harmonic for both craft: 2 (J2; default, which leaves out some 1e-8 m/s^2 at 12 "
+        description="Highest zonal harmonic for both craft: 2 (J2; default, which neglects some 1e-8 m/s^2 at 12 "
         "km), 3 (J2, J3) or 4 (J2 to J4)",
     )
     chief_orbit: OrbitFilterOptions = Field(

@@ -84,7 +84,7 @@ class StochasticSearchFilter(SamplingFilter):
     lower bound are averages over samples of q, with the linearised measurement as control variate: what is sampled
     is only the difference to the extended Kalman filter, so for a linear measurement nothing is random.
 
-    Use it where a posterior of one hump must be followed tightly: KL(q|p) avoids places where p is small, so it
+    Use it where a unimodal posterior must be followed tightly: KL(q|p) avoids places where p is small, so it
     locks to one of two modes and is overconfident about skew tails; `mkf` covers them. The step lengths 1/t leave
     the noise of the last gradients in the estimate.
 

@@ -48,7 +48,7 @@ def availability_over_time(
     view = window(facts, from_s, until_s)
     shares = availability(chosen_filters(facts, filters))
     if not shares:
-        raise FigureError("the result does not tell sensors apart; relnav 0.1 did not")
+        raise FigureError("the result does not distinguish sensors; relnav 0.1 did not")
     with house_style():
         figure = new_figure(0.45 + (_PANEL_INCH + 0.24) * len(shares))
         panels = figure.subplots(len(shares), 1, sharex=True, squeeze=False)[:, 0]

@@ -46,7 +46,7 @@ from relnav_sim.statistics.intervals import (
 )
 from relnav_sim.wording import MISSING, listed, significant
 
-_AVAILABILITY_NOTE = " Epochs with a measurement: share of the epochs of the headline span."
+_AVAILABILITY_NOTE = " Epochs with a measurement: share of the epochs of the time span of the metrics."
 _KNOWN = {
     "rejected": "measurements that were rejected (share)",
     "underweighted": "updates that were underweighted (share)",

@@ -55,7 +55,7 @@ DIMENSIONS = {
         Dimension("factor", "str", "", "entry of a lower-triangular 6 x 6 matrix by row and column", FACTOR),
         Dimension("quantity", "str", "", "component of the error, or norm: r position, v velocity", QUANTITIES),
         Dimension("norm", "str", "", "norm of the error: r position, v velocity", NORMS),
-        Dimension("span", "str", "", "whole: every epoch after the start; settled: t >= settle_s", SPANS),
+        Dimension("span", "str", "", "whole: every epoch after the start; settled: steady state, t >= settle_s", SPANS),
         Dimension("block", "str", "", "part of the state that is tested against its covariance", BLOCKS),
         Dimension("level", "<f8", "1", "probability that the error ellipsoid should hold", LEVELS),
         Dimension("probability", "<f8", "1", "probability of the quantile", PROBABILITIES),
@@ -138,7 +138,7 @@ SUMMARY = (
     ),
     Dataset(
         "convergence_relative", ("run",), _F8, "s",
-        "first time from which |position error| stays for convergence_hold_s below 3 times its settled rms, "
+        "first time from which |position error| stays for convergence_hold_s below 3 times its steady-state rms, "
         "rounded up by at most 1/32 to a bin edge; NaN: never", "convergence_relative_s",
     ),
     Dataset(
