@@ -81,7 +81,7 @@ class ConvertedRadar(ConvertedPosition):
     For a radar on the chief; the front end makes the measurement with the same `Conversion`.
 
     Args:
-        mounting: Rotation (3, 3) from the chief's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the chief's LVLH frame to the radar frame.
         noise: What the filter is told about the noise of range and angles, and of the attitude.
     """
 

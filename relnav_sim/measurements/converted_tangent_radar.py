@@ -34,7 +34,7 @@ class ConvertedTangentRadar(ConvertedPosition):
     For a radar on the chief; the front end divides the position by the same `tangent_shrinkage`.
 
     Args:
-        mounting: Rotation (3, 3) from the chief's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the chief's LVLH frame to the radar frame.
         noise: What the filter is told about the noise of range and angles, and of the attitude.
     """
 

@@ -56,14 +56,14 @@ class SphericalRadar(MeasurementDefaults):
     """Range, azimuth and elevation of the other craft in the radar frame; z = (m, rad, rad).
 
     The state begins with the deputy's position and velocity relative to the chief, RTN (m, m/s); more states may
-    follow. The radar's axes stand fixed in the nadir frame of its host's orbit. The azimuth and its row of the
+    follow. The radar's axes stand fixed in the LVLH frame of its host's orbit. The azimuth and its row of the
     Jacobian do not exist on the radar's z axis: mount the radar so that the target stays away from it.
 
     The noise is diagonal plus G P G^T: an attitude error dtheta turns the line of sight and moves the angles by
     G dtheta, G = H_angles [r x] (attitude errors do not touch the range).
 
     Args:
-        mounting: Rotation (3, 3) from the host's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the host's LVLH frame to the radar frame.
         noise: What the filter is told about the noise.
         host: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
             deputy, in the deputy's own orbit frame (Wei, Song and Zhang 2012); needs `chief_orbit`.
@@ -161,13 +161,13 @@ def radar(
     """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
 
     The state is the deputy's position and velocity relative to the chief in the chief's RTN frame, m and m/s; more
-    states may follow. The radar stands fixed in its host's nadir frame (x along-track, y minus orbit normal, z
+    states may follow. The radar stands fixed in its host's LVLH frame (x along-track, y minus orbit normal, z
     nadir). Azimuth counts from the radar's x axis towards y, elevation towards minus z.
 
     Args:
         range_sigma_m: Standard deviation of the range, m.
         angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (measurements are in rad).
-        mounting_deg: Yaw, pitch and roll from the nadir frame to the radar frame, deg, about z, the new y, the new x.
+        mounting_deg: Yaw, pitch and roll from the LVLH frame to the radar frame, deg, about z, the new y, the new x.
         host: Craft with the radar, which sees the other one.
         chief_orbit: The chief's nominal orbit, needed with the radar on the deputy; taken as circular.
         attitude_sigma_deg: Standard deviation of a white error of the host's attitude about each axis, deg.

@@ -150,7 +150,7 @@ def camera(
 
     Args:
         angle_sigma_deg: Noise of each of the two angles, 1 sigma, deg.
-        mounting_deg: Yaw, pitch and roll from the host's nadir frame (x along-track, y minus orbit normal, z nadir) to
+        mounting_deg: Yaw, pitch and roll from the host's LVLH frame (x along-track, y minus orbit normal, z nadir) to
             the camera's frame, deg.
         host: Craft that carries it.
         chief_orbit: The chief's nominal orbit; needed where the host is the deputy.

@@ -31,7 +31,7 @@ from relnav_sim.sensors.streams import SensorStreams
 class CameraOptions(SightSensorOptions):
     """Camera that measures the direction of the other craft as two angles.
 
-    It is mounted in a body that keeps to its host's nadir frame. Azimuth counts from the camera's x axis, its
+    It is mounted in a body that keeps to its host's LVLH frame. Azimuth counts from the camera's x axis, its
     boresight, towards y, elevation towards minus z. It can be told to need light on the target and to avoid the Sun.
     """
 

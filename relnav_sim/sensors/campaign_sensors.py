@@ -68,7 +68,7 @@ def own_sensor(sensors: Sensors, role: Role, host: Craft | None = None) -> tuple
 def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) -> Array:
     """Return the covariance (3, 3) of the white error in the attitude between a craft's body and orbit frame, rad^2.
 
-    About the nadir frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
+    About the LVLH frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
     in it: no covariance of a white noise describes them.
     """
     frame = orbit_frame_covariance(sensors, chief_orbit, host)[:3, :3]
@@ -76,7 +76,7 @@ def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) 
 
 
 def body_covariance(sensors: Sensors, host: Craft) -> Array:
-    """Return the covariance (3, 3) of the white error of a craft's measured attitude, about the nadir axes, rad^2."""
+    """Return the covariance (3, 3) of the white error of a craft's measured attitude, about the LVLH axes, rad^2."""
     attitude = own_sensor(sensors, "attitude", host)
     return np.zeros((3, 3)) if attitude is None else np.asarray(attitude[1].body_covariance())
 

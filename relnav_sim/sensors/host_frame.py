@@ -81,7 +81,7 @@ class HostFrame:
 
     @property
     def body_to_orbit(self) -> Callable[[Vector], Vector] | None:
-        """The way from body to estimated nadir frame; None where both are the same.
+        """The way from body to estimated LVLH frame; None where both are the same.
 
         Raises:
             ValueError: The truth is needed and missing.

@@ -49,7 +49,7 @@ class MeasurementContext:
 
     Attributes:
         orbit: The chief's nominal orbit.
-        attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the nadir
+        attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the LVLH
             frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
         form: The form that it takes measurements in: ``spherical``, as they are read, or ``cartesian``.
@@ -73,7 +73,7 @@ class ErrorShares:
 
     Attributes:
         channels: By the name of a channel, what each state adds to it, (e,), SI units.
-        turn: The turn of the host's body that each state is, about the nadir frame's axes, (3, e), rad.
+        turn: The turn of the host's body that each state is, about the LVLH frame's axes, (3, e), rad.
     """
 
     channels: Mapping[str, Array]

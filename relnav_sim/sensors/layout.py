@@ -30,7 +30,7 @@ def known_orbits(sensors: Sensors) -> dict[Craft, str]:
     """Return the craft whose true orbits the front end goes by, with the names of these in files of measurements.
 
     They are hosts of sensors that read a direction, without a receiver or without a star tracker where they need it:
-    such a host knows its orbit or its attitude in the nadir frame perfectly, and a recording must hold the orbit in
+    such a host knows its orbit or its attitude in the LVLH frame perfectly, and a recording must hold the orbit in
     which it does.
 
     Args:

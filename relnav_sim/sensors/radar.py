@@ -34,7 +34,7 @@ _RTN_FROM_NADIR = rows(NADIR_FROM_RTN.T)
 class RadarOptions(SightSensorOptions):
     """Radar that measures range, azimuth and elevation of the other craft.
 
-    It is mounted in a body that keeps to its host's nadir frame: x along-track, y minus orbit normal, z nadir.
+    It is mounted in a body that keeps to its host's LVLH frame: x along-track, y minus orbit normal, z nadir.
     Azimuth counts from the radar's x axis towards y, elevation towards minus z. GNSS receiver and star tracker of the
     same craft, if any, tell it where it points.
     """

@@ -24,7 +24,7 @@ def at_epochs(name: str, z: Mapping[str, Array], late_s: Array, config: CaseConf
     """Return what a craft reads of itself at the epochs, (runs, T, m), from measurements up to a step before them.
 
     A fix, or an orbit that is known, goes on in the gravity that the craft believe in. A body keeps its attitude in the
-    nadir frame, which turns with the orbit: about the normal, at the rate of the host's orbit at the epoch.
+    LVLH frame, which turns with the orbit: about the normal, at the rate of the host's orbit at the epoch.
 
     Args:
         name: The measurement's name.
