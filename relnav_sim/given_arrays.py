@@ -39,7 +39,7 @@ def numbers(given: ArrayLike, name: str, masked_is_missing: bool = False) -> Arr
         raise ValueError(f"{name} is no array: its rows differ in length") from None
     if array.dtype.kind not in "biuf":
         kinds = {"c": "complex numbers", "U": "text", "S": "text", "M": "dates", "m": "time spans", "O": "objects"}
-        hint = "; a missing reading is NaN" if masked_is_missing else ""
+        hint = "; a missing measurement is NaN" if masked_is_missing else ""
         raise ValueError(f"{name} holds {kinds.get(array.dtype.kind, str(array.dtype))}, not real numbers{hint}")
     return np.asarray(array, dtype=np.float64)
 

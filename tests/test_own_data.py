@@ -109,7 +109,9 @@ def test_what_is_no_orbit_is_refused(wrong, words):
 
 def test_what_gives_no_first_fix_is_refused():
     radar = measurements.radar(range_sigma_m=1.0, angle_sigma_deg=1.0)
-    with pytest.raises(ValueError, match=r"z has shape \(3,\); it must be \(runs, 3\); for one reading use z\[None\]"):
+    with pytest.raises(
+        ValueError, match=r"z has shape \(3,\); it must be \(runs, 3\); for one measurement use z\[None\]"
+    ):
         measurements.first_fix(radar, np.array([1000.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="gives no position; take a radar"):
         measurements.first_fix(measurements.lidar(range_sigma_m=1.0), np.array([[1000.0]]))
@@ -118,7 +120,7 @@ def test_what_gives_no_first_fix_is_refused():
 
 
 def test_the_page_filters_recorded_readings(tmp_path, monkeypatch):
-    """What it prints is the estimate of readings that are simulated here, consistent with its own covariance."""
+    """What it prints is the estimate of measurements that are simulated here, consistent with its own covariance."""
     (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     rng = np.random.default_rng(3)
     n, T = 1.107e-3, 600

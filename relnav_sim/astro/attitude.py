@@ -17,7 +17,7 @@ Quaternion = tuple[Array, Array, Array, Array]
 
 
 def nadir_axes(states: Array) -> Axes:
-    """Return the nadir frame's axes in ECI from position and velocity (..., 6): along-track, minus normal, nadir."""
+    """Return the LVLH frame's axes in ECI from position and velocity (..., 6): along-track, minus normal, nadir."""
     position, velocity = components(states), components(states[..., 3:])
     momentum = cross(position, velocity)
     nadir = _scaled(position, -1 / np.sqrt(dot(position, position)))

@@ -22,7 +22,7 @@ _YEARS = range(1901, 2100)
 _LONGEST_S = 10**11
 
 _AFTER_TAI = {"TAI": 0, "GPS": -19 * _PER_SECOND, "TT": 32_184 * _PER_SECOND // 1000}
-"""Picoseconds by which the reading of a clock is later than that of TAI."""
+"""Picoseconds by which a clock is ahead of TAI."""
 SCALES = ("UTC", "TAI", "GPS", "TT")
 
 _FORM = re.compile(

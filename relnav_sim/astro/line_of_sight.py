@@ -1,6 +1,6 @@
-"""Frames and angles of a radar reading, with three-vectors as a tuple of component arrays.
+"""Frames and angles of a radar measurement, with three-vectors as a tuple of component arrays.
 
-Frames: the orbit frame RTN (x radial out, y along-track, z orbit normal); the nadir frame (x along-track, y minus
+Frames: the orbit frame RTN (x radial out, y along-track, z orbit normal); the LVLH frame (x along-track, y minus
 orbit normal, z nadir), in which a body that points at the Earth stands still; the radar frame, mounted in that body.
 One component per array lets a mounting by right angles cost nothing and keeps a run's bits free of the block's size.
 """
@@ -21,7 +21,7 @@ Rows = tuple[tuple[tuple[int, float], ...], ...]
 """A constant matrix as the (column, weight) pairs of each row."""
 
 NADIR_FROM_RTN: Array = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-"""Rotation from RTN to the nadir frame."""
+"""Rotation from RTN to the LVLH frame."""
 
 
 def components(vectors: Array) -> Vector:
@@ -68,7 +68,7 @@ def _weighted_sum(row: tuple[tuple[int, float], ...], terms: Sequence[Array]) ->
 
 
 def mounting_matrix(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Array:
-    """Return the rotation (3, 3) from the body's nadir frame to the radar frame.
+    """Return the rotation (3, 3) from the body's LVLH frame to the radar frame.
 
     The radar frame is the body frame turned about its z axis by the yaw, about the new y axis by the pitch and
     about the new x axis by the roll, each right-handed. Multiples of 90 deg give exact zeros and ones.

@@ -99,15 +99,15 @@ class Budget:
 
 
 def budgeted_filters(config: CaseConfig) -> tuple[str, ...]:
-    """Return the filters of a case whose gain does not depend on the readings, so that they have a budget."""
+    """Return the filters of a case whose gain does not depend on the measurements, so that they have a budget."""
     return tuple(name for name, entry in config.filters.items() if _has_nominal_gain(entry))
 
 
 def _has_nominal_gain(entry: FilterEntry) -> bool:
     factory: object = filter_kinds()[entry.kind].factory
     nominal = isinstance(factory, type) and issubclass(factory, GaussianFilter) and factory.nominal_gain
-    # Process noise that is found from the readings makes the gain depend on them.
-    # A smoothed estimate depends on later readings, and a fitted start has no gain at all.
+    # Process noise that is found from the measurements makes the gain depend on them.
+    # A smoothed estimate depends on later measurements, and a fitted start has no gain at all.
     return nominal and entry.process_noise.adaptive is None and entry.smoother is None and entry.batch_start is None
 
 

@@ -1,4 +1,4 @@
-"""One error at a time: sensors whose readings are perfect but for an error that is put in."""
+"""One error at a time: sensors whose measurements are perfect but for an error that is put in."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ class _Along:
         self._made: CampaignFilter = create_campaign_filter(entry, config, self._context, first.late)
         assert isinstance(self._made.algorithm, GaussianFilter)  # as those with a nominal gain are
         self._own: GaussianFilter = self._made.algorithm
-        # The gain is read off small differences of readings, which float32 would round away.
+        # The gain is read off small differences of measurements, which float32 would round away.
         self._filter = _in_double(self._own, entry)
         self._measurement = self._filter.measurement
         self._channels = np.eye(self._measurement.dimension)
@@ -180,7 +180,7 @@ class _Along:
             self._response[0, :6] = (prior.mean[1:] - prior.mean[:1]).T / SIZE
             prior = Gaussian(prior.mean[:1], prior.covariance[:1])
         if not np.isfinite(prior.mean).all():
-            raise ValueError("no reading at 0 s that gives a position, where the start is the first fix")
+            raise ValueError("no measurement at 0 s that gives a position, where the start is the first fix")
         self._offset = np.zeros(self._transition.shape[1])
         self._offset[:6] = prior.mean[0] - first.truth.relative[0, 0]
         if self._made.extension is not None:
@@ -271,7 +271,7 @@ class _Along:
         mean = state.repeat(len(z), axis=0)
         residual, H, R = linearised(measurement, z, mean, epoch)
         C = (residual[1:errors] - residual[0]).T / SIZE
-        # The mean is linear in the reading, so any size will do; that of the noise keeps the digits.
+        # The mean is linear in the measurement, so any size will do; that of the noise keeps the digits.
         probe = np.sqrt((R if R.ndim == 2 else R[0]).diagonal())
         probed = z.copy()
         probed[errors:] += self._channels * probe

@@ -11,7 +11,7 @@ from relnav_sim.arrays import Array, Mask
 from relnav_sim.campaign.models import CaseConfig
 
 _USUAL_GAPS = 3
-"""A sensor that misses no more than so many of its usual times between readings is still there."""
+"""A sensor that misses no more than so many of its usual times between measurements is still there."""
 _MOST_SPELLS = 6
 """A sensor that comes and goes more often than that, as in and out of sunlight, hands nothing over."""
 
@@ -56,7 +56,7 @@ def phases(config: CaseConfig, times_s: Array, read: Mapping[str, Mask]) -> tupl
 
 
 def _spells(reads: Mask) -> list[tuple[int, int]]:
-    """Return the first and last epochs of each row of readings; none of a sensor that comes and goes all the time."""
+    """Return the first and last epochs of each row of measurements; none of a sensor that comes and goes."""
     epochs = np.flatnonzero(reads)
     if len(epochs) < 2:
         return [(int(epoch), int(epoch)) for epoch in epochs]
@@ -64,7 +64,7 @@ def _spells(reads: Mask) -> list[tuple[int, int]]:
     breaks = np.flatnonzero(gaps > _USUAL_GAPS * np.median(gaps))
     begins, ends = epochs[[0, *(breaks + 1)]], epochs[[*breaks, -1]]
     found = list(zip(begins.tolist(), ends.tolist(), strict=True))
-    # A sensor with a pause after each reading, or with none before the first epoch, begins at once.
+    # A sensor with a pause after each measurement, or with none before the first epoch, begins at once.
     usual = int(np.median(gaps))
     if found[0][0] <= usual:
         found[0] = (0, found[0][1])

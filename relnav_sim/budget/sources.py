@@ -34,7 +34,7 @@ INTERACTION = "interaction of fixed sources"
 
 
 def injections_of(config: CaseConfig, entry: FilterEntry, asked: Asked) -> list[Injection]:
-    """Return the errors of a case that may reach a filter through its readings, one for each number drawn.
+    """Return the errors of a case that may reach a filter through its measurements, one for each number drawn.
 
     Args:
         config: The case.
@@ -66,7 +66,7 @@ def _follows(config: CaseConfig, entry: FilterEntry, filter: LinearFilter) -> bo
 
 
 def _carried(config: CaseConfig, entry: FilterEntry, host: Craft) -> bool:
-    """Return whether an orbit filter of the host's own stands between its fixes and a filter's readings."""
+    """Return whether an orbit filter of the host's own stands between its fixes and a filter's measurements."""
     return any(
         options.host == host and frame_is_told(name, config.sensors, config.clock.step_s)
         for name, options in relative_sensors(config.sensors, entry.sensors).items()
@@ -200,7 +200,7 @@ def not_covered(
     sensors |= relative_sensors(config.sensors, entry.sensors)
     for name, options in sensors.items():
         if any(isinstance(part, OutageNoise) and part.rate_per_hour for part in noise_parts(options.noise)):
-            found.append(f"random outages of {name}: its readings count as there")
+            found.append(f"random outages of {name}: its measurements count as there")
         faults = [part.stream for part in noise_parts(options.noise) if isinstance(part, FaultOptions)]
         if faults:
             found.append(f"faults of {name}: {', '.join(faults)}")
@@ -208,7 +208,7 @@ def not_covered(
         if getattr(options, "latency_s", 0) and entry.assumed_latency == "none":
             found.append(f"the latency of {name}, of which the filter is not told")
         if getattr(options, "drawn_latency_s", None) is not None:
-            found.append(f"the drawn latency of {name}: its readings count as there at once")
+            found.append(f"the drawn latency of {name}: its measurements count as there at once")
     for host in sorted({each.host for each in relative_sensors(config.sensors, entry.sensors).values()}):
         fixes = own_sensor(config.sensors, "orbit", host)
         if fixes is not None and _carried(config, entry, host):
@@ -217,7 +217,7 @@ def not_covered(
     if chief is not None and "chief_fixes" in entry.dynamics.needs and not _follows(config, entry, filter):
         found.append(f"errors of {chief[0]} in the orbit about which the filter predicts")
     if entry.editing is not None or getattr(entry, "gate_probability", None) is not None:
-        found.append("readings that the gate rejects")
+        found.append("measurements that the gate rejects")
     if in_single(entry):
         found.append("rounding in float32: the filter counts as one in float64")
     return found

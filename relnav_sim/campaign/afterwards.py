@@ -1,4 +1,4 @@
-"""What must fit together where estimates are improved afterwards, or a start is fitted to the first readings."""
+"""What must fit together where estimates are improved afterwards, or a start is fitted to the first measurements."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from relnav_sim.sensors import Sensors, relative_sensors
 from relnav_sim.sensors.arrivals import most_epochs_late
 
 ONLY_INNOVATIONS = (
-    "a filter that goes back for late readings (out_of_sequence: buffer), or over the whole run, has residuals that "
-    "are not about a prediction made before the reading, and only such are white when it is consistent"
+    "a filter that goes back for late measurements (out_of_sequence: buffer), or over the whole run, has residuals "
+    "that are not about a prediction made before the measurement, and only such are white when it is consistent"
 )
 """Why the residuals of some filters are not tested for correlation."""
 
@@ -41,7 +41,7 @@ def _check_repeated(path: Path, entry: FilterEntry) -> Iterator[Problem]:
             f"{entry.kind} fits one trajectory without process noise; leave it out, or smooth a filter",
         )
     if entry.batch_start is not None:
-        yield Problem((*path, "batch_start"), f"{entry.kind} is fitted to all readings itself; leave this key out")
+        yield Problem((*path, "batch_start"), f"{entry.kind} is fitted to all measurements itself; leave this key out")
 
 
 def _check_smoother(
@@ -50,7 +50,7 @@ def _check_smoother(
     kinds, smoother = filter_kinds(), entry.smoother
     path = (*path, "smoother")
     if kinds[entry.kind].repeats:
-        yield Problem(path, f"{entry.kind} knows all readings already; leave this key out")
+        yield Problem(path, f"{entry.kind} knows all measurements already; leave this key out")
     elif not kinds[entry.kind].smooths:
         can = listed([kind for kind, each in kinds.items() if each.smooths], "and")
         yield Problem(
@@ -91,7 +91,7 @@ def _check_start(path: Path, entry: FilterEntry, considered: Sequence[str], cloc
 
 
 def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) -> Iterator[Problem]:
-    """Yield what a filter can't do with readings that arrive late."""
+    """Yield what a filter can't do with measurements that arrive late."""
     if not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # a sensor that is not there is said already
     drawn = {
@@ -102,7 +102,7 @@ def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) ->
     path: Path = ("filters", name, "out_of_sequence")
     afterwards = entry.smoother is not None or filter_kinds()[entry.kind].repeats
     if afterwards and entry.out_of_sequence is not None:
-        yield Problem(path, "what is known afterwards has had all readings in order; leave this key out")
+        yield Problem(path, "what is known afterwards has had all measurements in order; leave this key out")
     if not drawn:
         return
     slowest = max(drawn, key=lambda each: drawn[each][1])
@@ -110,7 +110,7 @@ def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) ->
     if entry.smoother is not None and entry.smoother != "rts" and entry.smoother.fixed_lag.lag_s < longest_s:
         yield Problem(
             ("filters", name, "smoother", "fixed_lag", "lag_s"),
-            f"readings of {slowest} may arrive {longest_s:g} s late, after the estimate; take a lag no shorter",
+            f"measurements of {slowest} may arrive {longest_s:g} s late, after the estimate; take a lag no shorter",
         )
     elif entry.out_of_sequence == "buffer":
         yield from _check_buffer(path, entry, longest_s, slowest, clock)
@@ -119,8 +119,8 @@ def check_late(name: str, entry: FilterEntry, sensors: Sensors, clock: Clock) ->
             if most_epochs_late((0.0, shortest_s), clock.step_s):
                 yield Problem(
                     path,
-                    f"every reading of {each} arrives a step or more late ({shortest_s:g} s at least), so that drop, "
-                    "the default, leaves the filter none of them; take buffer",
+                    f"every measurement of {each} arrives a step or more late ({shortest_s:g} s at least), so that "
+                    "drop, the default, leaves the filter none of them; take buffer",
                 )
 
 
@@ -128,17 +128,18 @@ def _check_buffer(path: Path, entry: FilterEntry, longest_s: float, slowest: str
     if most_epochs_late((0.0, longest_s), clock.step_s) >= CHUNK_EPOCHS:
         yield Problem(
             path,
-            f"readings of {slowest} may arrive {longest_s:g} s late, and a filter goes back at most {CHUNK_EPOCHS - 1} "
-            f"steps, {(CHUNK_EPOCHS - 1) * clock.step_s:g} s here; take a larger clock.step_s, or drop",
+            f"measurements of {slowest} may arrive {longest_s:g} s late, and a filter goes back at most "
+            f"{CHUNK_EPOCHS - 1} steps, {(CHUNK_EPOCHS - 1) * clock.step_s:g} s here; take a larger clock.step_s, or "
+            "drop",
         )
     if entry.process_noise.adaptive is not None:
         yield Problem(
             path,
-            "a process noise that is found from the readings is not gone back over; take another form of "
+            "a process noise that is found from the measurements is not gone back over; take another form of "
             "process_noise, or drop",
         )
     if entry.batch_start is not None:
-        yield Problem(path, "a start is fitted to readings that are there in time; take drop, or leave out batch_start")
+        yield Problem(path, "a start is fitted to measurements that are in time; take drop, or leave out batch_start")
 
 
 def tells_innovations(entry: FilterEntry) -> bool:

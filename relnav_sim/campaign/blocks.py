@@ -26,7 +26,7 @@ SIMULATION_US = 5.0
 STATISTICS_US = 2.0
 """Errors, consistency and quantiles of one filter for one run and step, us."""
 SMOOTHER_US, LAG_US = 4.0, 11.0
-"""Going back over one run and step with a smoother: over all readings, and with a fixed lag, us."""
+"""Going back over one run and step with a smoother: over all measurements, and with a fixed lag, us."""
 MOST_SAMPLES = 1_000_000
 """Samples or particles of one filter in a block: 48 MB for each array of their states."""
 

@@ -141,8 +141,8 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
         if each.drawn_latency_s is not None and each.latency_s:
             yield Problem(
                 ("sensors", name, "drawn_latency_s"),
-                "readings that count at a later epoch (latency_s) and readings that arrive late exclude each other; "
-                "give one of them",
+                "measurements that count at a later epoch (latency_s) and measurements that arrive late exclude each "
+                "other; give one of them",
             )
     if not isinstance(start, FirstFixStart):
         return
@@ -158,14 +158,14 @@ def _check_sensors(sensors: Sensors, start: Options | None) -> Iterator[Problem]
         key = "latency_s" if relative[giving].latency_s else "offset_s"
         yield Problem(
             ("sensors", giving, key),
-            f"the first reading comes {late_s:g} s after the start, so there is no fix to start from; "
+            f"the first measurement comes {late_s:g} s after the start, so there is no fix to start from; "
             "take start.kind dispersed or given",
         )
     elif relative[giving].drawn_latency_s is not None:
         yield Problem(
             ("sensors", giving, "drawn_latency_s"),
-            "the first reading may arrive after the start, so there is no fix to start from; take start.kind dispersed "
-            "or given",
+            "the first measurement may arrive after the start, so there is no fix to start from; take start.kind "
+            "dispersed or given",
         )
 
 
@@ -309,12 +309,14 @@ def _check_sensor_errors(name: str, entry: FilterEntry, sensors: Sensors) -> Ite
         for channel in option.channels:
             if (sensor, channel) in taken:
                 other = taken[sensor, channel]
-                yield Problem(path, f"{other} is an error of {sensor}'s {channel} too, and no reading tells them apart")
+                yield Problem(
+                    path, f"{other} is an error of {sensor}'s {channel} too; no measurement can separate them"
+                )
             taken[sensor, channel] = option.kind
 
 
 def _check_distortions(name: str, entry: FilterEntry, sensors: Sensors) -> Iterator[Problem]:
-    """Yield the errors of sensors that can't be carried in the form in which the filter takes their readings."""
+    """Yield the errors of sensors that can't be carried in the form in which the filter takes their measurements."""
     if not entry.augmented_states or not set(entry.sensors or ()) <= set(relative_sensors(sensors)):
         return  # a sensor that is not there is said already
     known = relative_sensors(sensors, entry.sensors)
@@ -352,11 +354,11 @@ def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
         if each.offset_s > clock.duration_s:
             yield Problem(
                 ("sensors", name, "offset_s"),
-                f"the first reading comes after {each.offset_s:g} s; the run ends at {clock.duration_s:g} s",
+                f"the first measurement comes after {each.offset_s:g} s; the run ends at {clock.duration_s:g} s",
             )
     for name, relative in relative_sensors(sensors).items():
         period_s = relative.period_s or clock.step_s
-        # Filters take no reading at the start itself, and what would have been taken before it is none.
+        # Filters take no measurement at the start itself, and what would have been taken before it is none.
         earliest_s = max(clock.step_s, relative.latency_s)
         count = max(ceil((earliest_s - relative.offset_s) / period_s - 1e-9), 0)
         first_s = relative.offset_s + count * period_s
@@ -364,5 +366,5 @@ def _check_periods(sensors: Sensors, clock: Clock) -> Iterator[Problem]:
             key = "latency_s" if relative.latency_s > clock.step_s else "period_s"
             yield Problem(
                 ("sensors", name, key),
-                f"the first reading that filters get comes at {first_s:g} s; the run ends at {clock.duration_s:g} s",
+                f"filters get their first measurement at {first_s:g} s; the run ends at {clock.duration_s:g} s",
             )

@@ -33,8 +33,8 @@ def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Ite
     if entry.out_of_sequence == "buffer":
         yield Problem(
             ("filters", name, "out_of_sequence"),
-            "rejections are counted as readings arrive, and a buffer goes over them again; take drop, or leave editing "
-            "out",
+            "rejections are counted as measurements arrive, and a buffer goes over them again; take drop, or leave "
+            "editing out",
         )
     own_belief = entry.process_noise.adaptive is not None and getattr(
         filter_kinds()[entry.kind].factory, "stochastic", False
@@ -51,8 +51,8 @@ def check_editing(name: str, entry: FilterEntry, sensors: Sensors | None) -> Ite
     if editing.action == "restart" and used and not restart_sensors(sensors, entry.sensors):
         yield Problem(
             ("filters", name, "editing", "action"),
-            f"none of its sensors ({listed(list(used), 'and')}) gives a position at the epoch of its reading, so there "
-            "is no fix to restart from; take accept or inflate",
+            f"none of its sensors ({listed(list(used), 'and')}) gives a position at the epoch of its measurement, so "
+            "there is no fix to restart from; take accept or inflate",
         )
     for each, options in used.items():
         if editing.scope == "channel" and form_taken(options, entry.measurement) != options.forms[0]:
@@ -75,7 +75,7 @@ def editing_warnings(filters: Mapping[str, FilterEntry]) -> list[str]:
             )
         elif entry.editing is not None and entry.editing.action is None:
             found.append(
-                f"filters.{name} rejects readings and has no way back once it has lost the truth; editing.action "
+                f"filters.{name} rejects measurements and has no way back once it has lost the truth; editing.action "
                 "(accept, inflate or restart) gives one."
             )
     return found

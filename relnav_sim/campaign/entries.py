@@ -28,8 +28,8 @@ Kinds = tuple[tuple[str, type[DynamicsOptions]], ...]
 Registered = tuple[tuple[FilterKind, ...], Kinds, tuple[tuple[str, type[SensorOptions]], ...]]
 
 _MEASUREMENT = (
-    "Form of the readings that the filter takes: spherical (as they are read; formerly polar) or cartesian (converted "
-    "to a position in the orbit frame, of sensors that allow it)"
+    "Form of the measurements that the filter takes: spherical (as they are read; formerly polar) or cartesian "
+    "(converted to a position in the orbit frame, of sensors that allow it)"
 )
 
 
@@ -46,12 +46,12 @@ class FilterEntry(Options):
     process_noise: ProcessNoiseOptions = Field(
         default=ProcessNoiseOptions(acceleration_psd_m2_s3=1e-6),
         description="What the filter adds to its covariance each step; default: white acceleration of 1e-6 m^2/s^3, "
-        "about what curvature and differential J2 leave out of cw dynamics at 12 km",
+        "about the acceleration by curvature and differential J2 that cw lacks at 12 km",
     )
     sensors: Annotated[tuple[str, ...] | None, AddedLater()] = Field(
         default=None,
         min_length=1,
-        description="Names of the sensors that the filter goes by, in the order in which it takes their readings; "
+        description="Names of the sensors that the filter goes by, in the order in which it takes their measurements; "
         "default: all that measure the other craft",
     )
     measurement: Form = Field(description=_MEASUREMENT)
@@ -69,8 +69,8 @@ class FilterEntry(Options):
     )
     assumed_latency: AssumedLatency = Field(
         default="known",
-        description="The sensors' latency as the filter takes it: known (it compares a reading with the position that "
-        "long ago; default) or none (it takes the reading as fresh)",
+        description="The sensors' latency as the filter takes it: known (it compares a measurement with the position "
+        "that long ago; default) or none (it takes the measurement as fresh)",
     )
 
     augment: tuple[Annotated[AugmentedStateOption, Field(discriminator="kind")], ...] = Field(
@@ -81,26 +81,26 @@ class FilterEntry(Options):
 
     batch_start: Annotated[BatchStartOptions | None, AddedLater()] = Field(
         default=None,
-        description="Begin with a batch least squares fit of the first readings, to which the campaign's start is the "
-        "prior; the filter gets the readings after. Default: begin at the campaign's start",
+        description="Begin with a batch least squares fit of the first measurements, to which the campaign's start is "
+        "the prior; the filter gets the measurements after. Default: begin at the campaign's start",
     )
     smoother: Annotated[SmootherOption | None, AddedLater()] = Field(
         default=None,
-        description="Improve the filter's estimates afterwards: rts (Rauch, Tung and Striebel: by all later readings) "
-        "or fixed_lag (by those of the next `lag_s`). The row then tells what is known afterwards, not in flight; its "
-        "NIS is that of the filter. Default: none",
+        description="Improve the filter's estimates afterwards: rts (Rauch, Tung and Striebel: by all later "
+        "measurements) or fixed_lag (by those of the next `lag_s`). The row then tells what is known afterwards, not "
+        "in flight; its NIS is that of the filter. Default: none",
     )
 
     out_of_sequence: Annotated[Literal["drop", "buffer"] | None, AddedLater()] = Field(
         default=None,
-        description="Readings that arrive after their own epoch, where a sensor has a `drawn_latency_s`: drop (without "
-        "them) or buffer (go back to their epoch and over all since again). Default: drop; rows that are known "
-        "afterwards have all readings in order",
+        description="Measurements that arrive after their own epoch, where a sensor has a `drawn_latency_s`: drop "
+        "(without them) or buffer (go back to their epoch and over all since again). Default: drop; rows that are "
+        "known afterwards have all measurements in order",
     )
     editing: Annotated[EditingOptions | None, AddedLater()] = Field(
         default=None,
-        description="Which readings are rejected and how the filter recovers once it has rejected too many; default: "
-        "every reading is taken",
+        description="Which measurements are rejected and how the filter recovers once it has rejected too many; "
+        "default: every measurement is taken",
     )
 
     @field_validator("sensors")

@@ -75,10 +75,10 @@ class Clock(Options):
 
 
 class FirstFixStart(Options):
-    """Every filter starts at the position that the first reading gives; needs a sensor that gives one by itself."""
+    """Every filter starts at the position that the first measurement gives; needs a sensor that gives one by itself."""
 
     kind: Literal["first_fix"] = Field(
-        default="first_fix", description="Start at the position that the first reading gives"
+        default="first_fix", description="Start at the position that the first measurement gives"
     )
     velocity_m_s: Vector = Field(
         default=(0.0, 0.0, 0.0),
@@ -124,13 +124,12 @@ StartOptions = Annotated[FirstFixStart | DispersedStart | GivenStart, Field(disc
 
 
 class StatisticsOptions(Options):
-    """What the figures of the report are taken over."""
+    """Over which epochs the metrics of the report are taken."""
 
     settle_s: float = Field(
         default=500.0,
         ge=0,
-        description="Values of the steady state leave out the time before this, s; default 500, about a twelfth of a "
-        "low orbit's period",
+        description="The steady state begins at this time, s; default 500, about a twelfth of a low orbit's period",
     )
     convergence_m: float = Field(
         default=10.0,
@@ -143,7 +142,7 @@ class StatisticsOptions(Options):
     whiteness: Annotated[bool, AddedLater()] = Field(
         default=False,
         description="Whether the residuals of each channel are tested for correlation; default false: it costs "
-        "one more prediction of each reading",
+        "one more prediction of each measurement",
     )
     matters_percent: Annotated[float, OfReports()] = Field(
         default=MATTERS_PERCENT,
@@ -158,7 +157,7 @@ class StopOptions(Options):
     """When a campaign has run enough: looked at after fixed numbers of runs only, in run order."""
 
     metric: Literal["r_rms_m", "v_rms_m_s", "settled_r_rms_m", "settled_v_rms_m_s"] = Field(
-        description="The figure of each run: rms of the position (r) or velocity (v) error over the whole run or "
+        description="The metric of each run: rms of the position (r) or velocity (v) error over the whole run or "
         "after `settle_s`"
     )
     filter: str | None = Field(default=None, description="Name of the filter to look at; default: all of them")

@@ -21,7 +21,7 @@ Interpretation = Literal["ensemble", "temporal", "mixed"]
 _OF_RUNS = 0.95
 
 _QUANTITY = "Error to look at: r position, v velocity (norms), or one component in RTN; default r"
-_SPAN = "settled: t >= settle_s; whole: every epoch after the start; default settled"
+_SPAN = "settled: the steady state, t >= settle_s; whole: every epoch after the start; default settled"
 _BELOW_M = "Limit of a position error, m"
 _BELOW_M_S = "Limit of a velocity error, m/s"
 
@@ -127,7 +127,9 @@ class NisRequirement(Requirement):
 
     kind: Literal["nis"] = Field(description="nis: consistency of the innovations")
     sensor: str | None = Field(
-        default=None, min_length=1, description="Name of the sensor whose readings count; default: all of the filter's"
+        default=None,
+        min_length=1,
+        description="Name of the sensor whose measurements count; default: all of the filter's",
     )
     sigma_margin: float = Field(
         default=0.1,
@@ -166,7 +168,7 @@ class DivergedRequirement(Requirement):
 
 
 class RecoveryRequirement(Requirement):
-    """Filters that reject readings recover in time: a share of the runs that were locked out, or diverged, is back.
+    """Filters that reject measurements recover in time: a share of the runs that were locked out, or diverged, is back.
 
     A run that fails, or diverges without a lock-out, is not; nor is one that follows a sensor's fault.
     """

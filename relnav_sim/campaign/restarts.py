@@ -8,7 +8,7 @@ from relnav_sim.sensors import Sensors, relative_sensors
 
 
 def restart_sensors(sensors: Sensors, used: Sequence[str] | None) -> list[str]:
-    """Return the sensors, of those that a filter uses, whose reading gives the position at its own epoch.
+    """Return the sensors, of those that a filter uses, whose measurement gives the position at its own epoch.
 
     Args:
         sensors: All sensors.

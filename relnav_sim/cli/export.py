@@ -59,7 +59,7 @@ def export(
         str | None,
         typer.Option(
             metavar="CASE",
-            help="Of readings, truth and estimates: the case, by number from 0, id, or label as printed.",
+            help="Of measurements, truth and estimates: the case, by number from 0, id, or label as printed.",
             show_default="the first",
         ),
     ] = None,
@@ -79,7 +79,7 @@ def export(
         list[str] | None,
         typer.Option(
             metavar="SENSOR",
-            help="Of readings: a sensor, by the name that its columns begin with; may be given several times.",
+            help="Of measurements: a sensor, by the name that its columns begin with; may be given several times.",
             show_default="all",
         ),
     ] = None,

@@ -28,14 +28,14 @@ def export_readings(
     out: str | None,
     overwrite: bool,
 ) -> None:
-    """Write the readings of some runs, simulated again, each to files of its own.
+    """Write the measurements of some runs, simulated again, each to files of its own.
 
     Args:
         results: An open result.
         result: Its path as the user gave it.
         case: Number, label or id of the case; None: the first.
         runs: Numbers of the runs; none: the first that the result holds.
-        sensors: Names of the sensors whose readings are written; none: all.
+        sensors: Names of the sensors whose measurements are written; none: all.
         to: ``csv``, or ``tdm`` with a CSV file beside it for what no TDM can hold.
         out: The file, or a folder; None: beside the result.
         overwrite: Whether files may be replaced.

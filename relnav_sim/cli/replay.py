@@ -1,4 +1,4 @@
-"""`relnav replay`: a campaign's filters on recorded readings."""
+"""`relnav replay`: a campaign's filters on recorded measurements."""
 
 from __future__ import annotations
 

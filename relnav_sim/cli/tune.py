@@ -34,7 +34,7 @@ class Objective(StrEnum):
 
 
 class Span(StrEnum):
-    """What the figures are taken over."""
+    """Over which epochs the metrics are taken."""
 
     SETTLED = "settled"
     WHOLE = "whole"

@@ -57,10 +57,10 @@ def failed_bound(case: Case, seed: int, reason: str, retry: bool) -> BoundResult
 def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundResult:
     """Return the bounds of perfect models and of the filters' own models at the stored epochs.
 
-    Each filter is bounded by the readings of its own sensors. The information of a reading is that of the sensor at the
-    true states, with its white noise as simulated and the white errors of attitude and orbit beside it, times the
-    probability that there is a reading, on average over the ensemble of truths. Biases and correlated errors are not
-    in it, but for those that a sensor says each run draws: a perfect model has them as unknown states.
+    Each filter is bounded by the measurements of its own sensors. The information of a measurement is that of the
+    sensor at the true states, with its white noise as simulated and the white errors of attitude and orbit beside it,
+    times the probability that there is a measurement, on average over the ensemble of truths. Biases and correlated
+    errors are not in it, but for those that a sensor says each run draws: a perfect model has them as unknown states.
 
     A perfect model has no process noise; its transitions are those of relative motion under the truth's point mass
     and zonal harmonics, about the true chief's orbit and along the true relative motion. A filter's model has the
@@ -121,7 +121,7 @@ def case_bound(case: Case, seed: int, learned: Learned | None = None) -> BoundRe
 
 
 _Key = tuple[str, tuple[str, ...]]
-"""What tells models of the motion apart, empty of a perfect one, and the sensors whose readings count."""
+"""What tells models of the motion apart, empty of a perfect one, and the sensors whose measurements count."""
 
 
 def _sensors_of(entry: FilterEntry, config: CaseConfig) -> tuple[str, ...]:
@@ -206,7 +206,7 @@ class _Ensemble:
     frames: Mapping[str, Array]
 
     def information(self, sensors: Mapping[str, SensorInformation], epochs: Integers, extra: Extension | None) -> Array:
-        """Return the information of some sensors' readings at some epochs (K,), (K, n, n)."""
+        """Return the information of some sensors' measurements at some epochs (K,), (K, n, n)."""
         probability = {name: self.probability[name][:, epochs] for name in sensors}
         frames = {name: covariance[epochs] for name, covariance in self.frames.items()}
         return joint_information(sensors, self.relative[:, epochs], probability, extra, frames)

@@ -28,25 +28,25 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, rough_truth, truth_trajectory
 
 MOST_STEPS = 300
-"""Steps into which a run is cut, however many epochs it has: each stands for the readings of all its epochs."""
+"""Steps into which a run is cut, however many epochs it has: each stands for the measurements of all its epochs."""
 
 LEAST_SIGMA = 1e-3
 """Least sigma of the start that counts, as a share of the separation and of the speed at which the orbit turns it: a
-start that is known better than any reading could tell is no want of observability."""
+start that is known better than any measurement could tell is no want of observability."""
 
 ROUGH = 1e-9
-"""Relative error of the truth: centimetres tell nothing of where there are readings."""
+"""Relative error of the truth: centimetres tell nothing of where there are measurements."""
 
 
 def case_observability(config: CaseConfig) -> dict[str, Observability]:
-    """Return what the readings of its sensors can tell each filter of a case, by name.
+    """Return what the measurements of its sensors can tell each filter of a case, by name.
 
     Left out are filters of which it can't be said: nothing to start from, or a model that can't be made or followed.
 
-    Readings count at the state that a filter's own model reaches from the true start, with the manoeuvres that the
+    Measurements count at the state that a filter's own model reaches from the true start, with the manoeuvres that the
     filter is told of: about any other trajectory a model seems to learn from what it leaves out. Where and when there
-    are readings is taken from the nominal truth. Noise counts by its covariance. In place of learned dynamics, which
-    take a training to know, stands ``cw``.
+    are measurements is taken from the nominal truth. Noise counts by its covariance. In place of learned dynamics,
+    which take a training to know, stands ``cw``.
 
     Args:
         config: The case.
@@ -73,8 +73,9 @@ class _Looked:
         every: Epochs of the campaign in one step.
         times_s: Ends of the steps, and 0, (K + 1,), s.
         start: True relative state at the start, (6,).
-        chances: By sensor, the expected number of readings of each channel in the step to each epoch, (1, K + 1, m).
-        fix: Probability of the channels of the reading at the start, by sensor, (1, 1, m).
+        chances: By sensor, the expected number of measurements of each channel in the step to each epoch, (1, K + 1,
+            m).
+        fix: Probability of the channels of the measurement at the start, by sensor, (1, 1, m).
         stored: For each stored epoch of the campaign, the last of these epochs that is no later, (times,).
     """
 
@@ -96,7 +97,7 @@ class _Looked:
         truth = whole.at(times_s)
         chances, fix, always = {}, {}, reading_at_every_epoch(config.sensors)
         for name, options in relative_sensors(config.sensors).items():
-            # Whether a reading is due at just these epochs does not matter, but how many there are in each step.
+            # Whether a measurement is due at just these epochs does not matter, but how many there are in each step.
             likely = np.nan_to_num(reading_probability(always, name, truth, 0, step_s)[:1])
             fix[name] = likely[:, :1] * (options.offset_s == 0)
             due = channels_due(config.sensors, name, np.arange(1, every * (len(times_s) - 1) + 1), clock.step_s)

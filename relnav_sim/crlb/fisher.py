@@ -1,4 +1,4 @@
-"""Fisher information about the location of a Gaussian mixture: what one noisy reading can tell at most.
+"""Fisher information about the location of a Gaussian mixture: what one noisy measurement can tell at most.
 
 Location information I = E[s s^T] with the score s = -d log p / dv of the noise's density p. For a Gaussian it is the
 inverse covariance; for a mixture it is larger than that of the Gaussian of the same covariance, by what a filter that
@@ -112,7 +112,7 @@ def _on_all_sides(weights: Array, covariances: Array) -> Array:
 
 
 class ReadingInformation:
-    """Information in a reading of which two channels, or none, also carry a Gaussian error of the attitude.
+    """Information in a measurement of which two channels, or none, also carry a Gaussian error of the attitude.
 
     The noise is a mixture with independent channels in each component, plus a Gaussian of covariance A on the two
     channels that show a direction, which moves with the line of sight. Under a mixture the information is integrated at

@@ -1,4 +1,4 @@
-"""How well hosts know their orbit frames between their GNSS fixes: what that costs the readings' information."""
+"""How well hosts know their orbit frames between their GNSS fixes: what that costs the measurements' information."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ class HostFrames:
 
 
 def in_frame(information: Array, H: Array, states: Array, covariance: Array) -> Array:
-    """Return what is left of the information (N, m, m) of noise about a reading where its frame errs too.
+    """Return what is left of the information (N, m, m) of noise about a measurement where its frame errs too.
 
     The inverse is (information^-1 + G P G^T): exact for Gaussian noise, and for a mixture never less than the
     information of the sum (the matrix form of Stam's inequality, Zamir, IEEE Trans. Information Theory 44(3), 1998).
 
     Args:
         information: Of the noise without the frame's error.
-        H: Jacobian of the reading by the relative state, (N, m, n).
+        H: Jacobian of the measurement by the relative state, (N, m, n).
         states: Relative states (N, 6).
         covariance: P, (N, 6, 6).
     """

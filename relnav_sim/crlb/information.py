@@ -1,4 +1,4 @@
-"""The information that a sensor's readings carry about the state: what its noise leaves, and how probable they are."""
+"""The information that a sensor's measurements carry about the state: by its noise, and by how probable they are."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ MOST_CHANNELS = 3
 
 
 class SensorInformation:
-    """The information of one sensor's readings along trajectories, E[H^T I H].
+    """The information of one sensor's measurements along trajectories, E[H^T I H].
 
-    A reading is whole, or has lost the channels that need the host's attitude and orbit, or is not there; the
+    A measurement is whole, or has lost the channels that need the host's attitude and orbit, or is not there; the
     probabilities of the channels are nested accordingly.
 
     Args:
         name: The sensor.
         config: The case.
-        states: Relative states (b, T, 6) that readings will be taken at.
+        states: Relative states (b, T, 6) that measurements will be taken at.
         mixture: Whether the noise counts as it is; else by its covariance, as one Gaussian.
         frame: Where its host's fixes may be missing: ``of_a_fix``, the orbit frame errs as at one; ``perfect``, `at` is
             told how it errs.
@@ -56,12 +56,12 @@ class SensorInformation:
     def at(
         self, states: Array, probability: Array, extra: Extension | None = None, frame: Array | None = None
     ) -> Array:
-        """Return the information of the readings at some epochs, (K, n, n); 0 where no trajectory goes on.
+        """Return the information of the measurements at some epochs, (K, n, n); 0 where no trajectory goes on.
 
         Args:
             states: Relative states (b, K, 6).
             probability: Of each channel, (b, K, m); NaN where a trajectory has ended.
-            extra: States behind the six that readings depend on too; they count as 0.
+            extra: States behind the six that measurements depend on too; they count as 0.
             frame: Covariance (K, 6, 6) of the error of the host's orbit frame; None: it is in the noise already.
         """
         flat = states.reshape(-1, 6)
@@ -102,7 +102,7 @@ class SensorInformation:
         """Return what gives the Fisher information (N, c, c) that noise leaves about some of the channels.
 
         Args:
-            states: Where readings will be taken, (b, T, 6).
+            states: Where measurements will be taken, (b, T, 6).
             channels: The channels.
             directed: Those of them that an error of the attitude moves.
             mixture: Whether the components count.
@@ -156,7 +156,7 @@ def joint_information(
     extra: Extension | None = None,
     frames: Mapping[str, Array] | None = None,
 ) -> Array:
-    """Return the information of some sensors' readings together, (K, n, n); their errors count as independent.
+    """Return the information of some sensors' measurements together, (K, n, n); their errors count as independent.
 
     Args:
         sensors: The sensors by name, one or more.
@@ -174,7 +174,7 @@ def _of_known_components(told: Measurement, states: Array, channels: list[int]) 
     """Return the mean over the components of what each of them leaves, (N, c, c).
 
     Never less than the information of the mixture, which is convex in the density (Cohen, IEEE Trans. Information
-    Theory 14(4), 1968): that of a filter that knew from which component each reading comes.
+    Theory 14(4), 1968): that of a filter that knew from which component each measurement comes.
     """
     found = told.mixture(states, 0)
     assert found is not None  # where its components are told

@@ -1,6 +1,6 @@
-"""Observability: of which direction of the state do readings tell least, and how much, beyond what the start knew?
+"""Observability: of which direction of the state do measurements tell least, and how much, beyond what the start knew?
 
-The information of the readings without the prior, N = sum Phi_k^T H_k^T R^-1 H_k Phi_k about the state at the start
+The information of the measurements without the prior, N = sum Phi_k^T H_k^T R^-1 H_k Phi_k about the state at the start
 (the observability Gramian; Maybeck, Stochastic Models, Estimation, and Control 1, 1979, section 5.7), scaled by a root
 of the prior covariance P = L L^T. In the eigenvectors of L^T N L, with eigenvalues mu, the posterior sigma is
 1 / sqrt(1 + mu) times the prior one: 1 where nothing is learned. With relative motion that is linear and without a
@@ -35,7 +35,7 @@ _SHARE = 0.1
 
 @dataclass(frozen=True)
 class WeakestDirection:
-    """What the readings tell least about.
+    """What the measurements tell least about.
 
     Attributes:
         ratio: Posterior over prior sigma in the weakest direction of the leading states after each epoch, (T,).
@@ -59,16 +59,16 @@ class WeakestDirection:
 def observability(
     transitions: ArrayLike, informations: ArrayLike, covariance: ArrayLike, leading: int | None = None
 ) -> WeakestDirection:
-    """Return in which direction the readings tell least about the state at the start, and how much.
+    """Return in which direction the measurements tell least about the state at the start, and how much.
 
-    A linear test: it asks what small changes of the state along one trajectory do to the readings. Two trajectories far
-    apart with the same readings, as the mirror images that range alone leaves of coplanar motion, are not seen. Process
-    noise is not in it: what fades is not lost here.
+    A linear test: it asks what small changes of the state along one trajectory do to the measurements. Two trajectories
+    far apart with the same measurements, as the mirror images that range alone leaves of coplanar motion, are not seen.
+    Process noise is not in it: what fades is not lost here.
 
     Args:
         transitions: F of the step to each epoch, (T, n, n), or one (n, n) for all. Of forced motion, as under a known
             manoeuvre, the homogeneous part.
-        informations: H^T R^-1 H of the readings of each epoch, along the trajectory that is flown, (T, n, n).
+        informations: H^T R^-1 H of the measurements of each epoch, along the trajectory that is flown, (T, n, n).
         covariance: Prior covariance at the start, one step before the first epoch, (n, n), positive definite.
         leading: How many states count; those behind them are nuisances, estimated but not asked about. Default: all.
 

@@ -2,8 +2,8 @@
 
 Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46(5), 1998, eq. 21. With additive Gaussian process
 noise their recursion reads J_k = (Q + F J_{k-1}^-1 F^T)^-1 + M_k, with M_k = E[H^T I H] the information that the
-readings of epoch k carry, I the Fisher information of their noise. It is carried here as an upper triangular root of
-P = J^-1, which stays positive semidefinite whatever the number of epochs and allows Q = 0: the bound of a perfect
+measurements of epoch k carry, I the Fisher information of their noise. It is carried here as an upper triangular root
+of P = J^-1, which stays positive semidefinite whatever the number of epochs and allows Q = 0: the bound of a perfect
 model, for which the recursion is the classical Cramér-Rao bound on a deterministic trajectory.
 """
 

@@ -14,7 +14,7 @@ def start_covariance(start: StartOptions, fix: Array | None, extra: Extension | 
 
     Args:
         start: Where they start.
-        fix: Information (n, n) of the reading that a first fix is made from; None: the start is no first fix.
+        fix: Information (n, n) of the measurement that a first fix is made from; None: the start is no first fix.
         extra: The states behind the six.
     """
     behind = np.zeros(0) if extra is None else extra.sigma

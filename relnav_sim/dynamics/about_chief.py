@@ -120,7 +120,7 @@ def about_given(dynamics: AboutChiefDynamics, chief: ArrayLike | None) -> AboutC
 
     Args:
         dynamics: The dynamics.
-        chief: ECI (J2000 axes), (T, 6) or (runs, T, 6), m and m/s; the first is one step before the first reading.
+        chief: ECI (J2000 axes), (T, 6) or (runs, T, 6), m and m/s; the first is one step before the first measurement.
 
     Raises:
         ValueError: The states have another shape or are not finite.

@@ -24,7 +24,7 @@ _IN_PLANE, _ACROSS = np.array([0, 1, 3, 4]), np.array([2, 5])
 class SchweighartSedwickOptions(DynamicsOptions):
     """Schweighart and Sedwick's dynamics (J. Guidance 25(6), 2002): linear, circular chief, J2's gradient averaged.
 
-    It has the secular effects of differential J2; what varies twice a revolution, of the same size, it leaves out.
+    It has the secular effects of differential J2; what varies twice a revolution, of the same size, is neglected.
     """
 
     kind: Literal["schweighart_sedwick"] = Field(

@@ -21,7 +21,7 @@ Discretisation = Literal["exact", "euler"]
 class CwOptions(DynamicsOptions):
     """Clohessy-Wiltshire dynamics (J. Aerospace Sciences 27(9), 1960): linear, circular chief, point mass.
 
-    At 12 km separation it leaves out 3.6e-5 m/s^2 of curvature and about as much of differential J2.
+    At 12 km separation it neglects 3.6e-5 m/s^2 of curvature and about as much of differential J2.
     """
 
     kind: Literal["cw"] = Field(default="cw", description="Clohessy-Wiltshire dynamics")

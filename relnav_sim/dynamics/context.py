@@ -108,7 +108,7 @@ class TrainingRequest:
     Attributes:
         duration_s: Its length, s; rounded up to whole steps.
         source: ``truth`` (the error-free states, which no flight filter can have) or ``smoothed_radar`` (those of a
-            Kalman filter on the readings of the first sensor that gives a position by itself, smoothed).
+            Kalman filter on the measurements of the first sensor that gives a position by itself, smoothed).
         base: The dynamics that this filter believes in.
     """
 

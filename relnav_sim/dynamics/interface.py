@@ -111,7 +111,7 @@ class LinearDynamics:
         """
         for name, matrices in (("transition", self._F), ("process_noise", self._Q)):
             if matrices.ndim == 3 and len(matrices) < epochs:
-                raise ValueError(f"{name} is given for {len(matrices)} epochs, the readings have {epochs}")
+                raise ValueError(f"{name} is given for {len(matrices)} epochs, the measurements have {epochs}")
 
     def propagate(self, states: Array, step: Step) -> Array:
         """Return F x for every state, (runs, ..., n)."""

@@ -61,18 +61,18 @@ class DmcOptions(Options):
 
 
 class AdaptiveOptions(Options):
-    """White acceleration whose densities the filter finds by itself, from what its readings correct.
+    """White acceleration whose densities the filter finds by itself, from what its measurements correct.
 
     Covariance matching (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976) with the weights of maximum
     likelihood, recursively (Ljung and Soderstrom, 1983). For filters with one Gaussian.
     """
 
-    start: SncRtnOptions = Field(description="Densities before any reading")
+    start: SncRtnOptions = Field(description="Densities before any measurement")
     window: Annotated[int, Tunable(10, 300)] = Field(
         default=50,
         ge=2,
         le=10_000,
-        description="Number of readings that the densities come from; older ones fade, none ends; default 50",
+        description="Number of measurements that the densities come from; older ones fade, none ends; default 50",
     )
 
     @model_validator(mode="after")

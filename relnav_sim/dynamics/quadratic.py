@@ -26,7 +26,7 @@ _NODES = 8
 class CwSecondOrderOptions(DynamicsOptions):
     """Clohessy-Wiltshire with the quadratic terms of gravity (London, AIAA J. 1(7), 1963): circular chief, point mass.
 
-    At 12 km separation the quadratic terms are 3.6e-5 m/s^2 and what is left out of curvature is 6e-8 m/s^2.
+    At 12 km separation the quadratic terms are 3.6e-5 m/s^2 and the neglected part of curvature is 6e-8 m/s^2.
     """
 
     kind: Literal["cw_second_order"] = Field(

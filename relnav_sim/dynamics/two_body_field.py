@@ -100,8 +100,8 @@ def nonlinear_field(
         acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
             discretised about a circular orbit.
         epoch: Calendar time of epoch 0 with its time scale, as ``"2010-07-27T00:00:00 GPS"``.
-        chief: The chief's states at the start of each step, so one step before each reading, ECI (J2000 axes), (T, 6)
-            or (runs, T, 6), m and m/s; default: the nominal orbit in the same field.
+        chief: The chief's states at the start of each step, so one step before each measurement, ECI (J2000 axes), (T,
+            6) or (runs, T, 6), m and m/s; default: the nominal orbit in the same field.
         model: The field, ``"ggm05s"`` or the path of a ``.gfc`` file.
         degree: Largest degree.
         order: Largest order; default: the degree.

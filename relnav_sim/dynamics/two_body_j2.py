@@ -37,7 +37,7 @@ class NonlinearJ2Options(DynamicsOptions):
     )
     zonals: Literal[2, 3, 4] = Field(
         default=2,
-        description="Highest zonal harmonic for both craft: 2 (J2; default, which leaves out some 1e-8 m/s^2 at 12 "
+        description="Highest zonal harmonic for both craft: 2 (J2; default, which neglects some 1e-8 m/s^2 at 12 "
         "km), 3 (J2, J3) or 4 (J2 to J4)",
     )
     chief_orbit: OrbitFilterOptions = Field(
@@ -73,8 +73,8 @@ def nonlinear_j2(
         step_s: Time between epochs, s; give `run_filter` the same.
         acceleration_psd_m2_s3: Process noise: power spectral density of a white acceleration on each axis, m^2/s^3,
             discretised about a circular orbit.
-        chief: The chief's states at the start of each step, so one step before each reading, ECI (J2000 axes), (T, 6)
-            or (runs, T, 6), m and m/s; default: the nominal orbit under the same gravity.
+        chief: The chief's states at the start of each step, so one step before each measurement, ECI (J2000 axes), (T,
+            6) or (runs, T, 6), m and m/s; default: the nominal orbit under the same gravity.
         zonals: Highest zonal harmonic.
 
     Raises:

@@ -86,7 +86,7 @@ class AdaptiveAlphaFilter(EitherArithmetic):
     held in [alpha_min, alpha_max]. `responsibilities`: the precision of the mixture's components, averaged with
     their probabilities given the innovation (mean-field; one component of `gaussian_sum` is the collapse of all the
     updates). `windowed_nis`: the scale at which the window's mean NIS is m, Mehra (1970), frozen while the
-    innovations are correlated, because alpha and the process noise cannot be told apart from the NIS alone.
+    innovations are correlated, because the NIS alone cannot separate alpha from the process noise.
 
     Use the first three against glint. The window is for a slow drift of the noise level and gains nothing against
     single outliers: it only finds the total variance. None removes a constant bias.

@@ -1,4 +1,4 @@
-"""What a campaign says of estimates that need later readings: smoothers, and starts fitted to the first readings."""
+"""What a campaign says of estimates that need later measurements: smoothers, and starts that are fitted."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from relnav_sim.options import Options
 class LagOptions(Options):
     """How late a fixed-lag smoother's estimates are."""
 
-    lag_s: float = Field(gt=0, description="How much later its last reading is, s; a whole number of steps")
+    lag_s: float = Field(gt=0, description="How much later its last measurement is, s; a whole number of steps")
 
 
 class FixedLagOptions(Options):
     """The estimate of each epoch is that of a fixed time later: what a user has who can wait that long."""
 
-    fixed_lag: LagOptions = Field(description="Readings up to a fixed time later")
+    fixed_lag: LagOptions = Field(description="Measurements up to a fixed time later")
 
 
 def _word_or_section(value: object) -> str:
@@ -33,6 +33,8 @@ SmootherOption = Annotated[
 
 
 class BatchStartOptions(Options):
-    """A start by batch least squares over the first readings, by the filter's own models without process noise."""
+    """A start by batch least squares over the first measurements, by the filter's own models without process noise."""
 
-    duration_s: float = Field(gt=0, description="Readings up to this time after the start, s; a whole number of steps")
+    duration_s: float = Field(
+        gt=0, description="Measurements up to this time after the start, s; a whole number of steps"
+    )

@@ -257,7 +257,7 @@ class AlphaKalmanFilter(SamplingFilter):
             samples: Centre (runs, n), root (runs, n, d) and e of the states centre + root e.
             mean: Predicted means (runs, n).
             scale: (runs or 1, m, m), scale^T scale = alpha R^-1 / 2.
-            z: Readings (runs, m).
+            z: Measurements (runs, m).
             epoch: Their epoch.
         """
         if self._options.likelihood == "mixture":

@@ -40,7 +40,7 @@ class ModelsInArithmetic:
     """Dynamics and measurement as a filter of some arithmetic sees them.
 
     In float64 what they return, as it is. In float32 the functions are evaluated in float64 at the states of the
-    filter, and what they return is rounded; so are readings, before predicted ones are subtracted from them.
+    filter, and what they return is rounded; so are measurements, before predicted ones are subtracted from them.
 
     Args:
         dynamics: The filter's.
@@ -88,14 +88,14 @@ class ModelsInArithmetic:
         return images, self.residual(images, images[:, :1])
 
     def residual(self, z: Array, expected: Array) -> Array:
-        """Return what readings differ by from others, both rounded before: (..., m).
+        """Return what measurements differ by from others, both rounded before: (..., m).
 
         The difference of two numbers of float32, taken in float64 and rounded, is their difference in float32.
         """
         return self.own(self._measurement.residual(_double(self.own(z)), _double(expected)))
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
-        """Return residual (runs, m), H and R, (runs or 1, m, n) and (runs or 1, m, m), of a reading z at `mean`."""
+        """Return residual (runs, m), H and R, (runs or 1, m, n) and (runs or 1, m, m), of a measurement z at `mean`."""
         measurement, m = self._measurement, _double(mean)
         if self.single:
             residual = self.residual(z, self.own(measurement.predict(m, epoch)))
@@ -126,7 +126,7 @@ class ModelsInArithmetic:
 class RoundedMeasurement:
     """A measurement whose functions are evaluated in float64 at states of float32, and what they return is rounded.
 
-    Readings are rounded before predicted ones are subtracted from them. All else is as in the one behind it.
+    Measurements are rounded before predicted ones are subtracted from them. All else is as in the one behind it.
 
     Args:
         base: The measurement.

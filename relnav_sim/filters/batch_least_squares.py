@@ -1,4 +1,4 @@
-"""Batch least squares: the one trajectory without process noise that fits all readings best."""
+"""Batch least squares: the one trajectory without process noise that fits all measurements best."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ class BatchOptions(Options):
         default=20,
         ge=2,
         le=1000,
-        description="Most passes over all readings; a run that has not converged by then has failed; default 20: "
+        description="Most passes over all measurements; a run that has not converged by then has failed; default 20: "
         "from a fix 3 to 5 are usual",
     )
 
 
 @dataclass(frozen=True)
 class BatchPass:
-    """A trajectory on its way past the readings, and what they say of where it began.
+    """A trajectory on its way past the measurements, and what they say of where it began.
 
     Attributes:
         mean: The trajectory now, (runs, n).
         covariance: That of its error, (runs, n, n).
-        prior: Mean and covariance before any reading.
+        prior: Mean and covariance before any measurement.
         place: Where the trajectory began, in sigmas of the prior: x_0 = m_0 + S y, S S^T = P_0, (runs, n).
         first_covariance: The covariance there, (runs, n, n).
         Phi: Transition matrix since then, (runs, n, n).
@@ -68,15 +68,15 @@ class BatchPass:
 
 @register_filter("batch_least_squares", BatchOptions, cost_us=9.0, overhead_us=700.0)
 class BatchLeastSquares:
-    """Batch least squares: the one trajectory without process noise that fits all readings of a run best.
+    """Batch least squares: the one trajectory without process noise that fits all measurements of a run best.
 
     Gauss-Newton passes over the whole run for the state at its start (Tapley, Schutz and Born, Statistical Orbit
-    Determination, 2004, section 4.3), with the prior as one more reading. It is what is known afterwards if the
+    Determination, 2004, section 4.3), with the prior as one more measurement. It is what is known afterwards if the
     dynamics are believed to the letter: the process noise does not count. Take it as the reference for filters, which
-    can't do it in flight. Where the dynamics are wrong by more than the readings average out, its covariance is far
+    can't do it in flight. Where the dynamics are wrong by more than the measurements average out, its covariance is far
     too small, and a smoother (`smoother: rts`) is the better reference.
 
-    NIS and log-likelihood are those of the readings about the fit that they were part of, each by itself.
+    NIS and log-likelihood are those of the measurements about the fit that they were part of, each by itself.
     """
 
     stochastic = False
@@ -88,7 +88,7 @@ class BatchLeastSquares:
         self._most = options.max_iterations
 
     def start(self, prior: Gaussian, source: RandomSource) -> BatchPass:
-        """Return the trajectory of the prior's mean before its first reading."""
+        """Return the trajectory of the prior's mean before its first measurement."""
         runs, n = prior.mean.shape
         nobody = np.zeros(runs, dtype=bool)
         return self._begun(prior, np.zeros((runs, n)), prior.covariance, 1, nobody, nobody)
@@ -101,7 +101,7 @@ class BatchLeastSquares:
         return replace(belief, mean=self.dynamics.propagate(m, step), covariance=covariance, Phi=F @ belief.Phi)
 
     def update(self, belief: BatchPass, z: Array, step: Step) -> tuple[BatchPass, Innovation]:
-        """Return the trajectory as it is, with what a reading says of its beginning."""
+        """Return the trajectory as it is, with what a measurement says of its beginning."""
         residual, H, R = linearised(self.measurement, z, belief.mean, step.epoch)
         H, R = by_run(H), by_run(R)
         H, every = np.broadcast_to(H, (len(z), *H.shape[1:])), np.broadcast_to(R, (len(z), *R.shape[1:]))
@@ -148,7 +148,7 @@ class BatchLeastSquares:
 
     def unfit(self, belief: BatchPass) -> dict[int, str]:
         """Return why runs have no fit, by place."""
-        reason = f"Gauss-Newton has not converged in {self._most} passes over the readings"
+        reason = f"Gauss-Newton has not converged in {self._most} passes over the measurements"
         return dict.fromkeys(np.flatnonzero(belief.lost).tolist(), reason)
 
     def _begun(

@@ -33,8 +33,8 @@ class Innovation:
         extras: Further numbers of an algorithm by name, each (runs,), for example ``ess``.
         failed: Why a run can't go on, in words, by its place in the block; without the epoch, which is added. What the
             belief holds of such a run is not used any more.
-        edits: Where readings are edited, what happened to this one, each (runs,): see `filters.editing.EDITS`.
-        refused: Channels of the reading that were not taken, (runs, m); None: it was taken whole in every run.
+        edits: Where measurements are edited, what happened to this one, each (runs,): see `filters.editing.EDITS`.
+        refused: Channels of the measurement that were not taken, (runs, m); None: it was taken whole in every run.
     """
 
     nis: Array

@@ -1,4 +1,4 @@
-"""What each reading differs from its prediction by, channel by channel, for whoever looks at a filter's residuals."""
+"""The difference of each measurement from its prediction, channel by channel, for those who look at residuals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ChannelResiduals:
     def accepted(self) -> Array:
         """The residuals of what the filter took, (runs, T, m); NaN elsewhere.
 
-        Those of rejected readings tell of faults and outliers, and the counts of editing do so.
+        Those of rejected measurements tell of faults and outliers, and the counts of editing do so.
         """
         return np.where(self.rejected, np.nan, self.residual)
 
@@ -84,7 +84,7 @@ class ResidualRecorder:
             k: The column.
             measurement: The filter's, which attends to that sensor.
             belief: The belief before the update.
-            z: The reading (runs, m) in the channels of the filter's measurement.
+            z: The measurement (runs, m) in the channels of the filter's measurement.
             read: Runs that have one, (runs,).
             epoch: Number of the epoch.
         """
@@ -103,7 +103,7 @@ class ResidualRecorder:
         self.cpu_s += working_cpu_s() - begin
 
     def reject(self, place: int, k: int, refused: Mask) -> None:
-        """Take down what the filter has not taken of the reading of the sensor in that place at column k.
+        """Take down what the filter has not taken of the measurement of the sensor in that place at column k.
 
         Args:
             place: The sensor's place.

@@ -1,24 +1,25 @@
 """Process noise found during the run: the densities of a white acceleration, by matching of covariances.
 
-What a reading moves an estimate by, dx, has the covariance P- - P+ where the process noise is right: dx dx^T is matched
-to that (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). How far it is off is put down to the densities by
-weighted least squares (Stacey and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). What is fitted
-here is not the noise of one step but what it has come to: a density has been in the prediction's covariance since the
-start, and has set the gain by which the estimate got where it is. With the derivatives of both by the densities S_i,
+What a measurement moves an estimate by, dx, has the covariance P- - P+ where the process noise is right: dx dx^T is
+matched to that (Myers and Tapley, IEEE Trans. Automatic Control 21(4), 1976). How far it is off is put down to the
+densities by weighted least squares (Stacey and D'Amico, IEEE Trans. Aerospace and Electronic Systems 57(5), 2021). What
+is fitted here is not the noise of one step but what it has come to: a density has been in the prediction's covariance
+since the start, and has set the gain by which the estimate got where it is. With the derivatives of both by the
+densities S_i,
 
     dP-_i = F dP+_i F^T + G_i,     dP+_i = A dP-_i A^T,             A = P+ P-^-1
     dm-_i = F dm+_i,               dm+_i = A (dm-_i + dP-_i l),     l = P-^-1 dx
 
-the fit's weights are those of maximum likelihood: a reading's score and information are (Gupta and Mehra, IEEE Trans.
-Automatic Control 19(6), 1974, in terms of what is corrected instead of innovations)
+the fit's weights are those of maximum likelihood: a measurement's score and information are (Gupta and Mehra, IEEE
+Trans. Automatic Control 19(6), 1974, in terms of what is corrected instead of innovations)
 
     score_i = (l^T dP-_i l - tr(L dP-_i)) / 2 + l^T dm-_i,          L = P-^-1 (P- - P+) P-^-1
     M_i = tr(L dP-_i L dP-_i) / 2 + dm-_i^T L dm-_i
 
-Each density goes up or down by scoring, reading by reading (the recursive prediction error method, Ljung and
+Each density goes up or down by scoring, measurement by measurement (the recursive prediction error method, Ljung and
 Soderstrom, Theory and Practice of Recursive Identification, 1983, section 3.6): d log S = score / (N M + 1), with score
-and M by log S and M a mean over N readings. The score has the mean 0 where the densities are right, however roughly F
-and A are known, and densities are positive by themselves. Each axis by itself: with what the axes have in common
+and M by log S and M a mean over N measurements. The score has the mean 0 where the densities are right, however roughly
+F and A are known, and densities are positive by themselves. Each axis by itself: with what the axes have in common
 solved for, one can be driven to nothing by what another explains, and a filter that has nothing there sees nothing.
 """
 
@@ -39,25 +40,25 @@ from relnav_sim.streams import RandomSource
 MOTION = slice(0, 6)
 """Position and velocity among the states."""
 GROWTH = 2
-"""The window is half of the readings so far, until it is full: a wrong start is left the sooner."""
+"""The window is half of the measurements so far, until it is full: a wrong start is left the sooner."""
 DAMPING = 1.0
 """Information on log S added to that of a window: steps shrink where it tells less than a factor e (Levenberg 1944)."""
 LARGEST = 1.0
-"""Information on log S of one reading: more of it weighs no more.
+"""Information on log S of one measurement: more of it weighs no more.
 
-Where a filter has trusted its dynamics far too much, its estimate depends so much on the densities that one reading
+Where a filter has trusted its dynamics far too much, its estimate depends so much on the densities that one measurement
 would tell them to a per cent, and its weight would hold them where they are for a long time.
 """
 STRIDE = 16.0
-"""In a reading a density changes at most by the factor 1 + STRIDE / N, so that one reading can't carry it far.
+"""In a measurement a density changes at most by the factor 1 + STRIDE / N, so that one measurement can't carry it far.
 
-An error that a wrong density has let grow is seen in several readings, and each would explain it anew.
+An error that a wrong density has let grow is seen in several measurements, and each would explain it anew.
 """
 
 
 @dataclass(frozen=True)
 class MatchedBelief(WrappedBelief):
-    """A filter's belief, and what its readings have told of the process noise.
+    """A filter's belief, and what its measurements have told of the process noise.
 
     Attributes:
         inner: The filter's own belief.
@@ -65,8 +66,8 @@ class MatchedBelief(WrappedBelief):
         made: dP, what a density 1 on each axis has made of the covariance, (runs, 3, 6, 6).
         moved: dm, what it has made of the estimate, (runs, 3, 6).
         densities: Those in use, (runs, 3), m^2/s^3.
-        information: A reading's on the logarithm of each density, mean over the window, (runs, 3).
-        taken: How many readings have counted, (runs,).
+        information: A measurement's on the logarithm of each density, mean over the window, (runs, 3).
+        taken: How many measurements have counted, (runs,).
     """
 
     predicted: Gaussian
@@ -83,7 +84,7 @@ class CovarianceMatching:
     Args:
         filter: The filter.
         white: The white acceleration in its dynamics; nothing else may have set its densities.
-        window: Number of readings that the densities come from.
+        window: Number of measurements that the densities come from.
     """
 
     def __init__(self, filter: Filter, white: WhiteAcceleration, window: int) -> None:
@@ -92,7 +93,7 @@ class CovarianceMatching:
         self._before_any = np.array(white.densities)
 
     def start(self, prior: Gaussian, source: RandomSource) -> MatchedBelief:
-        """Return the filter's start, with the densities before any reading."""
+        """Return the filter's start, with the densities before any measurement."""
         inner, runs = self._filter.start(prior, source), len(prior.mean)
         return MatchedBelief(
             inner,
@@ -105,7 +106,7 @@ class CovarianceMatching:
         )
 
     def predict(self, belief: MatchedBelief, step: Step) -> MatchedBelief:
-        """Return the prediction with the densities that all readings so far call for."""
+        """Return the prediction with the densities that all measurements so far call for."""
         belief = self._matched(belief)
         self._white.densities = belief.densities
         inner = self._filter.predict(belief.inner, step)
@@ -131,7 +132,7 @@ class CovarianceMatching:
         return found
 
     def _matched(self, belief: MatchedBelief) -> MatchedBelief:
-        """Return the belief after the readings of an epoch have been counted as one."""
+        """Return the belief after the measurements of an epoch have been counted as one."""
         predicted, corrected = belief.predicted, _motion(belief.inner)
         # A belief that began within the epoch (a restart, between two sensors) has no process noise behind it.
         read = (predicted.covariance != corrected.covariance).any(axis=(1, 2)) & belief.made.any(axis=(1, 2, 3))
@@ -158,10 +159,10 @@ def _motion(belief: Any) -> Gaussian:
 
 
 def _told(predicted: Gaussian, corrected: Gaussian, made: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
-    """Return score and information (runs, 3) of a reading by the densities, and dP and dm after it.
+    """Return score and information (runs, 3) of a measurement by the densities, and dP and dm after it.
 
     Args:
-        predicted: Position and velocity before the reading, m- and P-.
+        predicted: Position and velocity before the measurement, m- and P-.
         corrected: After it, m+ and P+.
         made: dP-, (runs, 3, 6, 6).
         moved: dm-, (runs, 3, 6).

@@ -1,10 +1,10 @@
-"""Measurement editing: readings that a filter does not believe are rejected, and a filter that is locked out recovers.
+"""Measurement editing: a filter rejects measurements that it does not believe, and recovers where it is locked out.
 
-A reading fails where its NIS nu^T S^-1 nu exceeds a chi-square quantile (Bar-Shalom, Li and Kirubarajan, Estimation
+A measurement fails where its NIS nu^T S^-1 nu exceeds a chi-square quantile (Bar-Shalom, Li and Kirubarajan, Estimation
 with Applications to Tracking and Navigation, 2001, sec. 5.4); by channel, where nu_i^2 / S_ii does. A filter that has
-lost the truth rejects good readings, and the smaller its covariance the longer: so after N rejections in a row, a
-lock-out, something else happens until a reading passes (Carpenter and D'Souza, NASA/TP-2018-219822, 2018, discuss the
-practice).
+lost the truth rejects good measurements, and the smaller its covariance the longer: so after N rejections in a row, a
+lock-out, something else happens until a measurement passes (Carpenter and D'Souza, NASA/TP-2018-219822, 2018, discuss
+the practice).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ INFLATION = 10.0
 """Factor on the covariance where an option names none."""
 
 Restart = Callable[[str, Gaussian, Step], Gaussian | None]
-"""``restart(sensor, belief, step)`` -> where runs start again from that sensor's reading; NaN in runs that can't."""
+"""``restart(sensor, belief, step)`` -> where runs start again from that sensor's measurement; else NaN."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class EditedBelief(WrappedBelief):
 
 @dataclass(frozen=True)
 class _Test:
-    """One reading, judged: its units among all, and which of them were judged and failed, (runs, own units)."""
+    """One measurement, judged: its units among all, and which of them were judged and failed, (runs, own units)."""
 
     units: slice
     judged: Mask
@@ -64,19 +64,19 @@ class _Test:
 
 
 class MeasurementEditing:
-    """A Gaussian filter whose readings are edited.
+    """A Gaussian filter whose measurements are edited.
 
-    Its innovations keep the NIS and likelihood of whole readings, rejected or not: `rejected` among their extras is the
-    share of the reading that was rejected, and their `edits` count (see `EDITS`).
+    Its innovations keep the NIS and likelihood of whole measurements, rejected or not: `rejected` among their extras is
+    the share of the measurement that was rejected, and their `edits` count (see `EDITS`).
 
     Args:
         filter: The filter.
-        options: How its readings are edited.
+        options: How its measurements are edited.
         restart: Where runs start again, with action restart; None: about their present estimate, as uncertain as they
-            started or more, taking the reading.
+            started or more, taking the measurement.
 
     Raises:
-        ValueError: Channels are to be judged, and the readings count as a whole only.
+        ValueError: Channels are to be judged, and the measurements count as a whole only.
     """
 
     def __init__(self, filter: Filter, options: EditingOptions, restart: Restart | None = None) -> None:
@@ -93,7 +93,7 @@ class MeasurementEditing:
         self._channel_limit = float(chdtri(1, 1 - options.probability))
         self._considered = considered_states(self.dynamics)
         widths = np.full(self.dynamics.dimension, np.sqrt(options.inflation or INFLATION))
-        widths[list(self._considered)] = 1.0  # no reading would ever narrow them again
+        widths[list(self._considered)] = 1.0  # no measurement would ever narrow them again
         self._widths = widths[:, None] * widths
 
     def start(self, prior: Gaussian, source: RandomSource) -> EditedBelief:
@@ -122,7 +122,7 @@ class MeasurementEditing:
         return found
 
     def update(self, belief: EditedBelief, z: Array, step: Step) -> tuple[EditedBelief, Innovation]:
-        """Return the filter's update by what passes, and what happened to the reading."""
+        """Return the filter's update by what passes, and what happened to the measurement."""
         options, present = self._options, present_channels(self.measurement)
         place = self._read_sensor(present)
         taken, innovation = self._filter.update(belief.inner, z, step)
@@ -167,13 +167,13 @@ class MeasurementEditing:
             innovation,
             refused=left_out,
             extras={**innovation.extras, "rejected": share},
-            # What a reading would have done to a run does not count where it is not taken.
+            # What a measurement would have done to a run does not count where it is not taken.
             failed={run: why for run, why in innovation.failed.items() if not lost[run]},
             edits=counts,
         )
 
     def _read_sensor(self, present: Mask | None) -> int:
-        """Return the place of the sensor whose reading this is."""
+        """Return the place of the sensor whose measurement this is."""
         if present is None or len(self._sensors) == 1:
             return 0
         channel = int(np.argmax(present.any(axis=0)))
@@ -201,7 +201,7 @@ class MeasurementEditing:
         return _Test(own, every[:, own], (squares > self._channel_limit) & every[:, own])
 
     def _left_out(self, refused: Mask, place: int, runs: int) -> Mask | None:
-        """Return the channels (runs, m) of a reading that no update takes; None: there are none."""
+        """Return the channels (runs, m) of a measurement that no update takes; None: there are none."""
         if not refused.any():
             return None
         channels = np.zeros((runs, self.measurement.dimension), dtype=bool)
@@ -211,7 +211,7 @@ class MeasurementEditing:
     def _without(
         self, inner: Any, taken: Any, z: Array, step: Step, refused: Mask, place: int, present: Mask | None
     ) -> Any:
-        """Return the update by what is left of a reading without its refused channels, or without all of it."""
+        """Return the update by what is left of a measurement without its refused channels, or without all of it."""
         # Mixed at every update, so that what lies in memory how does not depend on the block.
         if not self._by_channel or not (refused.any() or self.stochastic):
             return where_runs(~_any(refused), taken, inner)
@@ -231,7 +231,7 @@ class MeasurementEditing:
     ) -> tuple[Any, Mask]:
         """Return the belief with the runs that could start again, and which did.
 
-        They start from the prediction: what passed of the reading is in the fix too, and must not count twice.
+        They start from the prediction: what passed of the measurement is in the fix too, and must not count twice.
         """
         now = Gaussian(predicted.mean, predicted.covariance)
         given: Gaussian | None
@@ -248,14 +248,14 @@ class MeasurementEditing:
         return where_runs(rows, self._begun(sound), inner), rows
 
     def _about(self, belief: Gaussian, z: Array, epoch: int) -> Gaussian:
-        """Return a belief about the present one that takes the reading, as uncertain before it as a run's start.
+        """Return a belief about the present one that takes the measurement, as uncertain before it as a run's start.
 
-        Present variances are added to the start's covariance, and both are widened until the reading is no surprise:
-        to a NIS of one for each channel. By the linearised update, which draws no random numbers.
+        Present variances are added to the start's covariance, and both are widened until the measurement is no
+        surprise: to a NIS of one for each channel. By the linearised update, which draws no random numbers.
         """
         residual, H, R = linearised(self.measurement, z, belief.mean, epoch)
         variances = np.diagonal(belief.covariance, axis1=1, axis2=2).copy()
-        variances[:, list(self._considered)] = 0.0  # the start's covariance holds theirs, which no reading narrows
+        variances[:, list(self._considered)] = 0.0  # the start's covariance holds theirs, which no measurement narrows
         wide = self._wide + variances[:, :, None] * np.eye(variances.shape[1])
         _, innovation = joseph_update(Gaussian(belief.mean, wide), residual, H, R)
         excess = np.sqrt(np.maximum(innovation.nis / np.maximum(channel_count(self.measurement), 1), 1.0))
@@ -275,24 +275,24 @@ def _any(mask: Mask) -> Mask:
 
 
 def check_channels(sensors: tuple[Sensor, ...]) -> None:
-    """Refuse to judge channels of readings that count as a whole.
+    """Refuse to judge channels of measurements that count as a whole.
 
     Raises:
-        ValueError: A sensor has such readings.
+        ValueError: A sensor has such measurements.
     """
     for sensor in sensors:
         if sensor.whole:
             of = f" of {sensor.name}" if sensor.name else ""
             raise ValueError(
-                f"scope: channel needs readings{of} whose channels can be left out one by one; these count as a whole "
-                "(a converted position, or a density of the measurement's own): take scope: sensor"
+                f"scope: channel needs measurements{of} whose channels can be left out one by one; these count as a "
+                "whole (a converted position, or a density of the measurement's own): take scope: sensor"
             )
 
 
 def edited(
     filter: Filter, editing: EditingOptions | None, gate_probability: float | None, restart: Restart | None = None
 ) -> Filter:
-    """Return a filter with its readings edited, if at all.
+    """Return a filter with its measurements edited, if at all.
 
     Args:
         filter: The filter.
@@ -301,7 +301,7 @@ def edited(
         restart: As `MeasurementEditing` takes it.
 
     Raises:
-        ValueError: Both are given, or the filter's readings can't be edited so.
+        ValueError: Both are given, or the filter's measurements can't be edited so.
     """
     if gate_probability is not None:
         if editing is not None:
@@ -311,11 +311,11 @@ def edited(
 
 
 EDITS: Mapping[str, str] = {
-    "tests": "tests made: one for a reading, or one for each channel present",
-    "rejected": "tests failed of readings or channels that were then left out",
+    "tests": "tests made: one for a measurement, or one for each channel present",
+    "rejected": "tests failed of measurements or channels that were then left out",
     "lock_outs": "lock-outs that began",
-    "actions": "1 where a reading was taken against its test, the covariance inflated or the run restarted",
-    "locked": "1 where the sensor, or a channel of it, is in a lock-out after this reading",
+    "actions": "1 where a measurement was taken against its test, the covariance inflated or the run restarted",
+    "locked": "1 where the sensor, or a channel of it, is in a lock-out after this measurement",
     "row_epochs": "where a lock-out began: epochs from the first of its rejections to this one",
 }
-"""The counts of one reading, each (runs,); 0 where nothing was read."""
+"""The counts of one measurement, each (runs,); 0 where nothing was read."""

@@ -21,9 +21,9 @@ from relnav_sim.measurements.interface import Measurement
 class EitherArithmetic(GaussianFilter):
     """A Gaussian filter whose `correct` follows the type of its arrays.
 
-    In float32 it is given a belief and readings of float32, and measures by `seen`, whose numbers are rounded. Between
-    epochs the belief lies in arrays of float64, as everything outside the filter has them; their numbers are ones of
-    float32, so that nothing is rounded on the way.
+    In float32 it is given a belief and measurements of float32, and measures by `seen`, whose numbers are rounded.
+    Between epochs the belief lies in arrays of float64, as everything outside the filter has them; their numbers are
+    ones of float32, so that nothing is rounded on the way.
 
     Attributes:
         seen: The measurement as the algorithm sees it.

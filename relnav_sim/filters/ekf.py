@@ -21,7 +21,7 @@ class ExtendedOptions(LinearisedFilterOptions):
 
     underweighting: Annotated[UnderweightingOptions | None, AddedLater()] = Field(
         default=None,
-        description="Less weight for readings while the position is poorly known; default: none",
+        description="Less weight for measurements while the position is poorly known; default: none",
     )
 
     @model_validator(mode="after")

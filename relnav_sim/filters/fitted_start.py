@@ -1,4 +1,4 @@
-"""A start that is fitted to the first readings, which the filter then does not get."""
+"""A start that is fitted to the first measurements, which the filter then does not get."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from relnav_sim.streams import RandomSource
 
 @dataclass(frozen=True)
 class FittedStart:
-    """A start fitted to the readings of the first epochs.
+    """A start fitted to the measurements of the first epochs.
 
     Attributes:
-        mean: At epoch 0 and the K epochs after, (runs, 1 + K, n): without readings until the last of them, where the
-            fit is there.
+        mean: At epoch 0 and the K epochs after, (runs, 1 + K, n): without measurements until the last of them, where
+            the fit is there.
         covariance: (runs, 1 + K, n, n).
         unfit: Why runs have no fit, by place; they are NaN.
     """
@@ -41,11 +41,11 @@ class FittedStart:
 def fitted_start(
     filter: Filter, z: Mapping[str, Array], start: Gaussian, source: RandomSource, step_s: float
 ) -> FittedStart:
-    """Return the fit of the readings z of the epochs from 1 on, by the filter's own models without process noise.
+    """Return the fit of the measurements z of the epochs from 1 on, by the filter's own models without process noise.
 
     Args:
         filter: The filter, which is not used itself.
-        z: Readings of K epochs by sensor, (runs, K, m).
+        z: Measurements of K epochs by sensor, (runs, K, m).
         start: What is known at epoch 0.
         source: Seed and runs.
         step_s: Time between epochs, s.

@@ -1,4 +1,4 @@
-"""The fixed-interval smoother: the estimate of every epoch given all readings, last epoch first."""
+"""The fixed-interval smoother: the estimate of every epoch given all measurements, last epoch first."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from relnav_sim.linalg import symmetric, transpose
 
 
 def fixed_interval(segments: Segments) -> Iterator[tuple[Array, Array]]:
-    """Yield means (K, runs, n) and covariances (K, runs, n, n) given all readings, last segment first.
+    """Yield means (K, runs, n) and covariances (K, runs, n, n) given all measurements, last segment first.
 
     Rauch, Tung and Striebel, AIAA J. 3(8), 1965, with the covariance as a sum of positive parts (Joseph's form).
     """

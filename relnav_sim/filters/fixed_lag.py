@@ -1,4 +1,4 @@
-"""The fixed-lag smoother: the estimate of every epoch given the readings up to some epochs later.
+"""The fixed-lag smoother: the estimate of every epoch given the measurements up to some epochs later.
 
 By how much the estimate of an epoch changes follows from how much that of the next one does. With the filtered m_k, its
 correction g_k = m_k - f(m_{k-1}) and the change d_k = x_k - m_k,
@@ -89,8 +89,8 @@ def fixed_lag(segments: Segments, to_border: Changes, lag: int) -> Iterator[tupl
     Args:
         segments: The filter's.
         to_border: From `to_next_border`, first segment first.
-        lag: How many epochs later the last reading is that an epoch gets, 1 or more. The last epochs of the run get all
-            that there are.
+        lag: How many epochs later the last measurement is that an epoch gets, 1 or more. The last epochs of the run get
+            all that there are.
     """
     firsts = _firsts(segments)
     last = firsts[-1] + segments.lengths[-1] - 1

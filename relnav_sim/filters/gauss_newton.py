@@ -38,7 +38,7 @@ class IterationOptions(GaussianFilterOptions, ArithmeticOptions):
         gt=0,
         description="A run stops when its next step is, or will be at the rate of the last two, shorter than this, in "
         "standard deviations of the posterior; in float32 3.5e-4, the root of its unit of rounding, or what the "
-        "rounding of readings is worth, where that is more",
+        "rounding of measurements is worth, where that is more",
     )
 
 
@@ -51,7 +51,7 @@ class CostDigits:
 
     Attributes:
         tolerance: Length of a step, in those standard deviations, at which a run stops, (runs,) or one for all.
-        readings: Rounding of U r in all, (runs,): what the readings of a state jitter by.
+        readings: Rounding of U r in all, (runs,): what the measurements of a state jitter by.
         deviations: The same of W d, as a share of its own length.
     """
 
@@ -76,7 +76,7 @@ def digits_in_single(tolerance: float, W: Whitener, variances: Array, U: Whitene
         W: Whitener of the deviations.
         variances: Of the deviations, (runs, n).
         U: Whitener of the residuals.
-        reading: How large the readings and what makes them up are, (runs, m): they are rounded by a share of that.
+        reading: How large the measurements and what makes them up are, (runs, m): they are rounded by a share of that.
     """
     eps = float(np.finfo(SINGLE).eps)
     readings = eps * np.linalg.norm(times(np.abs(U.root), reading), axis=1)

@@ -91,6 +91,7 @@ class ModelFreeUnscentedParticleFilter(UnscentedParticleFilter):
     it lists are those of `gp_particle`. Use it with dynamics of kind `gp`. Nearly all of its cost is the variance at
     every particle; the dynamics' `variance: cloud_mean` saves most of that.
 
-    Its claim, velocities ten times better than a particle filter with Clohessy-Wiltshire dynamics, rests on the process
-    noise of that filter, 1e-3 m/s a step where 1e-6 m/s^2 act: the same filter with the right noise does as well.
+    The paper's velocities, ten times better than those of a particle filter with Clohessy-Wiltshire dynamics, rest on
+    the process noise of that filter, 1e-3 m/s a step where 1e-6 m/s^2 act: the same filter with the right noise does as
+    well.
     """

@@ -33,7 +33,8 @@ class FilterHistory:
         nis: Normalised innovation squared, (runs, T), summed over the sensors read; NaN where there was no measurement.
         log_likelihood: log p(z_k | earlier z), (runs, T), summed alike; 0 where there was no measurement.
         extras: Further numbers of the algorithm by name, each (runs, T); NaN where there was no measurement. With
-            several sensors ``rejected`` is the number of rejected readings, and all else that of the last sensor read.
+            several sensors ``rejected`` is the number of rejected measurements, and all else that of the last sensor
+            read.
         failures: The runs that failed, with epoch and reason; from there on their mean, covariance and log-likelihood
             are NaN.
         dof: Channels read, (runs, T): the mean of the NIS where the filter knows its own uncertainty; 0 where there was
@@ -44,7 +45,7 @@ class FilterHistory:
         extras_by: The further numbers by sensor, then by name.
         residuals_by: The residuals by sensor and channel, where they were asked for.
         residuals_cpu_s: CPU time that it took to work them out, which is none of the filter's, s.
-        edits_by: Where readings are edited, what happened to them by sensor (under "" where it has no name), each
+        edits_by: Where measurements are edited, what happened to them by sensor (under "" where it has no name), each
             (runs, T): the counts of `filters.editing.EDITS`, 0 where nothing was read.
 
     Examples:

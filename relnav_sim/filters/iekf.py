@@ -126,7 +126,7 @@ _REACHED = 1e-6
 
 
 class _ExactReading:
-    """A reading with directions without noise, which a state must explain altogether.
+    """A measurement with directions without noise, which a state must explain altogether.
 
     What is left of the residual there, the misfit, joins the cost as an exact penalty: with a weight above the
     constraint's multiplier, Gauss-Newton steps go down it (Nocedal and Wright, Numerical Optimization, 2006, section

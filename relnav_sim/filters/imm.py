@@ -149,7 +149,7 @@ class InteractingModelsFilter:
         weights = np.exp(log_weights)
         nominal = weights[:, 0]
         if present_channels(self.measurement) is not None:
-            # Models that differ in absent channels only are the same model of this reading.
+            # Models that differ in absent channels only are the same model of this measurement.
             alike = (noises == noises[..., :1, :, :]).all(axis=(-2, -1))
             nominal = np.where(alike, weights, 0.0).sum(axis=1)
         extras = {"outlier_probability": 1 - nominal}

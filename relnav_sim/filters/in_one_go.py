@@ -21,7 +21,7 @@ class InOneGo:
 
     Args:
         filter: The filter; None: every epoch is to be taken by itself.
-        readings: What arrives in the chunk; with gaps in a reading's channels no epoch of it is taken so.
+        readings: What arrives in the chunk; where a channel is missing no epoch of it is taken so.
         first_epoch: Number of the chunk's first epoch.
         mean: Where the means go, (K, runs, n).
         covariance: Where their covariances go, (K, runs, n, n).

@@ -40,8 +40,8 @@ class GaussianFilterOptions(Options):
         default=None,
         gt=0,
         lt=1,
-        description="Former name of `editing: {probability}`, which also says what happens when too many readings are "
-        "rejected; use that. Default: none",
+        description="Former name of `editing: {probability}`, which also says what happens when too many measurements "
+        "are rejected; use that. Default: none",
     )
 
 
@@ -55,9 +55,9 @@ class GaussianFilter:
     Attributes:
         considers: Whether the filter can account for states without estimating them.
         matches_covariance: Whether its corrections tell how much process noise there is, see `CovarianceMatching`.
-        nominal_gain: Whether its gain follows from its models along a trajectory, whatever the readings say, so that
-            an error budget can be drawn up for it.
-        edits: Whether its NIS is chi-square where its models are right, so that readings can be edited by it.
+        nominal_gain: Whether its gain follows from its models along a trajectory, whatever the measurements say, so
+            that an error budget can be drawn up for it.
+        edits: Whether its NIS is chi-square where its models are right, so that measurements can be edited by it.
     """
 
     stochastic = False
@@ -119,7 +119,7 @@ class GaussianFilter:
             belief: One epoch before the first.
             stretch: The epochs, which are filled.
             first_epoch: Number of the first.
-            r_scale: Factor on the noise of the readings.
+            r_scale: Factor on the noise of the measurements.
 
         Returns:
             For how many epochs it was done; None: it can't be for any.
@@ -204,7 +204,7 @@ def innovation_of(S: Array, residual: Array, reading: Array) -> Innovation:
     Args:
         S: Its covariance (runs, m, m).
         residual: (runs, m).
-        reading: How large the compared readings are, (runs, m); only decides what counts as rounding.
+        reading: How large the compared measurements are, (runs, m); only decides what counts as rounding.
     """
     # Of whichever arithmetic: it is a figure of the statistics.
     S, residual, reading = (np.ascontiguousarray(A, dtype=DOUBLE) for A in (S, residual, reading))

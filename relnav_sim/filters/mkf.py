@@ -16,7 +16,7 @@ class MomentMatchingFilter(AlphaKalmanFilter):
     filter of Kotecha and Djuric (IEEE Trans. Signal Processing 51(10), 2003): `alpha_kf` at alpha = 1, same options
     and extras. It covers the whole posterior, also where that has two modes.
 
-    Use it where the measurement bends over the prediction's spread and the posterior still has one hump: it then
+    Use it where the measurement bends over the prediction's spread and the posterior is still unimodal: it then
     has no linearisation error. For a linear measurement it is the Kalman filter plus sampling noise. Samples of the
     prediction are wasted where the prediction is much wider than the measurement; take `proposal: posterior`.
     """

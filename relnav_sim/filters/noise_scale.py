@@ -104,7 +104,7 @@ def push(
     """Return the belief with one more innovation and the factor on R that brings the window's mean NIS to m.
 
     Absent channels have no innovation: they count neither in the mean nor in the correlation, in which a channel is
-    compared with the last reading that had it.
+    compared with the last measurement that had it.
 
     The factor is left as it was until the window is full, and while the innovations are correlated: that tells of a
     wrong motion model or process noise, which a larger R would make worse (Mehra, IEEE Trans. Automatic Control

@@ -122,7 +122,7 @@ def definite_in_single(n: int, number_bytes: int) -> int:
 
 
 def digits_of_search(n: int, m: int, number_bytes: int) -> int:
-    """Return the operations of how float32 rounds a search's cost: sizes of readings, |U| and |W| times sizes."""
+    """Return the operations of how float32 rounds a search's cost: sizes of measurements, |U| and |W| times sizes."""
     return 0 if number_bytes == 8 else 2 * n + 2 * m * n + 2 * m + 2 * m * (m + 1) + 2 * n * (n + 1) + 3
 
 
@@ -189,10 +189,10 @@ def gaussian_numbers(n: int, m: int) -> int:
 
 
 def point_numbers(n: int, m: int) -> int:
-    """Return the same with 2 n + 1 points and their readings in place of F and H."""
+    """Return the same with 2 n + 1 points and their measurements in place of F and H."""
     return 2 * (n + n * n) + n * n + m * m + m + (2 * n + 1) * (2 * n + m)
 
 
 def particle_numbers(n: int, m: int, particles: int) -> int:
-    """Return the numbers of particles and weights, read and written, of their noise and of their readings."""
+    """Return the numbers of particles and weights, read and written, of their noise and of their measurements."""
     return particles * (2 * (n + 1) + n + m) + n * n + m * m + m

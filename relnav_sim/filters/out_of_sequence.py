@@ -1,4 +1,4 @@
-"""A filter whose readings come late, in any order: it goes back to a reading's epoch and over all since again."""
+"""A filter whose measurements come late, in any order: it goes back to the epoch of each, and over all since again."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ class _Reached:
 
 
 class OutOfSequence:
-    """Carries a filter over chunks of epochs whose readings arrive some epochs after their own.
+    """Carries a filter over chunks of epochs whose measurements arrive some epochs after their own.
 
-    An epoch's estimate is that of the filter on all readings that have arrived by then, each at its own epoch. Where
-    nothing is outstanding it is that of the filter that has had them in order, to the bit.
+    An epoch's estimate is that of the filter on all measurements that have arrived by then, each at its own epoch.
+    Where nothing is outstanding it is that of the filter that has had them in order, to the bit.
 
-    Innovations are those of an epoch whose last readings may just have arrived, `depth` epochs back: only then are they
-    those of readings in order, white and with a likelihood that adds up. Those of the run's last epochs never are.
+    Innovations are those of an epoch whose last measurements may just have arrived, `depth` epochs back: only then are
+    they those of measurements in order, white and with a likelihood that adds up. Those of the run's last epochs never
+    are.
 
     Args:
         filter: The filter; its dynamics and measurement can be asked for `depth` epochs back.
         source: Where its random numbers come from.
-        depth: Most epochs that a reading arrives after its own.
+        depth: Most epochs that a measurement arrives after its own.
         step_s: Time between epochs, s.
     """
 
@@ -62,7 +63,7 @@ class OutOfSequence:
 
         Args:
             belief: One epoch before the chunk; what was known before is remembered.
-            z: Readings by sensor, at their own epochs, (runs, K, m); NaN where a channel is missing.
+            z: Measurements by sensor, at their own epochs, (runs, K, m); NaN where a channel is missing.
             delays: How many epochs after its own each arrives, (runs, K), by the sensors of which any is late.
             first_epoch: Number of the chunk's first epoch.
             reached: Told of every epoch that begins.
@@ -133,7 +134,7 @@ class OutOfSequence:
         self._reached[again] = _Reached(belief, self._source.state(), tuple(innovations))
 
     def _earliest(self, readings: Readings, late: list[Integers | None], now: int) -> int:
-        """Return the earliest column of which a reading arrives at the column now: at the latest that itself."""
+        """Return the earliest column of which a measurement arrives at the column now: at the latest that itself."""
         columns = np.arange(now - self._depth, now)
         found = now
         for one, delay in zip(readings.sensors, late, strict=True):
@@ -146,7 +147,7 @@ class OutOfSequence:
     def _with_tail(
         self, z: Mapping[str, Array], delays: Mapping[str, Integers]
     ) -> tuple[dict[str, Array], list[Integers | None]]:
-        """Return readings and delays (by sensor, None: never late) with those of the `depth` epochs before."""
+        """Return measurements and delays (by sensor, None: never late) with those of the `depth` epochs before."""
         known, late = {}, []
         for name, readings in z.items():
             B, _, m = readings.shape

@@ -1,4 +1,4 @@
-"""Estimators that pass over all readings again and again, until there is nothing more to find."""
+"""Estimators that pass over all measurements again and again, until there is nothing more to find."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def last_pass(filter: Filter, start: Any, go: Callable[[Any], Any]) -> Any:
     Args:
         filter: A filter; one that passes again says whether a pass is the last by ``settled(start)``, and where the
             next one begins by ``again(end)``.
-        start: Its belief before the first reading.
-        go: Carries a belief over all readings.
+        start: Its belief before the first measurement.
+        go: Carries a belief over all measurements.
     """
     settled: Callable[[Any], bool] | None = getattr(filter, "settled", None)
     if settled is None:

@@ -16,15 +16,15 @@ from relnav_sim.measurements.partial import Sensor, sensors_of
 
 @dataclass(frozen=True)
 class SensorReadings:
-    """The readings of one sensor over a chunk of K epochs.
+    """The measurements of one sensor over a chunk of K epochs.
 
     Args:
         sensor: The sensor.
-        z: Readings (K, runs, m), an epoch after the other in memory, read-only; NaN where a channel is absent.
-        read: Where there is a reading, (runs, K).
-        present: Its channels (runs, K, m); None where every reading of the chunk has all of them.
-        partial: At which epochs a reading of any run has some of its channels only, by epoch.
-        any_read: At which epochs any run has a reading, by epoch.
+        z: Measurements (K, runs, m), an epoch after the other in memory, read-only; NaN where a channel is absent.
+        read: Where there is a measurement, (runs, K).
+        present: Its channels (runs, K, m); None where every measurement of the chunk has all of them.
+        partial: At which epochs a measurement of any run has some of its channels only, by epoch.
+        any_read: At which epochs any run has a measurement, by epoch.
         all_read: At which epochs all runs have one, by epoch.
     """
 
@@ -44,7 +44,7 @@ class SensorReadings:
         return np.where(self.read, self.present.sum(axis=2), 0)
 
     def mask(self, k: int) -> Mask:
-        """Return the channels (runs, m) to attend to at a partial column k; all of them in a run without a reading.
+        """Return the channels (runs, m) to attend to at a partial column k; all of them in a run without a measurement.
 
         Such a run is updated with its own prediction and the result is not used, whatever the other runs read.
         """
@@ -53,20 +53,20 @@ class SensorReadings:
 
 
 class Readings:
-    """The readings of a filter's sensors over a chunk of epochs.
+    """The measurements of a filter's sensors over a chunk of epochs.
 
-    Where every reading of the only sensor has all its channels, nothing is done but looking. It is a context, at whose
-    end the measurement counts every channel as present again.
+    Where every measurement of the only sensor has all its channels, nothing is done but looking. It is a context, at
+    whose end the measurement counts every channel as present again.
 
     Args:
         measurement: The filter's.
-        z: Readings (runs, K, m), or by sensor; NaN where a channel is absent.
+        z: Measurements (runs, K, m), or by sensor; NaN where a channel is absent.
         first_epoch: Number of the chunk's first epoch.
 
     Attributes:
-        sensors: The readings by sensor, in the order in which they are processed.
+        sensors: The measurements by sensor, in the order in which they are processed.
         several: Whether there are several sensors.
-        plain: Whether every reading of the chunk is of one sensor and has all its channels.
+        plain: Whether every measurement of the chunk is of one sensor and has all its channels.
     """
 
     def __init__(self, measurement: Measurement, z: Array | Mapping[str, Array], first_epoch: int) -> None:
@@ -95,7 +95,7 @@ class Readings:
         """Let the measurement attend to the sensor in that place at column k.
 
         Returns:
-            The reading (runs, m) in the channels of the filter's measurement, NaN in runs without one.
+            The measurement (runs, m) in the channels of the filter's measurement, NaN in runs without one.
         """
         one = self.sensors[place]
         z = one.z[k]
@@ -131,7 +131,7 @@ class Readings:
     def _attend(self, present: Mask | None) -> None:
         if present is None and not self._attends:
             return
-        self._measurement.attend(present)  # type: ignore[attr-defined]  # only what has `sensors` has partial readings
+        self._measurement.attend(present)  # type: ignore[attr-defined]  # only what has `sensors` has partial measurements
         self._attends = present is not None
 
 

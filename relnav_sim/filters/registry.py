@@ -65,7 +65,7 @@ class FilterKind:
         name: The name that campaigns and `create_filter` use.
         options_model: Its options, a pydantic model.
         factory: ``factory(dynamics, measurement, options) -> Filter``.
-        measurement: The form of the readings that it takes unless the campaign says otherwise.
+        measurement: The form of the measurements that it takes unless the campaign says otherwise.
         cost_us: Rough CPU time per filter step and run, for planning, us.
         learned_dynamics: Whether campaigns may give it learned dynamics only.
         overhead_us: Rough CPU time per filter step however few the runs, for planning, us.
@@ -100,7 +100,7 @@ class FilterKind:
 
     @property
     def repeats(self) -> bool:
-        """Whether it passes over all readings of a run again and again: its class says how long by `settled`."""
+        """Whether it passes over all measurements of a run again and again: its class says how long by `settled`."""
         return hasattr(self.factory, "settled")
 
     @property
@@ -110,7 +110,7 @@ class FilterKind:
 
     @property
     def edits(self) -> bool:
-        """Whether its readings can be edited by their NIS: `edits` of its class."""
+        """Whether its measurements can be edited by their NIS: `edits` of its class."""
         return bool(getattr(self.factory, "edits", False))
 
     @property
@@ -134,8 +134,8 @@ def register_filter(
     Args:
         name: The name in campaigns.
         options_model: Subclass of `relnav_sim.options.Options`.
-        measurement: Form of the readings that it takes by default, ``spherical`` (as they are read; formerly ``polar``)
-            or ``cartesian`` (converted to a position).
+        measurement: Form of the measurements that it takes by default, ``spherical`` (as they are read; formerly
+            ``polar``) or ``cartesian`` (converted to a position).
         cost_us: Rough CPU time per filter step and run, us; only for planning.
         learned_dynamics: Campaigns give it `gp` dynamics by default and may name learned ones only.
         overhead_us: Rough CPU time per filter step however few the runs of a block, us; only for planning.
@@ -203,11 +203,11 @@ def create_filter(
     Args:
         name: A registered name, ``ekf`` say; `relnav list filters` shows them.
         dynamics: How the state moves.
-        measurement: What is measured: one measurement, or several sensors by name. The readings of an epoch are then
-            processed one after the other in this order, which for linear measurements is the same as all at once.
-        editing: Which readings are rejected and how the filter recovers, as in a campaign: ``probability``, ``scope``,
-            ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, as uncertain as at
-            the start or more. None: every reading is taken.
+        measurement: What is measured: one measurement, or several sensors by name. The measurements of an epoch are
+            then processed one after the other in this order, which for linear measurements is the same as all at once.
+        editing: Which measurements are rejected and how the filter recovers, as in a campaign: ``probability``,
+            ``scope``, ``max_rejects``, ``action`` (docs/editing.md). A restart is about the present estimate, as
+            uncertain as at the start or more. None: every measurement is taken.
         process_noise: What is added to the process noise of the dynamics, position and velocity in RTN, as in a
             campaign: ``adaptive``, ``snc_rtn``, ``acceleration_psd_m2_s3``, ``diagonal`` or ``matrix``, beside the
             chief's ``mean_motion_rad_s`` and ``step_s``, the time between epochs (docs/process-noise.md). What
@@ -217,7 +217,7 @@ def create_filter(
     Raises:
         ValueError: The name is not registered, an option is unknown or out of range, the measurement is none or for
             another number of states, a sensor has no name, or the dynamics have considered states and the filter can't
-            do that, or the filter's readings can't be edited, or its process noise can't be found.
+            do that, or the filter's measurements can't be edited, or its process noise can't be found.
 
     Examples:
         >>> import numpy as np
@@ -299,12 +299,12 @@ def not_edited(kind: str) -> str:
     """Return why a kind of filter has no editing."""
     if filter_kinds()[kind].repeats:
         return (
-            f"the {kind} filter has no editing: each reading is part of the fit that it would be judged by, so its NIS "
-            "is not chi-square, and no quantile says which to reject; use a filter of flight (ekf, ukf, ...)"
+            f"the {kind} filter has no editing: each measurement is part of the fit that it would be judged by, so its "
+            "NIS is not chi-square, and no quantile says which to reject; use a filter of flight (ekf, ukf, ...)"
         )
     return (
         f"the {kind} filter has no editing: its belief is no single Gaussian, so its NIS is not chi-square where the "
-        "filter is right, and no quantile says which readings to reject; use a Gaussian filter (ekf, ukf, ...)"
+        "filter is right, and no quantile says which measurements to reject; use a Gaussian filter (ekf, ukf, ...)"
     )
 
 

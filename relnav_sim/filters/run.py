@@ -50,10 +50,10 @@ def run_filter(
         step_s: Time between epochs, s, for dynamics that ask for it.
 
     Raises:
-        ValueError: Shapes do not fit together, something given is no array of real numbers, a reading is infinite, the
-            prior is not finite or its covariance none, a function of the models writes into its argument, the readings
-            are not those of the filter's sensors, or one has channels missing for which the measurement's own
-            log_likelihood has no density.
+        ValueError: Shapes do not fit together, something given is no array of real numbers, a measurement is infinite,
+            the prior is not finite or its covariance none, a function of the models writes into its argument, the
+            measurements are not those of the filter's sensors, or one has channels missing for which the measurement's
+            own log_likelihood has no density.
 
     Warns:
         RuntimeWarning: Runs failed; it names them, with epoch and reason, as the history's `failures` do.
@@ -112,7 +112,7 @@ def advance(
         step_s: Time between epochs, s.
         reached: Told of every epoch that begins.
         with_residuals: Whether the history is to have the residuals by channel, which cost one more prediction of each
-            reading.
+            measurement.
 
     Returns:
         The last belief, and the history, whose failures name runs by their place in the block.

@@ -18,27 +18,28 @@ from relnav_sim.measurements.partial import sensors_of
 
 
 def checked_readings(z: ArrayLike | Mapping[str, ArrayLike], measurement: Measurement) -> tuple[Array, ...]:
-    """Return the readings of every sensor, (runs, T, m), as read-only views or copies; masked entries are NaN.
+    """Return the measurements of every sensor, (runs, T, m), as read-only views or copies; masked entries are NaN.
 
     Raises:
-        ValueError: Other sensors than the filter's, another shape, something that is no number, or an infinite reading.
+        ValueError: Other sensors than the filter's, another shape, something that is no number, or an infinite
+            measurement.
     """
     sensors = sensors_of(measurement)
     names = [sensor.name for sensor in sensors if sensor.name]
     if not isinstance(z, Mapping):
         if names:
             raise ValueError(
-                f"z is one array, the filter has the sensors {_listed(names)}; give the readings by sensor"
+                f"z is one array, the filter has the sensors {_listed(names)}; give the measurements by sensor"
             )
         return (_checked(z, "z", sensors[0].channels),)
     if not names:
-        raise ValueError("z gives readings by sensor, the filter has one measurement without a name; give one array")
+        raise ValueError("z gives measurements by sensor, the filter has one sensor without a name; give one array")
     for name in z:
         if name not in names:
-            raise ValueError(f"z has readings of {name!r}, the filter's sensors are {_listed(names)}")
+            raise ValueError(f"z has measurements of {name!r}, the filter's sensors are {_listed(names)}")
     for name in names:
         if name not in z:
-            raise ValueError(f"z has no readings of {name!r}; where there are none give an array of NaN")
+            raise ValueError(f"z has no measurements of {name!r}; where there are none give an array of NaN")
     readings = tuple(_checked(z[sensor.name], f"z[{sensor.name!r}]", sensor.channels) for sensor in sensors)
     for name, one in zip(names, readings, strict=True):
         if one.shape[:2] != readings[0].shape[:2]:
@@ -61,7 +62,8 @@ def _checked(z: ArrayLike, name: str, place: slice) -> Array:
     if np.isinf(readings).any():
         run, epoch, channel = np.argwhere(np.isinf(readings))[0].tolist()
         raise ValueError(
-            f"{name} is infinite at run {run}, epoch {epoch}, channel {channel}; a missing reading is NaN, not infinity"
+            f"{name} is infinite at run {run}, epoch {epoch}, channel {channel}; a missing measurement is NaN, "
+            "not infinity"
         )
     readings.flags.writeable = False
     return readings
@@ -117,7 +119,7 @@ def checked_runs(runs: Sequence[int] | None, count: int) -> tuple[int, ...]:
 
 
 def check_models(filter: Filter, prior: Gaussian, z: Sequence[Array], step_s: float) -> None:
-    """Ask dynamics and measurement once whether they fit the states and the readings.
+    """Ask dynamics and measurement once whether they fit the states and the measurements.
 
     Raises:
         ValueError: They do not, or are not given for all runs and epochs.
@@ -168,4 +170,6 @@ def _check_covariance(name: str, matrix: Array, *shapes: tuple[int, ...]) -> Non
 def _check_shape(name: str, array: Array, *expected: tuple[int, ...]) -> None:
     if np.shape(array) not in expected:
         wanted = " or ".join(map(str, expected))
-        raise ValueError(f"{name} returned shape {np.shape(array)}; for these states and readings it must be {wanted}")
+        raise ValueError(
+            f"{name} returned shape {np.shape(array)}; for these states and measurements it must be {wanted}"
+        )

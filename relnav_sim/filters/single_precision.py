@@ -85,7 +85,7 @@ class SinglePrecision:
         return SingleGaussian(mean if self._by_transition else models.propagate(prior.x, step), P)
 
     def linearised(self, z: Array, belief: Gaussian | SingleGaussian, epoch: int) -> tuple[Array, Array, Array]:
-        """Return residual, H and R of a reading at the mean, in float32."""
+        """Return residual, H and R of a measurement at the mean, in float32."""
         return self._models.linearised(z, belief.mean, epoch)
 
     def joseph_update(

@@ -86,7 +86,7 @@ class SingleRoots:
         _, X = self._deviations(offsets)
         noise = self._root(models.noise(x, step.epoch))
         nu = models.residual(z, images[:, 0] + shift)
-        # What rounds here is the deviations; how large the readings are shows in their residual.
+        # What rounds here is the deviations; how large the measurements are shows in their residual.
         gain, root, _, white, nis, log_likelihood, dead, _ = kernels.roots.update_single(
             X, Y, noise, nu, np.zeros_like(nu)
         )

@@ -67,7 +67,7 @@ class StochasticSearchOptions(SamplingOptions):
 def _operations(size: Size, options: Any) -> Operations:
     """Return what a gradient from `samples` costs, `iterations` times, where all states are sampled.
 
-    Each sample is drawn, its whitened misfits to reading and prior are squared, and it is added to the gradients.
+    Each sample is drawn, its whitened misfits to measurement and prior are squared, and it is added to the gradients.
     """
     n, m, width = size.n, size.m, bytes_of(options)
     each = 2 * n * n + (m * m + 2 * m) + (n * n + 2 * n) + (n * n + n) + 4
@@ -84,15 +84,15 @@ class StochasticSearchFilter(SamplingFilter):
     lower bound are averages over samples of q, with the linearised measurement as control variate: what is sampled
     is only the difference to the extended Kalman filter, so for a linear measurement nothing is random.
 
-    Use it where a posterior of one hump must be followed tightly: KL(q|p) avoids places where p is small, so it
+    Use it where a unimodal posterior must be followed tightly: KL(q|p) avoids places where p is small, so it
     locks to one of two modes and is overconfident about skew tails; `mkf` covers them. The step lengths 1/t leave
     the noise of the last gradients in the estimate.
 
     The authors' gradient steps are affine-invariant, so they are taken here in whitened coordinates of the states
     the measurement depends on; the other states follow by regression, exactly. nis and log_likelihood are those of
     the Gaussian innovation; extra `fallback`: 1 where no step kept the covariance positive definite, numbers broke
-    down, or the reading is too precise for the prediction (a million standard deviations), and the iterated extended
-    Kalman update was taken.
+    down, or the measurement is too precise for the prediction (a million standard deviations), and the iterated
+    extended Kalman update was taken.
     """
 
     def __init__(self, dynamics: Dynamics, measurement: Measurement, options: StochasticSearchOptions) -> None:

@@ -1,4 +1,4 @@
-"""Smoothers: what all readings, or those up to some epochs later, say about every epoch."""
+"""Smoothers: what all measurements, or those up to some epochs later, say about every epoch."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def smooth(
         dynamics: The filter's.
         step_s: Time between epochs, s.
         first_epoch: Number of the history's first epoch, for dynamics that differ from epoch to epoch.
-        lag: Each epoch gets the readings up to so many epochs later; None: all of them. The last `lag` epochs get all
-            that there are.
+        lag: Each epoch gets the measurements up to so many epochs later; None: all of them. The last `lag` epochs get
+            all that there are.
 
     Returns:
         Means (runs, T, n) and covariances (runs, T, n, n); at the last epoch those of the filter.

@@ -54,10 +54,10 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
 
     Args:
         X: Deviations of the state, X X^T = P, (runs, n, q), q >= n.
-        Y: The same of the reading, Y X^T = H P, (runs, m, q).
+        Y: The same of the measurement, Y X^T = H P, (runs, m, q).
         noise_root: R^(1/2), R positive semidefinite, (runs, m, m), or (1, m, m) for all runs.
         nu: Residual (runs, m).
-        reading: How large the compared readings and their parts are, (runs, m); decides what counts as rounding.
+        reading: How large the compared measurements and their parts are, (runs, m); decides what counts as rounding.
     """
     X, Y, N, nu, reading = map(np.ascontiguousarray, (X, Y, noise_root, nu, reading))
     gain, root, L, white, nis, log_likelihood, dead, any_dead = kernels.roots.update(X, Y, N, nu, reading)
@@ -85,7 +85,7 @@ def root_update(X: Array, Y: Array, noise_root: Array, nu: Array, reading: Array
 
 
 def rounding_of(size: Array) -> Array:
-    """Return the standard deviation that rounding alone leaves to readings made of numbers of a size (runs, m)."""
+    """Return the standard deviation that rounding alone leaves to measurements made of numbers of a size (runs, m)."""
     return 16 * size.shape[1] * _EPS * size
 
 

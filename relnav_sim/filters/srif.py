@@ -86,8 +86,8 @@ class SquareRootInformationFilter(GaussianFilter):
 
     Bierman, Factorization Methods for Discrete Sequential Estimation, 1977. Prediction and update are one orthogonal
     transformation each, and no covariance is formed. Mathematically it is `ekf`. Use it where a prior is extremely
-    wide, and where the information of many readings is to be added up. It needs a prior with variance in every state,
-    a transition matrix that can be inverted and noise in every channel, and can't account for a state without
+    wide, and where the information of many measurements is to be added up. It needs a prior with variance in every
+    state, a transition matrix that can be inverted and noise in every channel, and can't account for a state without
     estimating it; `ud_ekf` has none of these limits.
     """
 
@@ -123,7 +123,7 @@ class SquareRootInformationFilter(GaussianFilter):
         return replace(prior, x=mean, L=L, flow_lost=lost)
 
     def correct(self, belief: Any, z: Array, step: Step) -> tuple[Any, Innovation]:
-        """Return the update from the triangular form of information and whitened reading."""
+        """Return the update from the triangular form of information and whitened measurement."""
         prior: Information = belief
         models = self._models
         update = kernels.srif.update_single if models.single else kernels.srif.update

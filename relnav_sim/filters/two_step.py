@@ -137,7 +137,7 @@ class TwoStepFilter(EitherArithmetic):
     it. Both steps update c, then x given c, so every covariance is a sum of positive parts, for linear g the
     covariance of x takes the very path of the Kalman filter, and a gap in the measurements leaves N alone.
 
-    A reading with channels missing updates y through those present; g(x) of the others stays part of y, and with
+    A measurement with channels missing updates y through those present; g(x) of the others stays part of y, and with
     several sensors so does g(x) of each, so that all their functions are called whichever is read.
 
     Limits: R must be positive definite; a noise-free channel fails the run. The off-manifold part gets no process
@@ -234,7 +234,7 @@ class TwoStepFilter(EitherArithmetic):
         started = belief.started
         if started.all():
             return _carried(belief, G)
-        # Once in a flight, from differences of nearby readings and Jacobians: by the models, in float64.
+        # Once in a flight, from differences of nearby measurements and Jacobians: by the models, in float64.
         options, measurement = self._options, all_channels(self.measurement)
         kappa = max(0.0, 3.0 - belief.mean.shape[1]) if options.start_kappa is None else options.start_kappa
         fresh = start_off_manifold(
@@ -309,7 +309,7 @@ class _Fit:
         self.prior, self.beyond = Whitener(y.covariance), Whitener(y.scatter)
 
     def digits_in_single(self, tolerance: float, reading: Array) -> CostDigits:
-        """Return what float32 leaves of the cost; reading (runs, m) is the size of y_g and of what it is made of."""
+        """Return what float32 leaves of the cost; measurement (runs, m): the size of y_g and of its parts."""
         variances = np.einsum("bii->bi", self._y.covariance)
         return digits_in_single(tolerance, self.prior, variances, self.beyond, reading)
 

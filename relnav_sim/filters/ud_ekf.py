@@ -132,7 +132,7 @@ class FactoredKalmanFilter(GaussianFilter):
         )
         mean, rest = (moved, None) if prior.rest is None else _added(x, prior.rest, moved)
         corrected = FactoredGaussian(mean, U, D, rest)
-        # In two numbers a state is rounded no more, but readings of its size are.
+        # In two numbers a state is rounded no more, but measurements of its size are.
         failed = models.coarse(mean, corrected.covariance) if models.single else {}
         if contradicted:
             failed |= dict.fromkeys(np.flatnonzero(np.isposinf(nis)).tolist(), CONTRADICTION)

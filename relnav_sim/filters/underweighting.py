@@ -1,4 +1,4 @@
-"""Underweighting: a precise reading of a poorly known state is taken with less weight than the linear update says.
+"""Underweighting: a precise measurement of a poorly known state is taken with less weight than the linear update says.
 
 H P H^T leaves out what the curvature of h makes of a wide P. While the state is poorly known, a share of H P H^T is
 added for it (W. M. Lear's for the Space Shuttle; Zanetti, DeMars and Bishop, J. Guidance, Control, and Dynamics 33(5),
@@ -22,7 +22,7 @@ from relnav_sim.options import Options, Tunable
 
 
 class UnderweightingOptions(Options):
-    """Less weight for readings while the position is poorly known."""
+    """Less weight for measurements while the position is poorly known."""
 
     beta: Annotated[float, Tunable(0.01, 2)] = Field(
         default=0.2,

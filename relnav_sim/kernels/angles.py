@@ -1,4 +1,4 @@
-"""Differences of readings, with their angles."""
+"""Differences of measurements, with their angles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def difference(z: Array, predicted: Array, angles: Indices) -> Array:
     """Return z - predicted, (runs, points, m), with the angles in [-pi, pi]; one that is there anyway keeps its bits.
 
     Args:
-        z: Readings (runs, points or 1, m).
+        z: Measurements (runs, points or 1, m).
         predicted: Those that were expected, (runs, points or 1, m).
         angles: Which of the m components are angles, rad.
     """

@@ -1,4 +1,4 @@
-"""Roots of the Cramér-Rao bound, and of what readings tell, from one epoch to the next.
+"""Roots of the Cramér-Rao bound, and of what measurements tell, from one epoch to the next.
 
 Models are few and their epochs follow one another, so the numbers side by side are the columns of one matrix.
 """

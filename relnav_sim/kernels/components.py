@@ -1,4 +1,4 @@
-"""Gaussian mixtures: their moments, how the models of an IMM mix, what is expected of a reading, and the new weights.
+"""Gaussian mixtures: their moments, how the models of an IMM mix, the measurement they predict, and the new weights.
 
 All of it run by run: the loops over the entries of a covariance are the innermost ones.
 """
@@ -63,7 +63,7 @@ def mix(log_weights: Array, chain: Array, x: Array, P: Array) -> tuple[Array, Ar
 
 @kernel(given(2), given(3), given(4), given(4), given(4))
 def expected_reading(w: Array, offsets: Array, H: Array, P: Array, R: Array) -> tuple[Array, Array]:
-    """Return mean (runs, m) and covariance S (runs, m, m) of the mixture that a reading is expected to be from.
+    """Return mean (runs, m) and covariance S (runs, m, m) of the mixture that a measurement is expected to be from.
 
     Component i has mean zhat_i and covariance H_i P_i H_i^T + R_i.
 

@@ -1,4 +1,4 @@
-"""Covariance of a radar reading converted to a position, at many states.
+"""Covariance of a radar measurement converted to a position, at many states.
 
 See `measurements.converted_radar` and, of tangent angles, `measurements.converted_tangent_radar`.
 """

@@ -1,8 +1,8 @@
-"""What errors of a radar and of its host's attitude do to a reading (see `measurements.radar_errors`).
+"""What errors of a radar and of its host's attitude do to a measurement (see `measurements.radar_errors`).
 
-The errors are E b of the augmented states b: of range, azimuth and elevation, which add to the reading, and a turn t of
-the host, which moves the line of sight s to s + s x t. A reading that is a position p in RTN is taken to the radar's
-axes, M p, and back.
+The errors are E b of the augmented states b: of range, azimuth and elevation, which add to the measurement, and a turn
+t of the host, which moves the line of sight s to s + s x t. A measurement that is a position p in RTN is taken to the
+radar's axes, M p, and back.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from relnav_sim.kernels.sight import derivatives, seen, spherical_of
 
 @kernel(given(2), given(2), given(2), given(2), flag)
 def readings(predicted: Array, extra: Array, E: Array, M: Array, cartesian: bool) -> Array:
-    """Return the readings (points, 3) that take the place of the error-free ones.
+    """Return the measurements (points, 3) that take the place of the error-free ones.
 
     Args:
-        predicted: Error-free readings (points, 3): range, azimuth and elevation, or positions, RTN.
+        predicted: Error-free measurements (points, 3): range, azimuth and elevation, or positions, RTN.
         extra: Augmented states b (points, e).
         E: The radar's errors by them, (6, e).
         M: Rotation (3, 3) from RTN to the radar's axes; of range and angles without effect.
@@ -91,7 +91,7 @@ def by_both(predicted: Array, extra: Array, E: Array, M: Array, cartesian: bool)
 
 @inner
 def _free(predicted: Array, first: int, used: int, M: Array, cartesian: bool, s: Array, free: Array) -> None:
-    """Set free to range, azimuth and elevation of the error-free reading, and s to its line of sight if cartesian."""
+    """Set free to the error-free range, azimuth and elevation, and s to that line of sight if cartesian."""
     if cartesian:
         seen(predicted, first, used, M, s)
         spherical_of(s, used, free)
@@ -113,7 +113,7 @@ def _errors(extra: Array, first: int, used: int, E: Array, errors: Array) -> Non
 
 @inner
 def _sight(free: Array, errors: Array, used: int, s: Array, by_reading: Array) -> None:
-    """Set s to the line of sight of the biased reading (Shi et al. 2025, eq. 33) and (3, 3, LANES) its derivatives."""
+    """Set s to the biased line of sight (Shi et al. 2025, eq. 33) and (3, 3, LANES) its derivatives."""
     for b in range(used):
         q, azimuth, elevation = free[0, b] + errors[0, b], free[1, b] + errors[1, b], free[2, b] + errors[2, b]
         ca, sa, ce, se = math.cos(azimuth), math.sin(azimuth), math.cos(elevation), math.sin(elevation)
@@ -134,7 +134,7 @@ def _turn(s: Array, errors: Array, used: int) -> None:
 
 @inner
 def _by_errors(s: Array, errors: Array, by_reading: Array, used: int, turned: Array) -> None:
-    """Set the derivatives (3, 6, LANES) of s + s x t by reading and turn: (I - [t x]) ds/dreading and [s x]."""
+    """Set the derivatives (3, 6, LANES) of s + s x t by measurement and turn: (I - [t x]) ds/dz and [s x]."""
     for j in range(3):
         for b in range(used):
             x, y, z = by_reading[0, j, b], by_reading[1, j, b], by_reading[2, j, b]

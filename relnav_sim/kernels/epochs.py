@@ -38,7 +38,7 @@ def spherical(
     nis: Array,
     log_likelihood: Array,
 ) -> int:
-    """Filter readings of range, azimuth and elevation; return how many epochs have been.
+    """Filter measurements of range, azimuth and elevation; return how many epochs have been.
 
     That is all of them, or those before the first one in which a run that is read is lost, see `kalman.update`. What
     stands behind these in the arrays that are written is of no meaning.
@@ -48,7 +48,7 @@ def spherical(
         P: Their covariances (runs, n, n).
         F: Transition matrices (K, n, n), or one (1, n, n) for all epochs.
         Q: Process noise alike.
-        z: Readings (K, runs, 3).
+        z: Measurements (K, runs, 3).
         read: Which of them there are, (K, runs); a run without keeps its prediction.
         M: Rotation (3, 3) from the states' axes to the radar's.
         A: Covariance (3, 3) of the attitude error, rad^2.
@@ -56,8 +56,8 @@ def spherical(
         r_scale: Factor on the noise.
         means: Gets the means (K, runs, n).
         covariances: Gets their covariances (K, runs, n, n).
-        nis: Gets the NIS (K, runs), NaN without a reading.
-        log_likelihood: Gets the log-likelihoods (K, runs), 0 without a reading.
+        nis: Gets the NIS (K, runs), NaN without a measurement.
+        log_likelihood: Gets the log-likelihoods (K, runs), 0 without a measurement.
     """
     K, runs, _ = z.shape
     n = m.shape[1]
@@ -122,7 +122,7 @@ def converted(
     nis: Array,
     log_likelihood: Array,
 ) -> int:
-    """Filter readings converted to positions; A and c are T and the coefficients of `converted_radar.covariances`."""
+    """Filter positions from measurements; A, c are T and the coefficients of `converted_radar.covariances`."""
     return 0
 
 

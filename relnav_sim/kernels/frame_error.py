@@ -14,7 +14,7 @@ def added(H: Array, states: Array, P: Array) -> Array:
     """Return G P G^T, G = H [[r x], 0; [v x], [r x]], (runs, m, m), symmetric to the bit.
 
     Args:
-        H: Derivatives of the reading, (runs, m, n) or (1, m, n), by position r, velocity v and whatever follows.
+        H: Derivatives of the measurement, (runs, m, n) or (1, m, n), by position r, velocity v and whatever follows.
         states: (runs, n), r and v first.
         P: Covariance of turn and turn's rate, (runs, 6, 6) or (1, 6, 6), symmetric.
     """

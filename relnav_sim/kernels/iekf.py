@@ -1,4 +1,4 @@
-"""The iterated extended Kalman filter: the linearisation of a reading about an iterate."""
+"""The iterated extended Kalman filter: the linearisation of a measurement about an iterate."""
 
 from __future__ import annotations
 

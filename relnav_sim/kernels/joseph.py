@@ -127,17 +127,17 @@ def update_by_points(
 ) -> tuple[Array, Array, Array, Array, Indices]:
     """Return the same as `update` from sigma points, in float32.
 
-    With S = w sum(d_i d_i^T) + w_0 s s^T + R, where the d_i are deviations from the mean of the readings, C the
+    With S = w sum(d_i d_i^T) + w_0 s s^T + R, where the d_i are deviations from the mean of the measurements, C the
     covariance with the state and K = C^T S^-1, P - K S K^T is w sum(a_i a_i^T) + w_0 (K s) (K s)^T + K R K^T with
     a_i = x_i - K d_i: no difference of covariances is taken, and with w_0 >= 0 it is a sum of squares.
 
     Args:
         m: Predicted means (runs, n).
         offsets: x_i, of the points from the mean, (runs, 2 n, n).
-        d: Deviations of the readings from that of the centre, which comes first, (runs, 2 n + 1, k).
+        d: Deviations of the measurements from that of the centre, which comes first, (runs, 2 n + 1, k).
         nu: Residuals (runs, k).
         S: Covariances of the residual (runs, k, k).
-        C: Covariances of reading and state (runs, k, n).
+        C: Covariances of measurement and state (runs, k, n).
         R: Measurement noise (runs, k, k) or (1, k, k).
         weight: w.
         centre_weight: w_0.

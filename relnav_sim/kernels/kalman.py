@@ -31,8 +31,8 @@ def predict(P: Array, F: Array, Q: Array) -> Array:
 
     Args:
         P: Covariances (runs, n, n), symmetric.
-        F: (runs, m, n), or (1, m, n) for all runs, as Q; also a Jacobian H, m channels of a reading by n states.
-        Q: Covariance of the process noise, or of the reading's, (runs, m, m).
+        F: (runs, m, n), or (1, m, n) for all runs, as Q; also a Jacobian H, m channels of a measurement by n states.
+        Q: Covariance of the process noise, or of the measurement's, (runs, m, m).
     """
     m = F.shape[1]
     predicted = np.empty((len(P), m, m), P.dtype)
@@ -233,7 +233,7 @@ def update_by_moments(
         m: Predicted means (runs, n).
         P: Their covariances (runs, n, n), symmetric.
         nu: Residuals (runs, k).
-        C: Covariances of reading and state, (runs, k, n).
+        C: Covariances of measurement and state, (runs, k, n).
         S: Covariances of the residual (runs, k, k), symmetric.
         R: Measurement noise (runs, k, k) or (1, k, k).
     """

@@ -1,4 +1,4 @@
-"""Products of a series with itself, so many readings apart, over a stream of chunks of epochs."""
+"""Products of a series with itself, so many measurements apart, over a stream of chunks of epochs."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from relnav_sim.kernels.compiling import flag, given, integer, kernel, written
 
 @kernel(given(3), given(2, flag), written(2, integer), written(2), written(3), written(3))
 def products(x: Array, counted: Mask, count: Integers, total: Array, products: Array, last: Array) -> None:
-    """Add the next epochs of each channel; those without a reading, NaN, are skipped.
+    """Add the next epochs of each channel; those without a measurement, NaN, are skipped.
 
     Args:
         x: (runs, K, c).
         counted: Epochs that count (runs, K).
-        count: Readings so far (runs, c), which goes on.
+        count: Measurements so far (runs, c), which goes on.
         total: Their sum (runs, c), which goes on.
-        products: Sum of the products with the reading so many before, itself first, (runs, c, lags), which goes on.
-        last: The last readings, that of number n in place n modulo lags, (runs, c, lags).
+        products: Sum of the products with the measurement so many before, itself first, (runs, c, lags), which goes on.
+        last: The last measurements, that of number n in place n modulo lags, (runs, c, lags).
     """
     runs, K, channels = x.shape
     lags = products.shape[2]

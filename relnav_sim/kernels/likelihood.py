@@ -1,4 +1,4 @@
-"""The likelihood of many states by one reading."""
+"""The likelihood of many states by one measurement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def gaussian(z: Array, predicted: Array, angle: Mask, R: Array) -> Array:
     """Return log N(z - h; 0, R) for every h that is predicted, (runs, N).
 
     Args:
-        z: Readings (runs, m).
+        z: Measurements (runs, m).
         predicted: h, (runs, N, m).
         angle: Which components are angles, whose differences are wrapped, (m,).
         R: (runs, m, m), or (1, m, m) for all runs; a run in which it is not positive definite gets NaN.

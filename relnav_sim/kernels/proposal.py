@@ -54,7 +54,7 @@ def propose(image: Array, centre: Array, z: Array, angle: Mask, R: Array) -> tup
     Args:
         image: h of the sigma points, (r, runs, 2, N, m).
         centre: h of the centres, (runs, N, m).
-        z: The reading (runs, 1, m), or (runs, N, m) one for each particle.
+        z: The measurement (runs, 1, m), or (runs, N, m) one for each particle.
         angle: Which components are angles, whose differences are wrapped, (m,).
         R: (runs, m, m), or (1, m, m) for all runs.
     """

@@ -134,10 +134,10 @@ def update(
 
     Args:
         X: Deviations of the state, (runs, n, q), q >= n.
-        Y: The same of the reading, (runs, m, q).
+        Y: The same of the measurement, (runs, m, q).
         N: Root of the measurement noise (runs, m, r) or (1, m, r).
         nu: Residuals (runs, m).
-        reading: How large the compared readings and their parts are, (runs, m).
+        reading: How large the compared measurements and their parts are, (runs, m).
 
     Returns:
         K L (runs, n, m), P^(1/2) (runs, n, n), L (runs, m, m), L^-1 nu (runs, m), NIS and log-likelihood (runs,), and

@@ -125,7 +125,7 @@ def squared_linear(r: Array, A: Array, W: Array, e: Array) -> Array:
 
     Args:
         r: (runs, m).
-        A: How far samples move the reading, (runs, m, d).
+        A: How far samples move the measurement, (runs, m, d).
         W: Whitening (runs or 1, m, m), lower triangular.
         e: Samples (runs or 1, d, N).
     """

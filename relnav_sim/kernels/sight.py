@@ -69,7 +69,7 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
     The noise is (1, 3, 3) where there is no attitude error.
 
     Args:
-        z: Readings (runs, 3).
+        z: Measurements (runs, 3).
         m: Means (runs, n).
         M: Rotation (3, 3) from the states' axes to the radar's.
         P: Covariance (3, 3) of the attitude error, rad^2.
@@ -99,13 +99,13 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
 
 @kernel(given(2), given(3), given(2), given(3), given(3), given(2))
 def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: Array) -> Array:
-    """Return |W (z - h(x))|^2 (runs, N) of readings and `spherical` of the states x = centre + root e.
+    """Return |W (z - h(x))|^2 (runs, N) of measurements and `spherical` of the states x = centre + root e.
 
     Differences of angles, in [-pi, pi], are taken as one angle: in axes turned by the azimuth that was read, the line
     of sight lies at minus that difference; likewise, in the vertical plane through it, for the elevation.
 
     Args:
-        z: Readings (runs, 3).
+        z: Measurements (runs, 3).
         W: Whitening (runs or 1, 3, 3), lower triangular.
         centre: (runs, n >= 3).
         root: (runs, n, 3), of which the first three rows count.
@@ -201,7 +201,7 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
         M: Rotation (3, 3) from the states' axes to the radar's.
         P: Covariance (3, 3) of the attitude error.
         variances: (1, 3).
-        w: Readings (3, LANES), which residuals take the place of.
+        w: Measurements (3, LANES), which residuals take the place of.
         h: Gets the Jacobians (3, n, LANES), of which the columns behind the third are left.
         r: Gets the noise (3, 3, LANES).
     """
@@ -221,7 +221,7 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
 
 @inner
 def subtract_spherical(s: Array, used: int, e: Array, d: Array) -> None:
-    """Subtract what is read along s from the readings d, with the angles in [-pi, pi); all (3, LANES), e is room."""
+    """Subtract the prediction along s from the measurements d, with angles in [-pi, pi); all (3, LANES), e is room."""
     spherical_of(s, used, e)
     for i in range(3):
         for b in range(used):

@@ -108,7 +108,7 @@ def predict(centre: Array, d: Array, Q: Array, weight: float, curvature: float) 
 def moments(
     readings: Array, d: Array, offsets: Array, R: Array, weight: float, curvature: float
 ) -> tuple[Array, Array, Array]:
-    """Return the reading's mean (runs, k), covariance S (runs, k, k) and covariance C (runs, k, n) with the state.
+    """Return the measurement's mean (runs, k), covariance S (runs, k, k) and covariance C (runs, k, n) with the state.
 
     Args:
         readings: Expected at the points, (runs, 2 n + 1, k), first at the centre.

@@ -161,7 +161,7 @@ def _look(
     c: Array,
     h: Array,
 ) -> None:
-    """Set lines of sight s (3, LANES), what `_centres` and `_from_centre` set, and the readings h (2 or 3, LANES)."""
+    """Set lines of sight s (3, LANES), what `_centres` and `_from_centre` set, and measurements h (2 or 3, LANES)."""
     seen(positions, first, used, M, s)
     _centres(positions, first, used, M, centres, u, axes)
     _from_centre(s, u, axes, used, c)
@@ -170,7 +170,7 @@ def _look(
 
 @inner
 def _centres(positions: Array, first: int, used: int, M: Array, centres: Array, u: Array, axes: Array) -> None:
-    """Set u (3, LANES) to the direction of each point's reading, or of its run's first point where there is none.
+    """Set u (3, LANES) to the direction of each point's measurement, or of its run's first point where there is none.
 
     Set the axes across it too.
     """

@@ -20,7 +20,7 @@ _LOG_TWO_PI = math.log(2 * math.pi)
 _NEGATIVE = 1e10
 """Units of rounding by which a pivot may be negative, of a matrix that is positive semidefinite up to rounding."""
 _REPEATED = 1e6
-"""Units of rounding by which a reading may differ from what is known exactly, before it contradicts that."""
+"""Units of rounding by which a measurement may differ from what is known exactly, before it contradicts that."""
 
 
 @kernel(given(3), number)
@@ -327,7 +327,7 @@ def scalar_update(
         for b in range(used):
             before = s[1, b]
             s[1, b] = before + f[j, b] * v[j, b]
-            # Before the first direction that a reading without noise sees, nothing has moved yet.
+            # Before the first direction that a measurement without noise sees, nothing has moved yet.
             s[2, b] = -f[j, b] / before if before != 0 else f[j, b] * 0
             if s[1, b] != 0 and s[1, b] != math.inf:
                 D[j, b] *= before / s[1, b]
@@ -347,7 +347,7 @@ def scalar_update(
 
 @inner
 def _repeats(channel: int, b: int, x: Array, U: Array, D: Array, h: Array, w: float, moved: Array, eps: float) -> int:
-    """Return whether the state of lane b leaves a channel no variance: 1, and 2 where the reading contradicts it."""
+    """Return whether the state of lane b leaves a channel no variance: 1; 2 where the measurement contradicts it."""
     n = len(D)
     variance, size, left = 0.0, 0.0, w
     for j in range(n):

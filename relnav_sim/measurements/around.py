@@ -33,7 +33,7 @@ class Around(MeasurementDefaults):
             self.log_likelihood = self._own_density  # type: ignore[method-assign]  # only then is there one of its own
 
     def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
-        """Return the base's own log p(z | states), where it is still that of the reading.
+        """Return the base's own log p(z | states), where it is still that of the measurement.
 
         Raises:
             ValueError: What is changed of the base can't be applied to a density that only the base knows.
@@ -44,7 +44,7 @@ class Around(MeasurementDefaults):
         )
 
     def take(self, z: Array, first_epoch: int) -> Array:
-        """Return what the base makes of the readings."""
+        """Return what the base makes of the measurements."""
         take = getattr(self.base, "take", None)
         return z if take is None else np.asarray(take(z, first_epoch))
 
@@ -65,7 +65,7 @@ class Around(MeasurementDefaults):
         return self.base.mixture(mean, epoch)
 
     def turning(self, states: Array, epoch: int) -> Array:
-        """Return what a small turn of the host does to the base's reading, (runs, ..., m, 3).
+        """Return what a small turn of the host does to the base's measurement, (runs, ..., m, 3).
 
         Raises:
             TypeError: The base can't say.

@@ -1,4 +1,4 @@
-"""What is measured of an augmented state [x; b]: the base's reading, distorted by the augmented states b."""
+"""What is measured of an augmented state [x; b]: the base's measurement, distorted by the augmented states b."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from relnav_sim.measurements.interface import Measurement, Mixture
 
 
 class Distortion(Protocol):
-    """What augmented states b (..., e) do to a reading.
+    """What augmented states b (..., e) do to a measurement.
 
     Attributes:
-        sees: The numbers, from 0, of the augmented states that the reading depends on.
+        sees: The numbers, from 0, of the augmented states that the measurement depends on.
         turns: The small turn of the host about the sensor's axes, T b, (3, e), that comes on top through the base's own
             ``turning(x, epoch)``, linear in b; None: it is in `apply`, or there is none.
     """
@@ -27,7 +27,7 @@ class Distortion(Protocol):
     turns: Array | None
 
     def apply(self, predicted: Array, extra: Array) -> Array:
-        """Return the reading (..., m) that takes the place of the error-free `predicted` (..., m)."""
+        """Return the measurement (..., m) that takes the place of the error-free `predicted` (..., m)."""
         ...
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
@@ -36,7 +36,7 @@ class Distortion(Protocol):
 
 
 class AdditiveBias:
-    """A reading off by C b, and by a small turn T b of the host.
+    """A measurement off by C b, and by a small turn T b of the host.
 
     Args:
         matrix: C, (m, e).
@@ -64,10 +64,10 @@ class AugmentedMeasurement(Around):
     Args:
         base: What is measured of x, with its noise.
         states: Number of states n of x.
-        distortion: What b does to the reading.
+        distortion: What b does to the measurement.
     """
 
-    change = "what augmented states do to a reading"
+    change = "what augmented states do to a measurement"
 
     def __init__(self, base: Measurement, states: int, distortion: Distortion) -> None:
         super().__init__(base)
@@ -81,7 +81,7 @@ class AugmentedMeasurement(Around):
         )
 
     def predict(self, states: Array, epoch: int) -> Array:
-        """Return the distorted readings of states (runs, ..., n + e)."""
+        """Return the distorted measurements of states (runs, ..., n + e)."""
         x, b = self._split(states)
         return self._distorted(x, b, self.base.predict(x, epoch), epoch)
 
@@ -123,7 +123,7 @@ class AugmentedMeasurement(Around):
         return whole
 
     def _by_turns(self, x: Array, epoch: int) -> Array | None:
-        """Return what the augmented states do to the reading by turning the host, (runs, ..., m, e)."""
+        """Return what the augmented states do to the measurement by turning the host, (runs, ..., m, e)."""
         if self._distortion.turns is None:
             return None
         return np.asarray(self.turning(x, epoch) @ self._distortion.turns)

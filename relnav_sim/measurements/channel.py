@@ -1,4 +1,4 @@
-"""One number of a sensor's reading: its name and unit, for reports and results."""
+"""One number of a sensor's measurement: its name and unit, for reports and results."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Channel:
-    """One number of a reading.
+    """One number of a measurement.
 
     Attributes:
         name: A word for it, as in names of results: ``range``.

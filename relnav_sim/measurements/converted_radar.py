@@ -1,8 +1,8 @@
-"""The radar reading converted to a Cartesian position, as a filter sees it: linear, with a covariance that moves.
+"""The radar measurement converted to a Cartesian position, as a filter sees it: linear, with a covariance that moves.
 
 Unbiased conversion and exact second moments of range and two angles with independent noise: Lerro and Bar-Shalom
 (IEEE Trans. AES 29(3), 1993), Mo, Song, Zhou, Sun and Bar-Shalom (IEEE Trans. AES 34(3), 1998). The covariance is
-taken at the predicted position; taken at the reading it would depend on the noise and bias the filter.
+taken at the predicted position; taken at the measurement it would depend on the noise and bias the filter.
 """
 
 from __future__ import annotations
@@ -76,12 +76,12 @@ def position_rows(n: int) -> Array:
 
 
 class ConvertedRadar(ConvertedPosition):
-    """Position of the deputy relative to the chief from one radar reading, RTN, z = (m, m, m), H = [I 0].
+    """Position of the deputy relative to the chief from one radar measurement, RTN, z = (m, m, m), H = [I 0].
 
-    For a radar on the chief; the front end makes the reading with the same `Conversion`.
+    For a radar on the chief; the front end makes the measurement with the same `Conversion`.
 
     Args:
-        mounting: Rotation (3, 3) from the chief's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the chief's LVLH frame to the radar frame.
         noise: What the filter is told about the noise of range and angles, and of the attitude.
     """
 

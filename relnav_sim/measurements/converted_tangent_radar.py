@@ -1,4 +1,4 @@
-"""A radar reading with tangent angles converted to a Cartesian position, as a filter sees it.
+"""A radar measurement with tangent angles converted to a Cartesian position, as a filter sees it.
 
 As `converted_radar`, for noise that is two small turns (a, b) across the line of sight u: the read direction is
 cos(t) u + sin(t)/t (a e_a + b e_b), t = hypot(a, b), so its mean is E[cos t] u and its second moment
@@ -34,7 +34,7 @@ class ConvertedTangentRadar(ConvertedPosition):
     For a radar on the chief; the front end divides the position by the same `tangent_shrinkage`.
 
     Args:
-        mounting: Rotation (3, 3) from the chief's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the chief's LVLH frame to the radar frame.
         noise: What the filter is told about the noise of range and angles, and of the attitude.
     """
 

@@ -14,12 +14,12 @@ class Delayed(Around):
 
     The relative velocity is taken as constant meanwhile. What that leaves out is half the relative acceleration times
     the square of the latency, 1e-3 m at 1e-3 m/s^2 and 1.4 s, and thrust within the latency: an impulse dv puts the
-    readings of the next `latency_s` off by at most dv times the latency.
+    measurements of the next `latency_s` off by at most dv times the latency.
 
     Args:
         base: The measurement without latency; its state begins with position and velocity.
         latency_s: Time from the measurement to its epoch, s.
-        told: Whether each reading has a latency of its own behind it, from `with_latency`, on top of that.
+        told: Whether each measurement has a latency of its own behind it, from `with_latency`, on top of that.
     """
 
     change = "a latency"
@@ -34,7 +34,7 @@ class Delayed(Around):
         self.depends_on = None
 
     def take(self, z: Array, first_epoch: int) -> Array:
-        """Return the readings (runs, K, m) without the latencies behind them, which are kept."""
+        """Return the measurements (runs, K, m) without the latencies behind them, which are kept."""
         if self._is_told:
             # An epoch after the other in memory; where nothing is read, none is of account.
             self._told, self._first_epoch = np.nan_to_num(z[..., -1].T, copy=True), first_epoch
@@ -67,7 +67,7 @@ class Delayed(Around):
         return self.base.mixture(self._earlier(mean, epoch), epoch)
 
     def turning(self, states: Array, epoch: int) -> Array:
-        """Return what a small turn of the host does to the base's reading at the states some time ago.
+        """Return what a small turn of the host does to the base's measurement at the states some time ago.
 
         Raises:
             TypeError: The base can't say.
@@ -95,5 +95,5 @@ class Delayed(Around):
 
 
 def with_latency(z: Array, late_s: Array) -> Array:
-    """Return readings (runs, K, m) with their latencies (runs, K), s, behind: (runs, K, m + 1)."""
+    """Return measurements (runs, K, m) with their latencies (runs, K), s, behind: (runs, K, m + 1)."""
     return np.concatenate([z, late_s[..., None]], axis=-1)

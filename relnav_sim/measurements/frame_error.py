@@ -1,4 +1,4 @@
-"""Noise of a reading that is given in axes which err: the orbit frame that a craft computes for itself."""
+"""Noise of a measurement that is given in axes which err: the orbit frame that a craft computes for itself."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from relnav_sim.measurements.interface import Measurement, Mixture, joint_compon
 
 _UPPER = np.triu_indices(6)
 COLUMNS = len(_UPPER[0])
-"""Numbers behind a reading that tell the covariance of its frame."""
+"""Numbers behind a measurement that tell the covariance of its frame."""
 
 
 def with_frame(z: Array, covariance: Array) -> Array:
-    """Return readings (runs, K, m) with the frame's covariance (runs or 1, K, 6, 6) behind: (runs, K, m + COLUMNS)."""
+    """Return z (runs, K, m) with the frame's covariance (runs or 1, K, 6, 6) behind: (runs, K, m + COLUMNS)."""
     told = np.broadcast_to(covariance[..., *_UPPER], (*z.shape[:2], COLUMNS))
     return np.concatenate([z, told], axis=-1)
 
 
 class FrameError(Around):
-    """A measurement whose readings are given in a frame with a white error.
+    """A measurement model for measurements in a frame with a white error.
 
     A frame turned by a small theta, with a rate that is off, moves the relative state (r, v) in it to r + r x theta,
     v + v x theta + r x phi (see `astro.frame_error`). With H the Jacobian and P the covariance of theta and phi,
@@ -31,7 +31,7 @@ class FrameError(Around):
 
     Args:
         base: The measurement in a frame without error; its state begins with position and velocity, RTN.
-        covariance: P (6, 6), RTN, rad and rad/s; None: each reading has its own behind it, from `with_frame`.
+        covariance: P (6, 6), RTN, rad and rad/s; None: each measurement has its own behind it, from `with_frame`.
     """
 
     change = "the error of its host's frame"
@@ -43,7 +43,7 @@ class FrameError(Around):
         self._first_epoch = 0
 
     def take(self, z: Array, first_epoch: int) -> Array:
-        """Return the readings (runs, K, m) without the covariances behind them, which are kept."""
+        """Return the measurements (runs, K, m) without the covariances behind them, which are kept."""
         if self._constant is None:
             m = self.dimension
             told = np.empty((z.shape[1], z.shape[0], 6, 6))  # an epoch after the other in memory
@@ -71,7 +71,7 @@ class FrameError(Around):
         return Mixture(weights, covariances + added[:, None], shared=True)
 
     def _added(self, H: Array, mean: Array, epoch: int) -> Array:
-        """Return G P G^T (runs, m, m); 0 before the first readings, when filters may ask for the components."""
+        """Return G P G^T (runs, m, m); 0 before the first measurements, when filters may ask for the components."""
         if self._constant is not None:
             P = self._constant
         elif self._told is not None:

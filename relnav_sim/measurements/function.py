@@ -59,7 +59,7 @@ class FunctionMeasurement(MeasurementDefaults):
         self.angles = _checked_angles(angles, self.dimension)
 
     def check_extent(self, runs: int, epochs: int) -> None:
-        """Refuse a block of readings that the noise is not for.
+        """Refuse a block of measurements that the noise is not for.
 
         Raises:
             ValueError: It has other runs, or more epochs, than the noise.

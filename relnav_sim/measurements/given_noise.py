@@ -30,7 +30,7 @@ class MixtureNoise:
     Examples:
         >>> import numpy as np
         >>> from relnav_sim import LinearMeasurement, MixtureNoise
-        >>> glint = MixtureNoise([0.9, 0.1], [[[1.0]], [[25.0]]])  # one reading in ten is five times as noisy
+        >>> glint = MixtureNoise([0.9, 0.1], [[[1.0]], [[25.0]]])  # one measurement in ten is five times as noisy
         >>> LinearMeasurement([[1.0, 0.0]], glint).dimension
         1
     """
@@ -84,7 +84,7 @@ def checked_noise(noise: ArrayLike | MixtureNoise, dimension: int | None) -> Arr
 
 
 def check_noise_extent(noise: Array | MixtureNoise, runs: int, epochs: int) -> None:
-    """Refuse a block of readings that the noise is not for.
+    """Refuse a block of measurements that the noise is not for.
 
     Raises:
         ValueError: It has other runs, or more epochs, than the noise.
@@ -92,9 +92,9 @@ def check_noise_extent(noise: Array | MixtureNoise, runs: int, epochs: int) -> N
     if isinstance(noise, MixtureNoise) or noise.ndim == 2:
         return
     if noise.ndim == 4 and len(noise) != runs:
-        raise ValueError(f"noise is given for {len(noise)} runs, the readings have {runs}")
+        raise ValueError(f"noise is given for {len(noise)} runs, the measurements have {runs}")
     if noise.shape[-3] < epochs:
-        raise ValueError(f"noise is given for {noise.shape[-3]} epochs, the readings have {epochs}")
+        raise ValueError(f"noise is given for {noise.shape[-3]} epochs, the measurements have {epochs}")
 
 
 def noise_at(noise: Array | MixtureNoise, epoch: int) -> Array:

@@ -22,12 +22,12 @@ class Stretch:
     """Consecutive epochs that are filtered in one go, and room for what comes of them.
 
     Args:
-        z: Readings (K, runs, m), complete where they are.
+        z: Measurements (K, runs, m), complete where they are.
         read: Where there is one, (K, runs).
         mean: To be filled, (K, runs, n), as the others.
         covariance: (K, runs, n, n).
-        nis: (K, runs); NaN without a reading.
-        log_likelihood: (K, runs); 0 without a reading.
+        nis: (K, runs); NaN without a measurement.
+        log_likelihood: (K, runs); 0 without a measurement.
     """
 
     z: Array
@@ -40,7 +40,7 @@ class Stretch:
     def filled(
         self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
     ) -> int:
-        """Fill it by one of `kernels.epochs` for a model of the reading; return for how many epochs."""
+        """Fill it by one of `kernels.epochs` for a model of the measurement; return for how many epochs."""
         given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
         return kernel(*given, *model, self.mean, self.covariance, self.nis, self.log_likelihood)
 
@@ -68,7 +68,7 @@ def joint_components(mixture: Mixture) -> tuple[Array, Array]:
 
 
 class Measurement(Protocol):
-    """What a sensor should read in a given state, z = h(x) + v, and how noisy the reading is."""
+    """What a sensor should read in a given state, z = h(x) + v, and how noisy the measurement is."""
 
     dimension: int
 
@@ -101,7 +101,7 @@ class Turnable(Measurement, Protocol):
     """A measurement that can say what a small turn of its host does to it."""
 
     def turning(self, states: Array, epoch: int) -> Array:
-        """Return the derivatives of the reading by the turn, (runs, ..., m, 3)."""
+        """Return the derivatives of the measurement by the turn, (runs, ..., m, 3)."""
         ...
 
 
@@ -135,7 +135,7 @@ class MeasurementDefaults:
         angles: Components of z that are angles, rad.
         depends_on: States that z depends on; None: any. Sampling filters draw only those.
         states: Number n of states it is for; None: any.
-        whole: Whether a reading counts with all its channels only (a converted position, say); one with a channel
+        whole: Whether a measurement counts with all its channels only (a converted position, say); one with a channel
             missing is then missing altogether.
     """
 
@@ -155,10 +155,10 @@ class MeasurementDefaults:
                 setattr(cls, whole, getattr(MeasurementDefaults, whole))
 
     def take(self, z: Array, first_epoch: int) -> Array:
-        """Return the readings (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
+        """Return the measurements (runs, K, m) of the epochs from `first_epoch` on as they are to be filtered.
 
         Called once for every chunk of epochs, before the chunk is filtered, so that a measurement can learn what
-        arrives during a run. By default the readings themselves.
+        arrives during a run. By default the measurements themselves.
         """
         return z
 
@@ -171,7 +171,7 @@ class MeasurementDefaults:
         raise TypeError(f"{type(self).__name__} has no noise(mean, epoch)")
 
     def turning(self, states: Array, epoch: int) -> Array:
-        """Return the derivatives of the reading by a small turn of the sensor's host, rad, (runs, ..., m, 3).
+        """Return the derivatives of the measurement by a small turn of the sensor's host, rad, (runs, ..., m, 3).
 
         About the sensor's axes; a turn dtheta takes a line of sight u to u + u x dtheta. Needed where augmented states
         turn the host by `turns` of their distortion.
@@ -240,7 +240,7 @@ class MeasurementDefaults:
             covariance: Its covariance (runs, n, n).
             F: Transition matrices (K, n, n), or (1, n, n) for all epochs.
             Q: Process noise alike.
-            r_scale: Factor on the noise of the readings.
+            r_scale: Factor on the noise of the measurements.
             stretch: The epochs.
         """
         return None
@@ -258,7 +258,7 @@ class MeasurementDefaults:
 
 
 def linearised(measurement: Measurement, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
-    """Return residual (runs, m), Jacobian and R of a reading z at the means (runs, n).
+    """Return residual (runs, m), Jacobian and R of a measurement z at the means (runs, n).
 
     By the measurement's own ``linearised(z, mean, epoch)`` where it has one.
     """
@@ -281,7 +281,7 @@ def squared_errors(
 
     Args:
         measurement: The measurement.
-        z: Readings (runs, m).
+        z: Measurements (runs, m).
         W: Whitening, lower triangular, (runs, m, m), or (1, m, m) for all runs.
         centre: (runs, n).
         root: (runs, n, d).
@@ -311,7 +311,7 @@ def squares_of_linear(
 
 
 def sample_residuals(measurement: Any, z: Array, states: Array, epoch: int) -> Array:
-    """Return z - h(states) with the samples last, (runs, m, N), of readings (runs, m) and states (runs, N, n)."""
+    """Return z - h(states) with the samples last, (runs, m, N), of measurements (runs, m) and states (runs, N, n)."""
     residual = measurement.residual(z[:, None], measurement.predict(states, epoch))
     return np.ascontiguousarray(residual.swapaxes(1, 2))
 

@@ -43,7 +43,7 @@ class LinearMeasurement(MeasurementDefaults):
         self._noise = checked_noise(noise, self.dimension)
 
     def check_extent(self, runs: int, epochs: int) -> None:
-        """Refuse a block of readings that the noise is not for.
+        """Refuse a block of measurements that the noise is not for.
 
         Raises:
             ValueError: It has other runs, or more epochs, than the noise.

@@ -1,4 +1,4 @@
-"""Readings of which some channels are missing: what a filter is then told of the measurement.
+"""Measurements of which some channels are missing: what a filter is then told of the measurement.
 
 With a selection S of the present channels, H -> S H, R -> S R S^T, z -> S z. Runs with other channels present share one
 batch, so every array keeps its m channels: an absent channel has residual 0, a row of zeros in H, and in R a row and
@@ -26,8 +26,8 @@ class Sensor:
     Args:
         name: Its name; empty where the filter was made with a measurement without one.
         channels: Its channels among those of the filter's measurement.
-        whole: Whether a reading counts with all its channels only.
-        take: ``take(z, first_epoch)`` -> z, told of its readings (runs, K, m) before a chunk of epochs is filtered.
+        whole: Whether a measurement counts with all its channels only.
+        take: ``take(z, first_epoch)`` -> z, told of its measurements (runs, K, m) before a chunk of epochs is filtered.
     """
 
     name: str
@@ -40,7 +40,7 @@ def sensors_of(measurement: Measurement) -> tuple[Sensor, ...]:
     """Return the sensors of a filter's measurement, in the order in which they are processed.
 
     `create_filter` gives a filter a measurement that says so by an attribute ``sensors``. One without can't be told
-    which channels are present: its readings count as a whole.
+    which channels are present: its measurements count as a whole.
     """
     sensors: tuple[Sensor, ...] | None = getattr(measurement, "sensors", None)
     return (_sensor("", measurement, whole=True),) if sensors is None else sensors
@@ -147,8 +147,8 @@ class PartialMeasurement(MeasurementDefaults):
     def _own_density(self, z: Array, states: Array, epoch: int) -> Array:
         if self.present is not None and (self.present.any(axis=1) & ~self.present.all(axis=1)).any():
             raise ValueError(
-                f"a reading at epoch {epoch} has channels missing, for which the measurement's own log_likelihood has "
-                "no density; give the measurement `whole = True`, and such a reading counts as missing altogether"
+                f"a measurement at epoch {epoch} has channels missing, for which the measurement model's own "
+                "log_likelihood has no density; give the model `whole = True`, and such a measurement counts as missing"
             )
         return self.complete.log_likelihood(z, states, epoch)
 

@@ -52,14 +52,14 @@ class RadarDistortion:
         self.sees = tuple(np.flatnonzero(errors.any(axis=0)).tolist())
 
     def apply(self, predicted: Array, extra: Array) -> Array:
-        """Return the readings (..., 3) that take the place of the error-free ones."""
+        """Return the measurements (..., 3) that take the place of the error-free ones."""
         if self._adds_up:
             return predicted + images(self._added, extra)
         reading = kernels.distortion.readings(*self._points(predicted, extra))
         return reading.reshape(predicted.shape)
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
-        """Return the derivatives by the error-free reading, (..., 3, 3) or None for I, and by the augmented states."""
+        """Return derivatives by the error-free measurement, (..., 3, 3) or None for I, and by the augmented states."""
         if self._adds_up:
             return None, self._added
         by_predicted, by_extra = kernels.distortion.by_both(*self._points(predicted, extra))
@@ -72,7 +72,7 @@ class RadarDistortion:
 
 
 class AnglesDistortion:
-    """The same for a reading of azimuth and elevation alone.
+    """The same for a measurement of azimuth and elevation alone.
 
     Args:
         errors: (6, e), those of range of no effect.
@@ -85,11 +85,11 @@ class AnglesDistortion:
         self.sees = self._whole.sees
 
     def apply(self, predicted: Array, extra: Array) -> Array:
-        """Return the readings (..., 2) that take the place of the error-free ones."""
+        """Return the measurements (..., 2) that take the place of the error-free ones."""
         return self._whole.apply(_at_unit_range(predicted), extra)[..., 1:]
 
     def jacobian(self, predicted: Array, extra: Array) -> tuple[Array | None, Array]:
-        """Return the derivatives by the error-free reading, (..., 2, 2) or None for I, and by the augmented states."""
+        """Return derivatives by the error-free measurement, (..., 2, 2) or None for I, and by the augmented states."""
         by_reading, by_extra = self._whole.jacobian(_at_unit_range(predicted), extra)
         return None if by_reading is None else by_reading[..., 1:, 1:], by_extra[..., 1:, :]
 

@@ -68,7 +68,7 @@ class Ranging(MeasurementDefaults):
 class GrowingRangeNoise(Around):
     """A measurement whose first channel, the range, is noisier the farther the target: sigma = (1 + c rho) sigma_0.
 
-    R is taken at the predicted range. Taken at the reading it would depend on the noise, give short readings more
+    R is taken at the predicted range. Taken at the measurement it would depend on the noise, give short ranges more
     weight and bias the filter. Its derivative by the state is left out, as in any filter of this kind.
 
     Args:
@@ -124,7 +124,7 @@ def lidar(
         range_sigma_m: Range noise at no distance, 1 sigma, m.
         range_sigma_m_per_km: What a kilometre of distance adds to it, m.
         angle_sigma_deg: Noise of azimuth and of elevation, 1 sigma, deg; None: the range alone.
-        mounting_deg: Yaw, pitch and roll from the host's nadir frame to the lidar's frame, deg.
+        mounting_deg: Yaw, pitch and roll from the host's LVLH frame to the lidar's frame, deg.
         host: Craft that carries it.
         chief_orbit: The chief's orbit; a lidar with angles on the deputy needs it.
 

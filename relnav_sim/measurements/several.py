@@ -27,7 +27,7 @@ class _Part:
 
 
 class JoinedMeasurement(MeasurementDefaults):
-    """The readings of several measurements one after the other, z = [z_a; z_b; ...], their noises independent.
+    """Several measurements one after the other, z = [z_a; z_b; ...], their noises independent.
 
     Args:
         measurements: What is measured, in the order of the channels.
@@ -49,7 +49,7 @@ class JoinedMeasurement(MeasurementDefaults):
             self.log_likelihood = self._own_densities  # type: ignore[method-assign]  # only then is there one of its own
 
     def check_extent(self, runs: int, epochs: int) -> None:
-        """Refuse a block of readings that one of the measurements is not for.
+        """Refuse a block of measurements that one of the models is not for.
 
         Raises:
             ValueError: It is not.

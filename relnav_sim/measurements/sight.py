@@ -18,10 +18,10 @@ from relnav_sim.measurements.seen_from_deputy import (
 
 
 class Sight:
-    """Where a sensor that stands fixed in the nadir frame of its host sees the other craft.
+    """Where a sensor that stands fixed in the LVLH frame of its host sees the other craft.
 
     Args:
-        mounting: Rotation (3, 3) from the host's nadir frame to the sensor's frame.
+        mounting: Rotation (3, 3) from the host's LVLH frame to the sensor's frame.
         host: ``chief``: the deputy seen from the chief. ``deputy``: the chief seen from the deputy, in the deputy's own
             orbit frame; needs `chief_orbit`.
         chief_orbit: The chief's nominal orbit; taken as circular.

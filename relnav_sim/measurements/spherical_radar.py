@@ -22,7 +22,7 @@ Assumed = Literal["nominal", "total", "mixture"]
 
 @dataclass(frozen=True)
 class SightNoise:
-    """What a filter is told about the noise of one radar reading.
+    """What a filter is told about the noise of one radar measurement.
 
     Attributes:
         weights: (k,) probabilities of the noise's joint components, positive, summing to 1.
@@ -56,14 +56,14 @@ class SphericalRadar(MeasurementDefaults):
     """Range, azimuth and elevation of the other craft in the radar frame; z = (m, rad, rad).
 
     The state begins with the deputy's position and velocity relative to the chief, RTN (m, m/s); more states may
-    follow. The radar's axes stand fixed in the nadir frame of its host's orbit. The azimuth and its row of the
+    follow. The radar's axes stand fixed in the LVLH frame of its host's orbit. The azimuth and its row of the
     Jacobian do not exist on the radar's z axis: mount the radar so that the target stays away from it.
 
     The noise is diagonal plus G P G^T: an attitude error dtheta turns the line of sight and moves the angles by
     G dtheta, G = H_angles [r x] (attitude errors do not touch the range).
 
     Args:
-        mounting: Rotation (3, 3) from the host's nadir frame to the radar frame.
+        mounting: Rotation (3, 3) from the host's LVLH frame to the radar frame.
         noise: What the filter is told about the noise.
         host: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
             deputy, in the deputy's own orbit frame (Wei, Song and Zhang 2012); needs `chief_orbit`.
@@ -138,7 +138,7 @@ class SphericalRadar(MeasurementDefaults):
         return Mixture(self._weights, np.stack(covariances, axis=-3), shared=True)
 
     def position(self, z: Array) -> Array:
-        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at; at rest where that matters."""
+        """Return the relative position, RTN (..., 3) m, that measurements (..., 3) give; at rest where that matters."""
         return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
 
     def _covariance(self, states: Array, variances: Array) -> Array:
@@ -161,13 +161,13 @@ def radar(
     """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
 
     The state is the deputy's position and velocity relative to the chief in the chief's RTN frame, m and m/s; more
-    states may follow. The radar stands fixed in its host's nadir frame (x along-track, y minus orbit normal, z
+    states may follow. The radar stands fixed in its host's LVLH frame (x along-track, y minus orbit normal, z
     nadir). Azimuth counts from the radar's x axis towards y, elevation towards minus z.
 
     Args:
         range_sigma_m: Standard deviation of the range, m.
-        angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (readings are in rad).
-        mounting_deg: Yaw, pitch and roll from the nadir frame to the radar frame, deg, about z, the new y, the new x.
+        angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (measurements are in rad).
+        mounting_deg: Yaw, pitch and roll from the LVLH frame to the radar frame, deg, about z, the new y, the new x.
         host: Craft with the radar, which sees the other one.
         chief_orbit: The chief's nominal orbit, needed with the radar on the deputy; taken as circular.
         attitude_sigma_deg: Standard deviation of a white error of the host's attitude about each axis, deg.
@@ -194,30 +194,30 @@ def radar(
 
 
 class Locating(Measurement, Protocol):
-    """A measurement whose reading gives a position."""
+    """A measurement model whose measurements give a position."""
 
     def position(self, z: Array) -> Array:
-        """Return the relative position, RTN (..., 3) m, that readings (..., 3) point at."""
+        """Return the relative position, RTN (..., 3) m, that measurements (..., 3) point at."""
         ...
 
 
 def first_fix(
     radar: Locating, z: Array, epoch: int = 0, noise: Callable[[Array, int], Array] | None = None
 ) -> tuple[Array, Array]:
-    """Return the relative position that one reading gives, and its covariance to first order.
+    """Return the relative position that one measurement gives, and its covariance to first order.
 
     Args:
-        radar: The model of the reading.
+        radar: The model of the measurement.
         z: Range, azimuth and elevation, (runs, 3); NaN gives NaN.
-        epoch: The reading's epoch.
+        epoch: The measurement's epoch.
         noise: R at a state, where it is not the radar's own.
 
     Returns:
         Position of the deputy relative to the chief, RTN, (runs, 3) m, and covariance J R J^T, (runs, 3, 3) m^2,
-        J = (dh/dr)^-1. Zero relative velocity is assumed where the reading depends on it.
+        J = (dh/dr)^-1. Zero relative velocity is assumed where the measurement depends on it.
 
     Raises:
-        ValueError: The model gives no position, or the readings have another shape.
+        ValueError: The model gives no position, or the measurements have another shape.
 
     Examples:
         >>> import numpy as np
@@ -229,12 +229,12 @@ def first_fix(
     """
     if not hasattr(radar, "position"):
         raise ValueError(
-            "a reading of this measurement gives no position; take a radar, or a lidar with angles, or start from "
+            "a measurement of this kind gives no position; take a radar, or a lidar with angles, or start from "
             "elsewhere"
         )
     readings = numbers(z, "z", masked_is_missing=True)
     if readings.ndim != 2 or readings.shape[1] != 3:
-        hint = "; for one reading use z[None]" if readings.ndim == 1 else ""
+        hint = "; for one measurement use z[None]" if readings.ndim == 1 else ""
         raise ValueError(f"z has shape {readings.shape}; it must be (runs, 3){hint}")
     state = np.zeros((len(readings), 6))
     state[:, :3] = radar.position(readings)

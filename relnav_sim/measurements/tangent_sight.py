@@ -2,10 +2,10 @@
 
 Azimuth and elevation turn ever faster towards the axis on which they do not exist; the noise of a sensor with a focal
 plane does not. Here the noise is two small turns across the line of sight, alike in every direction (the error vector
-across the line of sight of Shuster and Oh, J. Guidance and Control 4(1), 1981, with unit weights). A reading u_z is the
-centre of a chart of all directions (`astro.tangent_plane`): what is measured of a state is how far its line of sight
-lies from u_z, h(x), and the reading itself is 0. A plain difference is then right for every filter. With isotropic
-noise of the angles the density of h(x) at the true state is that of the noise exactly, whatever its size.
+across the line of sight of Shuster and Oh, J. Guidance and Control 4(1), 1981, with unit weights). A measurement u_z is
+the centre of a chart of all directions (`astro.tangent_plane`): what is measured of a state is how far its line of
+sight lies from u_z, h(x), and the measurement itself is 0. A plain difference is then right for every filter. With
+isotropic noise of the angles the density of h(x) at the true state is that of the noise exactly, whatever its size.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from relnav_sim.measurements.spherical_radar import SightNoise
 class TangentSight(MeasurementDefaults):
     """How far the line of sight lies from where it was read, z = (rad, rad), or (m, rad, rad) with the range.
 
-    `take` is given readings as azimuth and elevation, behind the range where there is one, and turns the angles to 0.
-    Runs and epochs of which no reading was taken are seen from the line of sight of their own (first) state: h = 0,
-    with derivatives and noise as of a reading there.
+    `take` is given measurements as azimuth and elevation, behind the range where there is one, and turns the angles to
+    0. Runs and epochs of which no measurement was taken are seen from the line of sight of their own (first) state: h =
+    0, with derivatives and noise as of a measurement there.
 
     The noise is diagonal plus G P G^T on the angles: an attitude error dtheta moves them by G dtheta, with the rows of
-    G, e_a x u_z and e_b x u_z, of the reading.
+    G, e_a x u_z and e_b x u_z, of the measurement.
 
     Args:
         sight: Where the sensor sees the other craft.
@@ -57,7 +57,7 @@ class TangentSight(MeasurementDefaults):
         self._first_epoch = 0
 
     def take(self, z: Array, first_epoch: int) -> Array:
-        """Return readings (runs, K, m) of the epochs from `first_epoch` on with 0 for their angles, and remember these.
+        """Return z (runs, K, m) of the epochs from `first_epoch` on with 0 for their angles, and remember the angles.
 
         Args:
             z: Azimuth and elevation, rad, behind the range in m where there is one; NaN where a channel is missing. A
@@ -72,7 +72,7 @@ class TangentSight(MeasurementDefaults):
         return taken
 
     def predict(self, states: Array, epoch: int) -> Array:
-        """Return (range and) the angles between reading and line of sight of states (runs, ..., n): (runs, ..., m)."""
+        """Return (range and) the angles from measurement to line of sight of states (runs, ..., n): (runs, ..., m)."""
         positions = self._sight.positions(states)
         z = kernels.tangent.readings(positions, self._rotation, self._read(len(states), epoch), self._ranged)
         return z.reshape(*states.shape[:-1], self.dimension)
@@ -109,7 +109,7 @@ class TangentSight(MeasurementDefaults):
         return Mixture(self._weights, covariances, shared=True)
 
     def turning(self, states: Array, epoch: int) -> Array:
-        """Return what a small turn of the host about the sensor's axes does to the reading, (runs, 1, ..., m, 3)."""
+        """Return what a small turn about the sensor's axes does to the measurement, (runs, 1, ..., m, 3)."""
         first = states.reshape(len(states), -1, states.shape[-1])[:, 0]
         G = np.zeros((len(states), self.dimension, 3))
         G[:, self._angles] = kernels.tangent.by_turn(
@@ -127,7 +127,7 @@ class TangentSight(MeasurementDefaults):
         return kernels.tangent.noise(positions, self._rotation, centres, attitude, own)
 
     def _read(self, runs: int, epoch: int) -> Array:
-        """Return the direction of each run's reading, (runs, 3); NaN where there is none."""
+        """Return the direction of each run's measurement, (runs, 3); NaN where there is none."""
         place = epoch - self._first_epoch
         if self._centres is None or not 0 <= place < len(self._centres) or self._centres.shape[1] != runs:
             return np.full((runs, 3), np.nan)
@@ -143,14 +143,14 @@ def camera(
 ) -> TangentSight:
     """Return what a filter believes of a camera: the direction of the other craft, with no pole.
 
-    Readings for `run_filter` are azimuth and elevation in the camera's frame, rad, (runs, T, 2): azimuth from its x
+    Measurements for `run_filter` are azimuth and elevation in the camera's frame, rad, (runs, T, 2): azimuth from its x
     axis towards y, elevation towards minus z. The state begins with the deputy's position and velocity relative to the
     chief, RTN (m, m/s). The filter compares directions by two small angles across the line of sight, so its NIS has
     two degrees of freedom and no direction is special.
 
     Args:
         angle_sigma_deg: Noise of each of the two angles, 1 sigma, deg.
-        mounting_deg: Yaw, pitch and roll from the host's nadir frame (x along-track, y minus orbit normal, z nadir) to
+        mounting_deg: Yaw, pitch and roll from the host's LVLH frame (x along-track, y minus orbit normal, z nadir) to
             the camera's frame, deg.
         host: Craft that carries it.
         chief_orbit: The chief's nominal orbit; needed where the host is the deputy.

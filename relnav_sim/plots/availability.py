@@ -1,4 +1,4 @@
-"""Which sensor gave readings when, and when it did not."""
+"""Which sensor gave measurements when, and when it did not."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def availability_over_time(
     from_s: float | None = None,
     until_s: float | None = None,
 ) -> Figure:
-    """Draw against time the share of the runs in which each sensor gave readings, a panel per sensor; outages shaded.
+    """Draw over time the share of the runs in which each sensor gave measurements, a panel each; outages shaded.
 
     Args:
         results: An opened result.
@@ -48,7 +48,7 @@ def availability_over_time(
     view = window(facts, from_s, until_s)
     shares = availability(chosen_filters(facts, filters))
     if not shares:
-        raise FigureError("the result does not tell sensors apart; relnav 0.1 did not")
+        raise FigureError("the result does not distinguish sensors; relnav 0.1 did not")
     with house_style():
         figure = new_figure(0.45 + (_PANEL_INCH + 0.24) * len(shares))
         panels = figure.subplots(len(shares), 1, sharex=True, squeeze=False)[:, 0]
@@ -68,10 +68,11 @@ def availability_over_time(
 
 
 def availability(items: Sequence[FilterFacts]) -> dict[str, Array]:
-    """Return for each sensor of some filters the share of runs in which it gives readings, at the stored epochs (K,).
+    """Return for each sensor of some filters the share of runs with measurements of it, at the stored epochs (K,).
 
-    A sensor gives readings at a stored epoch if there is one within its usual time between readings, and at the least
-    one since the stored epoch before. The readings are the sensor's: a filter that has failed does not end them.
+    A sensor gives measurements at a stored epoch if there is one within its usual time between measurements, and at the
+    least one since the stored epoch before. The measurements are the sensor's: a filter that has failed does not end
+    them.
     """
     shares: dict[str, Array] = {}
     for item in items:
@@ -82,7 +83,7 @@ def availability(items: Sequence[FilterFacts]) -> dict[str, Array]:
 
 
 def has_outage(case: CaseFacts) -> bool:
-    """Return whether some sensor of a case gives no readings for a while in half of the runs or more."""
+    """Return whether some sensor of a case gives no measurements for a while in half of the runs or more."""
     return any(bool((share < _OUT_BELOW).any()) for share in availability(case.filters).values())
 
 

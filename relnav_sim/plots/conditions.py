@@ -47,7 +47,7 @@ _FEWEST_IN_BIN = 5
 _SAME_RANGE = 1.02
 _LOG_FROM_RATIO = 8.0
 _KM_FROM_M = 5000.0
-_GAP = 3.0  # a gap between readings this many times the usual one is an outage
+_GAP = 3.0  # a gap between measurements this many times the usual one is an outage
 _MOST_EVENTS = 20_000
 _MANOEUVRE = "manoeuvre"
 
@@ -199,7 +199,7 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
 
 
 def _lost_and_begun(known: Mask) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return where readings are lost and where they begin or come back, from the epochs with one (runs, K)."""
+    """Return where measurements are lost and where they begin or come back, from the epochs with one (runs, K)."""
     if known.shape[1] > 1:
         known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
     steps = [np.diff(np.flatnonzero(row)) for row in known]

@@ -54,7 +54,7 @@ class FilterFacts(RunFigures):
         observability: What its sensors can tell it of the state; None where the result does not say.
         named_sensors: Names of its sensors where it names any; empty: all of the case.
         known_when: When its estimates are known, in words; empty where that is at their own epoch, as in flight.
-        editing: What came of the editing of its readings; None where there is none.
+        editing: What came of the editing of its measurements; None where there is none.
         false_rejections: Share of the tests of its editing that fail where the filter is right; NaN where it is not
             known.
         operations: What one of its epochs costs by formula; None where it states none.

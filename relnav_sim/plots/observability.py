@@ -1,4 +1,4 @@
-"""Observability over time: how much of the start's sigma the readings leave in the direction that they tell least."""
+"""Observability over time: the share of the start's sigma that measurements leave in the least observable direction."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def observability_over_time(
 ) -> Figure:
     """Draw posterior over prior sigma in the weakest direction against time, a line for each set of sensors and model.
 
-    From the information of the readings so far without the start's own, scaled by the start's sigmas.
+    From the information of measurements so far without the start's own, scaled by the start's sigmas.
 
     Args:
         results: An opened result.

@@ -184,7 +184,7 @@ def channel_checks(case: CaseFacts, item: FilterFacts) -> list[ChannelCheck]:
 
 
 def _moving_mean(nis: Array, dof: Integers, width: int = 50) -> Array:
-    """Return the mean over so many readings, fewer at both ends."""
+    """Return the mean over so many measurements, fewer at both ends."""
     window = np.ones(min(width, len(nis)))
     return np.asarray(np.convolve(nis, window, "same") / np.convolve(dof, window, "same"))
 

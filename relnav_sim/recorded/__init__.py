@@ -1,4 +1,4 @@
-"""What has been recorded in flight, or by a simulation, and files hold: orbits and readings."""
+"""What has been recorded in flight, or by a simulation, and files hold: orbits and measurements."""
 
 from relnav_sim.recorded.ephemeris import Ephemeris
 from relnav_sim.recorded.errors import EphemerisError

@@ -1,4 +1,4 @@
-"""Names of columns: what a CSV file of readings calls the times, and the channels of sensors with their units."""
+"""Names of columns: what a CSV file of measurements calls the times, and the channels of sensors with their units."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def places_of(where: str, names: Sequence[str], layout: Layout) -> dict[int, Pla
     Args:
         where: The header's file and line, for messages.
         names: The names of all columns.
-        layout: The numbers of the readings of the campaign's sensors.
+        layout: The numbers of the measurements of the campaign's sensors.
 
     Raises:
         ReadingsError: A column is no channel, or two are the same one.

@@ -23,7 +23,7 @@ _SHOWN = 4
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of rows that is interpolated by itself.
+    """A segment of rows that is interpolated by itself.
 
     Attributes:
         rows: Which rows of the ephemeris.
@@ -49,7 +49,7 @@ class Ephemeris:
         states: Positions and velocities (T, 6), m and m/s, in the frame; velocities are the time derivatives of the
             coordinates.
         frame: The frame, as the file names it: EME2000 (J2000), ICRF (GCRF) or a realisation of ITRF.
-        spans: The stretches that are interpolated, in order of time.
+        spans: The segments that are interpolated, in order of time.
         notes: What a reader of results should know of the file.
 
     Examples:
@@ -118,7 +118,7 @@ class Ephemeris:
             f"{self.epoch.later(span.start_s).text()} to {self.epoch.later(span.stop_s).text()}"
             for span in self.spans[:_SHOWN]
         ]
-        more = [f"{len(self.spans) - _SHOWN} more stretches"] if len(self.spans) > _SHOWN else []
+        more = [f"{len(self.spans) - _SHOWN} more segments"] if len(self.spans) > _SHOWN else []
         return " and ".join([*shown, *more])
 
     def covers(self, start_s: float, stop_s: float) -> bool:

@@ -1,4 +1,4 @@
-"""Numbers as files of readings have them: finite decimals, and nothing that only Python takes for a number."""
+"""Numbers as files of measurements have them: finite decimals, and nothing that only Python takes for a number."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def number(text: str) -> float:
     """
     if _FORM.fullmatch(text) is None:
         if text.casefold().lstrip("+-") in {"nan", "inf", "infinity", "na", "null", "none", "n/a", "-"}:
-            raise ValueError("is no number; leave a missing reading out")
+            raise ValueError("is no number; leave a missing measurement out")
         if re.fullmatch(r"[+-]?\d+,\d+", text):
             raise ValueError("has a decimal comma; write a decimal point")
         raise ValueError("is no number")

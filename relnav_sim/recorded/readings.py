@@ -1,4 +1,4 @@
-"""Recorded readings: what each sensor read and when, over one run or one flight, whatever file it came from."""
+"""Recorded measurements: what each sensor read and when, over one run or one flight, whatever file it came from."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LONGEST_QUOTED = 60
 
 
 class ReadingsError(ValueError):
-    """A file of readings can't be used; the message is one sentence that names file, line and remedy."""
+    """A file of measurements can't be used; the message is one sentence that names file, line and remedy."""
 
 
 def quoted(text: str) -> str:
@@ -25,7 +25,7 @@ def quoted(text: str) -> str:
 
 
 class Quantity(Protocol):
-    """One number of a reading, as `measurements.Channel` has it."""
+    """One number of a measurement, as `measurements.Channel` has it."""
 
     @property
     def name(self) -> str:
@@ -44,7 +44,7 @@ class Quantity(Protocol):
 
 
 Layout = Mapping[str, Sequence[Quantity]]
-"""The numbers of one reading of every sensor, by the sensor's name."""
+"""The numbers of one measurement of every sensor, by the sensor's name."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Column:
 
     Attributes:
         sensor: Name of the sensor.
-        channel: Place of the channel in a reading.
+        channel: Place of the channel in a measurement.
         times_s: Seconds since the campaign's start, (N,).
         values: SI units and rad, (N,).
         file: The file, as the user named it.
@@ -74,7 +74,7 @@ class SensorReadings:
 
     Attributes:
         times_s: Seconds since the campaign's start, (N,), rising.
-        values: Readings (N, m), SI units and rad; NaN where a channel is missing. Each row has a number.
+        values: Measurements (N, m), SI units and rad; NaN where a channel is missing. Each row has a number.
         files: Names of the files that they come from.
         origins: For each row the place of its file in `files`, and the line there, (N, 2).
     """
@@ -108,7 +108,7 @@ class Readings:
     """Everything that was recorded of one run.
 
     Attributes:
-        sensors: What each sensor read, by its name; those without a single reading are left out.
+        sensors: What each sensor read, by its name; those without a single measurement are left out.
         start: Where the filters start; None: where the campaign says.
         run: Number of the run, of which the random numbers of sampling filters are a function.
         notes: What the user should know of the files: sentences.
@@ -121,11 +121,11 @@ class Readings:
 
 
 def assemble(columns: Iterable[Column], layout: Layout, sort: bool = False) -> dict[str, SensorReadings]:
-    """Return the readings of each sensor, put together from columns of one file or of several.
+    """Return the measurements of each sensor, put together from columns of one file or of several.
 
     Args:
         columns: The columns, in the order in which the files were given.
-        layout: The numbers of each sensor's reading.
+        layout: The numbers of each sensor's measurement.
         sort: Whether rows may be out of order, or stand there twice with the same value.
 
     Raises:

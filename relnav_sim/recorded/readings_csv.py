@@ -1,4 +1,4 @@
-"""Readings in CSV: a row for each time, a column for each channel, and what else is known in comment lines before."""
+"""Measurements in CSV: a row for each time, a column for each channel, and further facts in comment lines before."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _TOLD = ("campaign", "case", "seed")
 
 
 def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -> Recording:
-    """Return what a CSV file of readings holds; one that says where filters start need hold no readings.
+    """Return what a CSV file of measurements holds; one that says where filters start need hold no measurements.
 
     Args:
         path: The file's name, for messages.
         text: Its text.
-        layout: The numbers of the readings of the campaign's sensors.
+        layout: The numbers of the measurements of the campaign's sensors.
         epoch: The instant of the campaign's 0 s; None: it has no calendar.
 
     Raises:
@@ -46,7 +46,7 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
     places = places_of(where, names, layout)
     start = _start(path, keys)
     if not places and start is None:
-        raise ReadingsError(f"{where}: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say")
+        raise ReadingsError(f"{where}: no column holds measurements; name them SENSOR.CHANNEL_UNIT, as radar.range_m")
     if scale is not None and zero is None:
         raise ReadingsError(
             f"{where}: {names[time_place]} holds calendar dates, and the campaign has none; "
@@ -61,7 +61,7 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
 
     lines, times, cells = _numbers(path, names, rows, time_place, seconds)
     if not len(lines) and start is None:
-        raise ReadingsError(f"{path}: it holds no row of readings after the header")
+        raise ReadingsError(f"{path}: it holds no row of measurements after the header")
     with np.errstate(over="ignore"):  # what is not finite then is refused where columns are put together
         si = {index: cells[:, index] * place.factor for index, place in places.items()}
     columns = [
@@ -73,12 +73,12 @@ def read_csv(path: str, text: str, layout: Layout, epoch: Epoch | None = None) -
 
 
 def write_csv(path: Path, readings: Readings, layout: Layout, comments: Mapping[str, str] | None = None) -> None:
-    """Write readings so that `read_csv` gives back every bit.
+    """Write measurements so that `read_csv` gives back every bit.
 
     Args:
         path: The file.
         readings: What is written.
-        layout: The numbers of the readings.
+        layout: The numbers of the measurements.
         comments: Further lines before the header: ``epoch`` where 0 s is an instant of the calendar, and for people
             ``campaign``, ``case`` and ``seed``.
 

@@ -1,4 +1,4 @@
-"""Files of readings, each in the format that it turns out to have, put together to runs."""
+"""Files of measurements, each in the format that it turns out to have, put together to runs."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def load_readings(
 
     Args:
         paths: The files.
-        layout: The numbers of the readings of the campaign's sensors, as `sensors.readings_layout` gives them.
+        layout: The numbers of the measurements of the campaign's sensors, as `sensors.readings_layout` gives them.
         epoch: The instant of the campaign's 0 s; None: it has no calendar.
         sort: Whether rows may be out of order or stand there twice.
         participants: Which sensor a participant of a TDM is, by the participant's name.
@@ -62,7 +62,7 @@ def load_readings(
 def _run(run: int, files: Sequence[Recording], layout: Layout, sort: bool) -> Readings:
     sensors = assemble([column for file in files for column in file.columns], layout, sort)
     if not sensors:
-        raise ReadingsError(f"{listed([file.file for file in files])}: no cell holds a reading")
+        raise ReadingsError(f"{listed([file.file for file in files])}: no cell holds a measurement")
     notes = tuple(note for file in files for note in file.notes)
     return Readings(sensors, _start(files), run, notes)
 
@@ -99,9 +99,9 @@ def _read(path: str, layout: Layout, epoch: Epoch | None, sort: bool, participan
     if begin.startswith(VERSION):
         return read_tdm(path, text, layout, epoch, sort, participants)
     if found := re.match(r"CCSDS_(\w+)_VERS", begin):
-        raise ReadingsError(f"{path}:1: it is a CCSDS {found[1]}; readings are in CSV or in a CCSDS TDM")
+        raise ReadingsError(f"{path}:1: it is a CCSDS {found[1]}; measurements are in CSV or in a CCSDS TDM")
     if begin.startswith("<"):
-        raise ReadingsError(f"{path}:1: it is XML; readings are in CSV or in a CCSDS TDM of KEYWORD = value lines")
+        raise ReadingsError(f"{path}:1: it is XML; measurements are in CSV or in a CCSDS TDM of KEYWORD = value lines")
     return read_csv(path, text, layout, epoch)
 
 

@@ -1,4 +1,4 @@
-"""What one file of readings holds, before files are put together."""
+"""What one file of measurements holds, before files are put together."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _LARGEST = 1e15
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of an orbit that may be interpolated.
+    """A segment of an orbit that may be interpolated.
 
     Attributes:
         line: The line it begins on.

@@ -1,4 +1,4 @@
-"""CCSDS Tracking Data Messages (503.0-B, versions 1 and 2) in keyword = value notation, read as a sensor's readings."""
+"""CCSDS Tracking Data Messages (503.0-B, versions 1 and 2) in keyword = value notation, as measurements."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def read_tdm(
     Args:
         path: The file's name, for messages.
         text: Its text.
-        layout: The numbers of the readings of the campaign's sensors.
+        layout: The numbers of the measurements of the campaign's sensors.
         epoch: The instant of the campaign's 0 s.
         sort: Whether lines of a keyword may be out of order, or stand there twice.
         participants: Which sensor a participant is, by the participant's name, where that is not the sensor's own.
@@ -188,7 +188,7 @@ def _sensor(
 
 
 def _conversion(segment: Segment, keyword: str, notes: dict[str, None]) -> Callable[[float], float]:
-    """Return what makes a reading in SI of the numbers of a keyword."""
+    """Return what makes a measurement in SI of the numbers of a keyword."""
     mode = segment.says("MODE", "SEQUENTIAL")
     if mode != "SEQUENTIAL":
         raise segment.refusal("MODE", "is a difference of signals, which no sensor of relnav reads")

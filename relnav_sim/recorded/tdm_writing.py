@@ -1,4 +1,4 @@
-"""Readings written as a CCSDS Tracking Data Message."""
+"""Measurements written as a CCSDS Tracking Data Message."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SCALE = "UTC"
 
 
 def fits_tdm(quantities: Sequence[Quantity]) -> bool:
-    """Return whether a Tracking Data Message has a keyword for every number of a reading."""
+    """Return whether a Tracking Data Message has a keyword for every number of a measurement."""
     known = set(KINDS.values())
     return all((quantity.name, quantity.unit) in known for quantity in quantities)
 
@@ -25,7 +25,7 @@ def fits_tdm(quantities: Sequence[Quantity]) -> bool:
 def write_tdm(
     path: Path, readings: Readings, layout: Layout, epoch: Epoch, targets: Mapping[str, str], created: Epoch
 ) -> None:
-    """Write readings as a Tracking Data Message, a segment for each sensor that has any.
+    """Write measurements as a Tracking Data Message, a segment for each sensor that has any.
 
     Times are to the picosecond, km, km/s and degrees with all their digits, so that reading them back errs by some
     units of the last place.
@@ -33,7 +33,7 @@ def write_tdm(
     Args:
         path: The file.
         readings: What is written; each sensor must be one that `fits_tdm`.
-        layout: The numbers of the readings.
+        layout: The numbers of the measurements.
         epoch: The instant of 0 s.
         targets: What each sensor measures, by the sensor's name: ``chief`` or ``deputy``.
         created: When the file is written.

@@ -61,7 +61,7 @@ def leakage(results: Results) -> tuple[str, ...]:
 
 
 def geometry(results: Results) -> tuple[str, ...]:
-    """Return what the flown geometry did to the readings, if anything: sentences that no verdict should be without."""
+    """Return what the flown geometry did to the measurements, if anything: sentences that belong to any verdict."""
     return flown_warnings(
         results.campaign_content,
         (
@@ -117,12 +117,12 @@ def provenance_facts(results: Results) -> tuple[tuple[str, str], ...]:
 
 
 def recorded_in_words(replay: ReplayHeader) -> str:
-    """Return the files of recorded readings with the first digits of their digests."""
+    """Return the files of recorded measurements with the first digits of their digests."""
     return ", ".join(f"{path} (SHA-256 {digest[:_HASH_SHOWN]})" for path, digest in replay.files.items())
 
 
 def _sensors(results: Results) -> str:
-    """Return what a reading of each sensor consists of, in words; nothing where the result does not say."""
+    """Return what a measurement of each sensor consists of, in words; nothing where the result does not say."""
     found = {sensor: channels for header in results.headers for sensor, channels in header.channels.items()}
     return "; ".join(
         f"{sensor}: {', '.join(f'{channel.label} [{channel.unit}]' for channel in channels)}"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _MOST_CASES_WITH_WHOLE_SPAN = 20
 _NOT_DRAWN = (
-    "The figures of this case were left out to keep the report small; its time series are in the chart above. "
+    "The figures of this case are omitted to keep the report small; its time series are in the chart above. "
     "A figure: relnav figure {result} errors --case {case}"
 )
 _NO_BUDGET = (

@@ -46,7 +46,7 @@ from relnav_sim.statistics.intervals import (
 )
 from relnav_sim.wording import MISSING, listed, significant
 
-_AVAILABILITY_NOTE = " Epochs with a measurement: share of the epochs of the headline span."
+_AVAILABILITY_NOTE = " Epochs with a measurement: share of the epochs of the time span of the metrics."
 _KNOWN = {
     "rejected": "measurements that were rejected (share)",
     "underweighted": "updates that were underweighted (share)",
@@ -246,7 +246,7 @@ def reliability_table(case: CaseFacts) -> Table:
 
 
 def _availability_rows(case: CaseFacts) -> list[Row]:
-    """Return in how many of the epochs each sensor gave a reading; nothing where an only sensor did in all of them."""
+    """Return in how many of the epochs each sensor gave a measurement; nothing where an only one always did."""
     shares = {sensor: [_readings(case, sensor, item) for item in case.filters] for sensor in case.sensors}
     if len(shares) == 1 and not any(share < 100 for share in next(iter(shares.values()))):
         return []
@@ -262,7 +262,7 @@ def _availability_rows(case: CaseFacts) -> list[Row]:
 
 
 def _readings(case: CaseFacts, sensor: str, item: FilterFacts) -> float:
-    """Return in how many per cent of the epochs of all completed runs the sensor gave a reading; NaN without it."""
+    """Return in how many per cent of the epochs of all completed runs the sensor gave a measurement; NaN without it."""
     span = span_index(case.span)
     updates, epochs = item.of_sensor(sensor, "updates", case.span).sum(), item.per_run("epochs", span).sum()
     return float(100 * updates / epochs) if epochs else math.nan

@@ -219,7 +219,7 @@ def _decision(
     sections: Sequence[CaseSection],
     shared: bool,
 ) -> DecisionSection | None:
-    """Return the decision; None where no case has a run, or the readings are recorded and one filter read them."""
+    """Return the decision; None where no case has a run, or the measurements are recorded and one filter read them."""
     decision = decided(results, rankings, judged)
     if decision is None:
         return None

@@ -1,4 +1,4 @@
-"""What came of the editing of readings: rejections, lock-outs and recoveries of a case's filters."""
+"""What came of the editing of measurements: rejections, lock-outs and recoveries of a case's filters."""
 
 from __future__ import annotations
 

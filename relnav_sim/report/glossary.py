@@ -14,7 +14,7 @@ TERMS: Mapping[str, str] = {
     "diagonal.",
     "conservative": "Pessimistic: the formal sigma is larger than the actual error (ANEES below 1).",
     "overconfident": "Optimistic: the formal sigma is smaller than the actual error (ANEES above 1).",
-    "steady state": "The time from settle_s of the campaign on; headline values are taken over it.",
+    "steady state": "The time from settle_s of the campaign on; the main metrics are taken over it.",
     "no significant difference": "The runs cannot tell the two apart from filters with equal errors, at 95 % for all "
     "pairs of a case together. More runs might.",
     "no difference that matters": "The interval of the difference lies wholly inside the equivalence margin, "

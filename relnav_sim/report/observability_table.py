@@ -1,4 +1,4 @@
-"""What the readings can tell of the state at the ends of the phases of a run."""
+"""What the measurements can tell of the state at the ends of the phases of a run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def observability_table(case: CaseFacts) -> Table | None:
         cells: list[Number | Words] = []
         for _, found in groups:
             ratio = float(found.ratio[place])
-            # The state at the start is known as well as the start says while there is no reading.
+            # The state at the start is known as well as the start says while there is no measurement.
             words = found.weakest_at(float(case.times_s[place]))
             blind = ratio > NOT_OBSERVABLE
             cells += [Number(ratio, decimals=4, mark="failed" if blind else ""), Words(words)]

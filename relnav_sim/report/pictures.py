@@ -158,7 +158,7 @@ def _range(results: Results, case: CaseFacts) -> Drawing | None:
 
 
 def _availability(results: Results, case: CaseFacts) -> Drawing | None:
-    """Return when sensors gave readings, where there are several, or the only one has an outage."""
+    """Return when sensors gave measurements, where there are several, or the only one has an outage."""
     if len(case.sensors) < 2 and not has_outage(case):
         return None
     return _described("availability", plots.availability_over_time(results, case), case)

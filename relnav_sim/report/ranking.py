@@ -1,4 +1,4 @@
-"""Which filter of a case is best, and can the others be told apart from it?
+"""Which filter of a case is best, and do the others differ from it significantly?
 
 The headline figure is the RMS over time of the position error of each run. Filters of a campaign share their
 random numbers, so they are compared run by run: the interval of the mean difference decides, not whether
@@ -115,7 +115,7 @@ class Ranking:
 
     @property
     def undecided(self) -> tuple[Standing, ...]:
-        """The filters that can't be told apart from the best."""
+        """The filters without a significant difference from the best."""
         return tuple(item for item in self.ranked[1:] if not item.told_apart)
 
     @property
@@ -158,7 +158,7 @@ def rank(case: CaseFacts) -> Ranking:
 def _compared(case: CaseFacts) -> frozenset[str]:
     """Return the names of the filters that are compared with one another.
 
-    A ranking of filters that can't observe the state would be one of their start, and one that knows later readings
+    A ranking of filters that can't observe the state would be one of their start, and one that knows later measurements
     would win over those that must do without them.
     """
     observable = [item for item in case.filters if item.observable]

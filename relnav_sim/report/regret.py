@@ -115,7 +115,7 @@ def _minimax(found: Regret, winner: str, minimax: str) -> str:
 
 
 def _reservations(found: Regret) -> Iterator[str]:
-    """Yield what limits the reading of the numbers."""
+    """Yield what limits the interpretation of the numbers."""
     runs = len(found.runs)
     if found.not_observable:
         yield f"Left out, because their sensors cannot observe the state: {listed(found.not_observable)}."

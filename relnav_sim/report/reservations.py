@@ -30,7 +30,7 @@ class Background:
         budget_case: The number of its case.
         waiting: Filters without any run yet.
         shared_field: Whether filters know all of the truth's gravity field.
-        replayed: Whether the readings are recorded ones.
+        replayed: Whether the measurements are recorded ones.
     """
 
     labels: Mapping[int, str]

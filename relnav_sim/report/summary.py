@@ -174,7 +174,7 @@ def _not_observable(rankings: Sequence[Ranking]) -> list[str]:
 
 
 def _known_later(rankings: Sequence[Ranking]) -> list[str]:
-    """Return what later readings would have told: a limit to what filters in flight can reach, and none of them."""
+    """Return what later measurements would have told: a limit to what filters in flight can reach, and none of them."""
     sizes: dict[tuple[str, str], list[float]] = {}
     for ranking in rankings:
         for item in ranking.known_later:

@@ -61,7 +61,7 @@ def whiteness_table(case: CaseFacts) -> Table | None:
 
 
 def _rejected(case: CaseFacts) -> str:
-    """Return a sentence on what is left out where filters edit their readings; empty elsewhere."""
+    """Return a sentence on what is left out where filters edit their measurements; empty elsewhere."""
     edits = any(item.editing is not None for item in case.filters)
     return " Measurements that a filter rejected are not among them; Measurement editing counts those." if edits else ""
 

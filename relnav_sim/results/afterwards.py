@@ -27,7 +27,7 @@ def known_when(results: Results, index: int, name: str) -> str:
 
 
 def reads_from_s(results: Results, index: int, name: str) -> float:
-    """Return the time from which a row has the readings, s: a start that is fitted to them waits for the last."""
+    """Return the time from which a row has the measurements, s: a start that is fitted to them waits for the last."""
     entry, varied = filter_settings(results, index, name), results.headers[index].variables
     start = varied.get(f"filters.{name}.batch_start", entry.get("batch_start"))
     duration_s = varied.get(f"filters.{name}.batch_start.duration_s")

@@ -83,17 +83,17 @@ class AugmentedStates:
 
 @dataclass(frozen=True)
 class BySensor:
-    """What came of the readings of each of s sensors; sums are over the whole run and settled.
+    """What came of the measurements of each of s sensors; sums are over the whole run and the steady state.
 
     Attributes:
-        names: The sensors, in the order in which the filter takes their readings.
+        names: The sensors, in the order in which the filter takes their measurements.
         nis_sum: Sum of the NIS over the sensor's updates, (runs, 2, s).
         dof_sum: Sum of its degrees of freedom, the channels that were present, (runs, 2, s).
-        updates: Epochs with a reading, (runs, 2, s).
+        updates: Epochs with a measurement, (runs, 2, s).
         nis_lag1: Autocorrelation of the NIS between successive updates, (runs, 2, s).
-        nis: NIS at the stored epochs, (runs, times, s); NaN without a reading.
-        dof: Its degrees of freedom, (runs, times, s); 0 without a reading.
-        readings: Epochs with a reading since the stored epoch before, (runs, times, s).
+        nis: NIS at the stored epochs, (runs, times, s); NaN without a measurement.
+        dof: Its degrees of freedom, (runs, times, s); 0 without a measurement.
+        readings: Epochs with a measurement since the stored epoch before, (runs, times, s).
     """
 
     names: tuple[str, ...]
@@ -127,14 +127,14 @@ EDIT_ENDS = ("none", "rejecting", "adopted", "not_seen", "failed")
 
 @dataclass(frozen=True)
 class Editing:
-    """What came of the editing of readings, of s sensors; docs/editing.md defines the terms.
+    """What came of the editing of measurements, of s sensors; docs/editing.md defines the terms.
 
     Attributes:
         names: The sensors.
         tests: Tests made, over the whole run and settled, (runs, 2, s).
-        rejected: Readings or channels rejected, (runs, 2, s).
+        rejected: Measurements or channels rejected, (runs, 2, s).
         lock_outs: Lock-outs, (runs, s).
-        actions: Readings at which the filter acted, (runs, s).
+        actions: Measurements at which the filter acted, (runs, s).
         recoveries: Recoveries, (runs,).
         recovery: Longest time to recover, (runs,), s; NaN: none.
         lost: Times that it diverged for 10 N epochs, (runs,).
@@ -157,7 +157,7 @@ class Editing:
 
     @staticmethod
     def of_arrays(columns: layout.Columns, arrays: Mapping[str, AnyArray]) -> Editing | None:
-        """Return what arrays by their names in the layout say; None where no reading is edited."""
+        """Return what arrays by their names in the layout say; None where no measurement is edited."""
         if not columns.edited:
             return None
         return Editing(
@@ -177,8 +177,8 @@ class FilterResult:
         nees: Normalised estimation error squared, (runs, times).
         diagnostics: What the filter reports of its own working, by name, mean over updates (runs,).
         augmented: Its augmented states; None where it has none.
-        by_sensor: What came of each sensor's readings; None where the filter's history does not tell them apart.
-        editing: What came of the editing of its readings; None where there is none.
+        by_sensor: What came of each sensor's measurements; None where the filter's history does not tell them apart.
+        editing: What came of the editing of its measurements; None where there is none.
         covariance_root: Cholesky factors of the covariances of position and velocity, lower triangles row by row,
             (runs, times, 21); None where they are not stored.
         by_channel: What its residuals say by channel; None where they were not looked at.

@@ -40,7 +40,7 @@ class BoundResult:
         filters: Bounds of the filters' own models, (times, 8), by name; those that failed are left out.
         perfect_of: Bounds of a perfect model that goes by the filter's own sensors, by its name, (times, 8); only of
             filters that go by some of the sensors.
-        observability: What the readings of its sensors can tell each filter, by name, as far as it is known.
+        observability: What the measurements of its sensors can tell each filter, by name, as far as it is known.
         reason: Why one failed, in words, as that of a `Failure`; empty: none did.
         retry: Whether one failed for want of time or memory, so that another attempt may succeed.
     """
@@ -226,7 +226,7 @@ def _known(found: Mapping[str, T | None]) -> dict[str, T]:
 
 @dataclass(frozen=True)
 class CaseLimits:
-    """What readings can tell at most in a case, from all its bounds.
+    """What measurements can tell at most in a case, from all its bounds.
 
     Attributes:
         arrays: Bounds, (times, 8), by dataset of the layout and filter; by an empty name the case's own.

@@ -17,9 +17,9 @@ class ByChannel:
 
     Attributes:
         names: Sensor and channel, ``radar range``, in the order in which the filter takes them.
-        count: Readings, (runs, 2, c).
-        mean: Mean residual, (runs, 2, c); NaN without readings.
-        product: Mean product of residuals so many readings apart, about 0, (runs, 2, c, lags), lags as in
+        count: Measurements, (runs, 2, c).
+        mean: Mean residual, (runs, 2, c); NaN without measurements.
+        product: Mean product of residuals so many measurements apart, about 0, (runs, 2, c, lags), lags as in
             `layout.LAGS`; NaN without a pair.
     """
 

@@ -19,7 +19,7 @@ class CaseHeader:
         variables: The swept values by their paths.
         filters: Names of its filters, in order.
         filter_ids: A hash of each filter's settings, by its name.
-        channels: What a reading of each sensor consists of, by the sensor's name; empty in files of relnav 0.1.
+        channels: What a measurement of each sensor consists of, by the sensor's name; empty in files of relnav 0.1.
         stress: Name of the stress under which it was flown, of which no filter is told; empty: none.
         nominal: Id of the same case without the stress; empty where there is none.
     """
@@ -36,10 +36,10 @@ class CaseHeader:
 
 @dataclass(frozen=True)
 class ReplayHeader:
-    """The recorded readings behind a result.
+    """The recorded measurements behind a result.
 
     Attributes:
-        files: SHA-256 of each file of readings, by its name as the user gave it.
+        files: SHA-256 of each file of measurements, by its name as the user gave it.
         truth: What the estimates are scored against, in words.
         runs: Numbers of the recorded runs, ascending.
     """
@@ -79,7 +79,7 @@ class ResultHeader:
         constants: Constants of the models by name (unit in the name), as attributes of ``/constants``.
         only: The single run that the file is to hold; None: all of the campaign's.
         stopping: The rule of adaptive stopping and what came of it; empty without one.
-        replay: Where the readings were recorded; None: they were simulated.
+        replay: Where the measurements were recorded; None: they were simulated.
     """
 
     campaign_name: str

@@ -1,4 +1,4 @@
-"""What came of the editing of readings, as flat columns of the summary."""
+"""What came of the editing of measurements, as flat columns of the summary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The datasets of a results file about the editing of readings."""
+"""The datasets of a results file about the editing of measurements."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from relnav_sim.results.dataset import Dataset
 EDITING = (
     Dataset(
         "edit_tests", ("run", "span", "edited"), "<i8", "1",
-        "tests of the sensor's readings: one for each reading, or with scope channel one for each channel present",
+        "tests of the sensor's measurements: one for each, or with scope channel one for each channel present",
         "{span}edit_tests_{sensor}",
     ),
     Dataset(
-        "edit_rejected", ("run", "span", "edited"), "<i8", "1", "readings, or channels, of the sensor that it rejected",
+        "edit_rejected", ("run", "span", "edited"), "<i8", "1", "rejected measurements, or channels, of the sensor",
         "{span}edit_rejected_{sensor}",
     ),
     Dataset(
@@ -20,7 +20,7 @@ EDITING = (
     ),
     Dataset(
         "edit_actions", ("run", "edited"), "<i8", "1",
-        "readings of the sensor at which the filter's action was taken: accepted, inflated or restarted",
+        "measurements of the sensor at which the filter's action was taken: accepted, inflated or restarted",
         "edit_actions_{sensor}",
     ),
     Dataset(
@@ -50,7 +50,7 @@ EDITING = (
     ),
     Dataset(
         "edit_end", ("run",), "|i1", "1",
-        "how the run ends: 0 recovered or never locked out; 1 readings still rejected; 2 readings pass and the "
+        "how the run ends: 0 recovered or never locked out; 1 measurements still rejected; 2 measurements pass and the "
         "estimate is off the truth (a fault adopted); 3 inside, for too short to count as recovered; 4 failed",
         "edit_end",
     ),

@@ -120,7 +120,7 @@ def _read_replay(file: h5py.File) -> ReplayHeader | None:
     try:
         return ReplayHeader.of_plain(store.json_value(file, "replay", dict))
     except ValueError as error:
-        raise ResultsError(f"{file.filename}: what it says of its recorded readings is damaged: {error}") from None
+        raise ResultsError(f"{file.filename}: what it says of its recorded measurements is damaged: {error}") from None
 
 
 def _texts(file: h5py.File, name: str) -> dict[str, str]:

@@ -34,9 +34,9 @@ class HeldResult:
         campaign_hash: Hash of the content.
         seed: Seed of the campaign.
         planned_runs: Number of runs the campaign asked for.
-        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``; of recorded readings
+        planned: Their numbers: 0, 1, 2, ...; a single one in a file of ``relnav run --only``; of recorded measurements
             those of the recorded runs.
-        replay: Where the readings were recorded: their ``files`` with SHA-256, and the ``truth`` that estimates are
+        replay: Where the measurements were recorded: their ``files`` with SHA-256, and the ``truth`` that estimates are
             scored against; None: they were simulated.
         stopping: The rule of adaptive stopping (``metric``, ``half_width``, ``at``, ``filter``) with the number of
             runs ``reached`` and whether the rule was ``met``; empty without one.

@@ -38,7 +38,7 @@ FACTOR = tuple(f"{row},{column}" for i, row in enumerate(COMPONENTS) for column 
 """Entries of the lower triangle of a 6 x 6 matrix, row by row: ``x,x``, ``y,x``, ``y,y``, ..."""
 
 LAGS = tuple(float(lag) for lag in range(21))
-"""Lags of the autocorrelation of residuals, in readings."""
+"""Lags of the autocorrelation of residuals, in measurements."""
 
 STATE_UNITS = "m; m/s"
 _STATE_NOTE = "(m for x y z, m/s for vx vy vz)"
@@ -55,17 +55,17 @@ DIMENSIONS = {
         Dimension("factor", "str", "", "entry of a lower-triangular 6 x 6 matrix by row and column", FACTOR),
         Dimension("quantity", "str", "", "component of the error, or norm: r position, v velocity", QUANTITIES),
         Dimension("norm", "str", "", "norm of the error: r position, v velocity", NORMS),
-        Dimension("span", "str", "", "whole: every epoch after the start; settled: t >= settle_s", SPANS),
+        Dimension("span", "str", "", "whole: every epoch after the start; settled: steady state, t >= settle_s", SPANS),
         Dimension("block", "str", "", "part of the state that is tested against its covariance", BLOCKS),
         Dimension("level", "<f8", "1", "probability that the error ellipsoid should hold", LEVELS),
         Dimension("probability", "<f8", "1", "probability of the quantile", PROBABILITIES),
         Dimension("threshold", "<f8", "m", "position error that a run has to stay below", THRESHOLDS_M),
         Dimension("diagnostic", "str", "", "what a filter reports of its own working, by the name it gives"),
         Dimension("extra", "str", "", "state that the filter carries behind position and velocity, by its name"),
-        Dimension("sensor", "str", "", "sensor whose readings the filter takes, by its name in the campaign"),
-        Dimension("edited", "str", "", "sensor whose readings the filter edits, by its name in the campaign"),
-        Dimension("channel", "str", "", "channel of a sensor as the filter takes its readings: sensor and channel"),
-        Dimension("lag", "<f8", "1", "distance between residuals, readings of the channel", LAGS),
+        Dimension("sensor", "str", "", "sensor whose measurements the filter takes, by its name in the campaign"),
+        Dimension("edited", "str", "", "sensor whose measurements the filter edits, by its name in the campaign"),
+        Dimension("channel", "str", "", "channel of a sensor as the filter takes its measurements: sensor and channel"),
+        Dimension("lag", "<f8", "1", "distance between residuals, measurements of the channel", LAGS),
         Dimension("state", "str", "", "state that the filter estimates: position, velocity, augmented states by name"),
         Dimension("case", "<i8", "1", "number of the case, from 0"),
         Dimension("bound_case", "<i8", "1", "number of the case that the bound is of, from 0"),
@@ -138,7 +138,7 @@ SUMMARY = (
     ),
     Dataset(
         "convergence_relative", ("run",), _F8, "s",
-        "first time from which |position error| stays for convergence_hold_s below 3 times its settled rms, "
+        "first time from which |position error| stays for convergence_hold_s below 3 times its steady-state rms, "
         "rounded up by at most 1/32 to a bin edge; NaN: never", "convergence_relative_s",
     ),
     Dataset(
@@ -219,7 +219,7 @@ BY_SENSOR = (
         "sum over the sensor's updates of the channels that were present", "{span}dof_sum_{sensor}",
     ),
     Dataset(
-        "sensor_updates", (*_PER_SPAN, "sensor"), _I8, "1", "epochs with a reading of the sensor",
+        "sensor_updates", (*_PER_SPAN, "sensor"), _I8, "1", "epochs with a measurement of the sensor",
         "{span}updates_{sensor}",
     ),
     Dataset(
@@ -229,31 +229,31 @@ BY_SENSOR = (
     ),
     Dataset(
         "sensor_nis", ("run", "time", "sensor"), _F4, "1",
-        "normalised innovation squared of the sensor; NaN: no reading",
+        "normalised innovation squared of the sensor; NaN: no measurement",
     ),
     Dataset(
         "sensor_dof", ("run", "time", "sensor"), _I2, "1",
-        "degrees of freedom of that NIS: channels that were present; 0: no reading",
+        "degrees of freedom of that NIS: channels that were present; 0: no measurement",
     ),
     Dataset(
         "sensor_readings", ("run", "time", "sensor"), _I4, "1",
-        "epochs with a reading of the sensor since the stored epoch before, this one included",
+        "epochs with a measurement of the sensor since the stored epoch before, this one included",
     ),
 )  # fmt: skip
-"""Where the filter's history tells its readings by sensor; not in files of relnav 0.1."""
+"""Where the filter's history tells its measurements by sensor; not in files of relnav 0.1."""
 BY_CHANNEL = (
     Dataset(
-        "channel_count", (*_PER_SPAN, "channel"), _I8, "1", "readings of the channel; 0: none",
+        "channel_count", (*_PER_SPAN, "channel"), _I8, "1", "measurements of the channel; 0: none",
     ),
     Dataset(
         "channel_mean", (*_PER_SPAN, "channel"), _F8, "1",
-        "mean over readings of the residual in formal sigmas, z - h(prediction) over the root of its variance; 0 when "
-        "consistent",
+        "mean over measurements of the residual in formal sigmas, z - h(prediction) over the root of its variance; 0 "
+        "when consistent",
     ),
     Dataset(
         "channel_product", (*_PER_SPAN, "channel", "lag"), _F8, "1",
-        "mean over pairs of the product of residuals in formal sigmas so many readings apart; when consistent 1 at lag "
-        "0, else 0; NaN without a pair",
+        "mean over pairs of the product of residuals in formal sigmas so many measurements apart; when consistent 1 at "
+        "lag 0, else 0; NaN without a pair",
     ),
 )  # fmt: skip
 """Only where the campaign asks for it (``statistics.whiteness``)."""
@@ -281,8 +281,8 @@ PERFECT_BOUND = Dataset(
 OBSERVABILITY = (
     Dataset(
         "observability", ("time",), _F8, "1",
-        "posterior over prior sigma in the direction of position and velocity of which the readings so far tell least; "
-        "1: nothing",
+        "posterior over prior sigma in the direction of position and velocity of which the measurements so far tell "
+        "least; 1: nothing",
     ),
     Dataset(
         "weakest_direction", ("state",), _F8, "1",
@@ -290,14 +290,14 @@ OBSERVABILITY = (
         "position and velocity",
     ),
     Dataset(
-        "sigma_ratio", ("state",), _F8, "1", "posterior over prior sigma of each state by itself, from all readings",
+        "sigma_ratio", ("state",), _F8, "1", "posterior over prior sigma of each state, from all measurements",
     ),
 )  # fmt: skip
 """Of filters whose observability is known; the attributes ``sensors``, ``blind`` (number of directions that are not
 observable), ``weakest`` (the direction in words) and ``course`` (the same over time) of the group go with it."""
 
 LIMITS = (BOUND, PERFECT_BOUND, *OBSERVABILITY)
-"""What a case's group or a filter's may hold of what readings can tell at most."""
+"""What a case's group or a filter's may hold of what measurements can tell at most."""
 
 FAILURES = (
     Dataset("run", ("failure",), _I8, "1", "run that failed"),
@@ -338,7 +338,7 @@ class Columns:
         augmented: Names of its augmented states.
         augmented_units: Their units.
         sensors: Names of the sensors that its statistics are told by; empty where they are not.
-        edited: Names of the sensors whose readings it edits.
+        edited: Names of the sensors whose measurements it edits.
         factor: Names of the entries of its covariances' roots, `FACTOR`; empty where they are not stored.
         channels: Channels whose residuals its statistics are told by; empty where they are not.
     """

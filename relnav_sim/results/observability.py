@@ -1,4 +1,4 @@
-"""What the readings of a filter's sensors can tell of the state at all, as a result holds it and says it."""
+"""What the measurements of a filter's sensors can tell of the state at all, as a result holds it and says it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from relnav_sim.arrays import Array
 from relnav_sim.printable import printable
 
 NOT_OBSERVABLE = 0.9
-"""Ratio of posterior to prior sigma above which, at the end of a run, the readings have told next to nothing."""
+"""Ratio of posterior to prior sigma above which, at the end of a run, the measurements have told next to nothing."""
 _FILTERS_NAMED = 8
 
 
 @dataclass(frozen=True)
 class Observability:
-    """What readings tell a filter beyond its start, in the direction in which they tell least.
+    """What measurements tell a filter beyond its start, in the direction in which they tell least.
 
     Attributes:
-        sensors: The sensors whose readings they are.
+        sensors: The sensors whose measurements they are.
         ratio: Posterior over prior sigma in the weakest direction of the relative state, at stored epochs, (times,).
         states: Names of the states: position and velocity, RTN, and the augmented ones that are estimated, (n,).
         direction: The weakest direction at the end, in sigmas of the start, (n,): of unit length over position and
@@ -43,12 +43,12 @@ class Observability:
     course: tuple[tuple[float, str], ...] = ()
 
     def weakest_at(self, time_s: float) -> str:
-        """Return the weakest direction in words from the readings up to a time; empty: not known, or no reading yet."""
+        """Return the weakest direction in words by the measurements up to a time; empty: not known, or none yet."""
         return next((words for from_s, words in reversed(self.course) if from_s <= time_s), "")
 
     @property
     def observable(self) -> bool:
-        """Whether the readings tell something of the whole relative state."""
+        """Whether the measurements tell something of the whole relative state."""
         return self.blind == 0
 
     def agrees(self, other: Observability) -> bool:
@@ -63,7 +63,7 @@ class Observability:
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """The augmented states of which the readings tell next to nothing."""
+        """The augmented states of which the measurements tell next to nothing."""
         pairs = list(zip(self.states, self.sigma_ratio, strict=True))[6:]
         return tuple(name for name, ratio in pairs if ratio > NOT_OBSERVABLE)
 
@@ -100,13 +100,13 @@ def _sentence(found: Observability) -> str:
     if not found.observable:
         many = f"{found.blind} of 6 directions, the weakest along " if found.blind > 1 else ""
         return (
-            f"{by}: not observable: {many}{found.weakest}. At the end the readings leave {100 * found.ratio[-1]:.3g} % "
+            f"{by}: not observable: {many}{found.weakest}. At the end the measurements leave "
             "of the start's sigma there, so the error says how good the start was, not how good the filter is."
         )
     if found.untold:
         states = f"state{'s' if len(found.untold) > 1 else ''} {', '.join(found.untold)}"
         return (
-            f"{by}: the readings tell next to nothing of the augmented {states} beyond the sigma at the start; "
+            f"{by}: the measurements tell next to nothing of the augmented {states} beyond the sigma at the start; "
             "mode: consider accounts for what can't be told."
         )
     return ""

@@ -104,7 +104,7 @@ class Results(HeldResult):
     def diagnostics(self, case: int | str, filter: str) -> dict[str, Array]:
         """Return what a filter reports of its own working, by name: mean over updates of each run (runs,).
 
-        For example ``rejected`` (share of readings that were rejected), ``ess`` or ``alpha``; empty where the
+        For example ``rejected`` (share of measurements that were rejected), ``ess`` or ``alpha``; empty where the
         filter reports nothing. NaN: never reported in that run.
         """
         index = self._check(case, filter)
@@ -123,14 +123,14 @@ class Results(HeldResult):
         return AugmentedStates.of_arrays(columns, parts)
 
     def channels(self, case: int | str) -> Mapping[str, tuple[Channel, ...]]:
-        """Return what a reading of each sensor of a case consists of, by the sensor's name.
+        """Return what a measurement of each sensor of a case consists of, by the sensor's name.
 
         Empty in files of relnav 0.1, which had one relative sensor, a radar.
         """
         return self.headers[self.case_index(case)].channels
 
     def by_sensor(self, case: int | str, filter: str) -> BySensor | None:
-        """Return what came of the readings of each of a filter's sensors; None where the file does not tell them apart.
+        """Return what came of the measurements of each of a filter's sensors; None where the file does not say.
 
         Files of relnav 0.1 do not.
         """
@@ -140,7 +140,7 @@ class Results(HeldResult):
         return BySensor.of_arrays(columns, {spec.name: self._filter_data(index, filter, spec) for spec in specs})
 
     def editing(self, case: int | str, filter: str) -> Editing | None:
-        """Return what came of the editing of a filter's readings; None where there is none."""
+        """Return what came of the editing of a filter's measurements; None where there is none."""
         index = self._check(case, filter)
         columns = self._filter_part(index, filter).columns()
         specs = layout.EDITING if columns.edited else ()
@@ -298,7 +298,7 @@ class Results(HeldResult):
         return self.bound(case) if own is None else own
 
     def observability(self, case: int | str, filter: str) -> Observability | None:
-        """Return what the readings of a filter's sensors can tell of the state, None where it is not known."""
+        """Return what the measurements of a filter's sensors can tell of the state, None where it is not known."""
         part = self._held(case, filter)
         return None if part is None else part.observability()
 

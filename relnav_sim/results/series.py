@@ -23,8 +23,8 @@ class Series:
         nees: Normalised estimation error squared (K,).
         truth: True relative state, RTN, (K, 6).
         covariance: Formal covariance of position and velocity, RTN, (K, 6, 6); None where the file holds none.
-        nis_by: NIS of each sensor's readings (K,), by its name; empty where the file does not tell them apart.
-        dof_by: Its degrees of freedom (K,); 0 without a reading.
+        nis_by: NIS of each sensor's measurements (K,), by its name; empty where the file does not tell them apart.
+        dof_by: Its degrees of freedom (K,); 0 without a measurement.
     """
 
     case: str

@@ -18,7 +18,7 @@ CASE_TABLE = tuple(
         ("label", "its values in words"),
         ("variables", "its values by their paths, JSON"),
         ("filters", "its filters with a hash of the settings of each, JSON"),
-        ("channels", "what a reading of each sensor consists of, JSON"),
+        ("channels", "what a measurement of each sensor consists of, JSON"),
         ("stress", "the stress under which it was flown; empty: none"),
         ("nominal", "id of the same case without the stress; empty: it has none"),
     )
@@ -26,7 +26,7 @@ CASE_TABLE = tuple(
 STACK = Dataset("stack", ("case",), "<i8", "1", "number of the stack that holds the case; -1: nothing is computed yet")
 
 OBSERVED_FACTS = (
-    Dataset("sensors", ("observed_case",), FIXED, "", "sensors whose readings count, JSON"),
+    Dataset("sensors", ("observed_case",), FIXED, "", "sensors whose measurements count, JSON"),
     Dataset("blind", ("observed_case",), "<i8", "1", "number of directions that are not observable"),
     Dataset("weakest", ("observed_case",), FIXED, "", "the weakest direction in words"),
     Dataset("course", ("observed_case",), FIXED, "", "from when on, s, which direction is the weakest, JSON"),

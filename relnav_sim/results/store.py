@@ -273,7 +273,7 @@ def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
         raise ResultsError(f"{where} takes its data from other files; this is refused")
     claimed, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
     if claimed > stored and (stored == 0 or dataset.chunks is None or claimed > _most_bytes(dataset)):
-        raise ResultsError(f"{where} claims more data than the file holds")
+        raise ResultsError(f"{where} declares more data than the file holds")
     return dataset
 
 
@@ -294,7 +294,7 @@ def _texts(dataset: h5py.Dataset) -> AnyArray:
         part = dataset.asstr()[first : first + at_once]
         size += sum(map(len, part))
         if size > _most_bytes(dataset):
-            raise ResultsError(f"{dataset.file.filename}: {dataset.name} claims more text than the file holds")
+            raise ResultsError(f"{dataset.file.filename}: {dataset.name} declares more text than the file holds")
         found.extend(part)
     return np.array(found, dtype=object)
 

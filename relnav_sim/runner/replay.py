@@ -1,4 +1,4 @@
-"""Recorded readings through a campaign's filters, and the result file of what can be scored."""
+"""Recorded measurements through a campaign's filters, and the result file of what can be scored."""
 
 from __future__ import annotations
 
@@ -57,23 +57,23 @@ def replay_campaign(
     participants: Mapping[str, str] = MappingProxyType({}),
     log: Path | None = None,
 ) -> Replay:
-    """Run a campaign's filters on recorded readings.
+    """Run a campaign's filters on recorded measurements.
 
     Args:
         campaign: From `load_campaign`.
-        files: Files of readings.
+        files: Files of measurements.
         case: Number, id or label of the case.
         filters: Names of the filters; none: all.
         runs: Numbers of the recorded runs to replay; none: all.
         sort: Whether rows of a file may be out of order.
-        truth: ``auto``: score where the campaign's truth is recorded orbits, or where the readings are those that the
-            campaign itself simulates; ``campaign``: score against the campaign's truth, whatever it is; ``none``.
+        truth: ``auto``: score where the campaign's truth is recorded orbits, or where the measurements are those that
+            the campaign itself simulates; ``campaign``: score against the campaign's truth, whatever it is; ``none``.
         participants: Which sensor a participant of a TDM stands for, by the participant's name.
         log: A file to add a line of JSON to for everything that happens, see docs/overnight.md.
 
     Raises:
         ReadingsError: A file can't be used.
-        ReplayError: The readings do not fit the campaign, or a participant's sensor is none of it.
+        ReplayError: The measurements do not fit the campaign, or a participant's sensor is none of it.
         RefusedError: There is no such case.
         OSError: A file can't be read, or the log can't be written.
     """
@@ -117,7 +117,7 @@ def replay_campaign(
 
 
 def _watched(watch: Watch, block: Block, replayed: Callable[[], ReplayedBlock]) -> ReplayedBlock:
-    """Return what filters make of the readings of some runs, watched over as a block of a campaign is."""
+    """Return what filters make of the measurements of some runs, watched over as a block of a campaign is."""
     from threadpoolctl import threadpool_limits
 
     watch.began(block, HERE)
@@ -190,17 +190,18 @@ def _truth(campaign: Campaign, case: Case, recorded: Sequence[Readings], choice:
         return "the truth that the campaign simulates, taken on trust", ""
     difference = difference_from_campaign(case.config, campaign.seed, recorded)
     if not difference:
-        return "the truth that the campaign simulates, whose readings these are", ""
+        return "the truth that the campaign simulates, whose measurements these are", ""
     return "", (
-        f"The readings are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another "
+        f"The measurements are not those that the campaign simulates with seed {campaign.seed}: {difference}. Another "
         "seed, run number, orbit or sensor than theirs does that; --truth campaign scores them all the same."
     )
 
 
 def _errors_are_of_campaign(campaign: Campaign, case: Case, recorded: Sequence[Readings]) -> bool:
-    """Return whether the readings of a replay with a truth have the errors that the campaign draws.
+    """Return whether the measurements of a replay with a truth have the errors that the campaign draws.
 
-    Along recorded orbits measured readings are replayed as well as simulated ones; a simulated truth has its own.
+    Along recorded orbits measurements of a flight are replayed as well as simulated ones; a simulated truth has its
+    own.
     """
     config = case.config
     if not isinstance(config.truth, EphemerisTruthOptions) or not any(e.augment for e in config.filters.values()):

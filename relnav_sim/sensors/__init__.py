@@ -1,4 +1,4 @@
-"""What is measured: one sensor a file, its noise, and the chain from readings to what filters take."""
+"""What is measured: one sensor a file, its noise, and the chain from measurements to what filters take."""
 
 from relnav_sim.measurements.channel import Channel
 from relnav_sim.sensors.availability import channels_due, reading_at_every_epoch, reading_probability

@@ -21,8 +21,9 @@ from relnav_sim.sensors.streams import SensorStreams
 class AccelerometerOptions(SensorOptions):
     """Accelerometers: the specific force in the body of their craft, which keeps to its RTN axes, step by step.
 
-    They feel thrust and drag, not gravity. A reading is the mean over the step before its epoch, and the mean weighted
-    with the time that was left, from which the change of position follows. Both suffer the same errors.
+    They sense specific force: thrust and drag, not gravity. A measurement is the mean over the step before its epoch,
+    and the mean weighted with the time that was left, from which the change of position follows. Both suffer the same
+    errors.
     """
 
     role: ClassVar[Role] = "force"
@@ -59,8 +60,8 @@ class AccelerometerOptions(SensorOptions):
     deadband_m_s2: Annotated[float, Effect("dead band", "never")] = Field(
         default=0.0,
         ge=0,
-        description="Readings shorter than this count as no thrust, m/s^2, and so do noise and bias in them; default "
-        "0: none do. Without an estimated bias a filter that adds up the bias all the way is worse than none",
+        description="Measurements smaller than this count as no thrust, m/s^2, and so do noise and bias in them; "
+        "default 0: none do. Without an estimated bias a filter that adds up the bias all the way is worse than none",
     )
 
     def bias(self, streams: SensorStreams) -> Array:

@@ -1,4 +1,4 @@
-"""When readings arrive: at their own epoch, or later by a time drawn for each."""
+"""When measurements arrive: at their own epoch, or later by a time drawn for each."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from relnav_sim.streams import RandomSource
 
 
 def most_epochs_late(drawn_latency_s: tuple[float, float], step_s: float) -> int:
-    """Return the most epochs after its own at which a reading arrives."""
+    """Return the most epochs after its own at which a measurement arrives."""
     return floor(drawn_latency_s[1] / step_s + 1e-9)
 
 
 class Arrivals:
-    """Draws the latency of every reading of a block; chunks follow one another from epoch 0.
+    """Draws the latency of every measurement of a block; chunks follow one another from epoch 0.
 
     Args:
         sensors: The sensors by name.
@@ -34,7 +34,7 @@ class Arrivals:
         }
 
     def delays(self, epochs: int) -> dict[str, Integers]:
-        """Return how many epochs after its own a reading of each of the next epochs arrives, (runs, epochs).
+        """Return how many epochs after its own a measurement of each of the next epochs arrives, (runs, epochs).
 
         By the sensors that draw a latency. What an epoch's estimate is to know must have arrived before the next epoch.
         """

@@ -28,7 +28,7 @@ def reading_probability(sensors: Sensors, name: str, truth: TrueStates, first_ep
 
     Its limits, field of view, period and fixed outages decide for certain. Random outages count by the probability that
     the sensor works: every run starts working, and working and outage times are exponentially distributed. A channel
-    that needs a direction needs a reading of its host's star tracker too, where it has one, and one fix of its GNSS
+    that needs a direction needs a measurement of its host's star tracker too, where it has one, and one fix of its GNSS
     receiver, from which on it carries its orbit on by itself; random outages count as no hindrance to that one.
 
     Args:
@@ -67,7 +67,7 @@ def _direction_known(
 def channels_due(sensors: Sensors, name: str, epochs: Integers, step_s: float) -> Mask:
     """Return at which epochs (K, m) each channel of a relative sensor is due, whatever there is to be seen.
 
-    A reading that would have been taken before the start is none. A channel that needs a direction is due with its
+    A measurement that would have been taken before the start is none. A channel that needs a direction is due with its
     host's star tracker, and from its first fix on.
 
     Args:
@@ -109,7 +109,7 @@ def _windows_s(options: SensorOptions) -> list[tuple[float, float]]:
 
 
 def first_reading_s(options: SensorOptions, step_s: float) -> float:
-    """Return when the first reading of a sensor may come, s: when it is due and no fixed outage is on."""
+    """Return when the first measurement of a sensor may come, s: when it is due and no fixed outage is on."""
     period_s, first_s = options.period_s or step_s, options.offset_s
     while ends_s := [end for start, end in _windows_s(options) if start <= first_s < end]:
         first_s = options.offset_s + period_s * np.ceil((max(ends_s) - options.offset_s) / period_s - 1e-9)

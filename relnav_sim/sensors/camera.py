@@ -31,7 +31,7 @@ from relnav_sim.sensors.streams import SensorStreams
 class CameraOptions(SightSensorOptions):
     """Camera that measures the direction of the other craft as two angles.
 
-    It is mounted in a body that keeps to its host's nadir frame. Azimuth counts from the camera's x axis, its
+    It is mounted in a body that keeps to its host's LVLH frame. Azimuth counts from the camera's x axis, its
     boresight, towards y, elevation towards minus z. It can be told to need light on the target and to avoid the Sun.
     """
 
@@ -87,7 +87,7 @@ class CameraOptions(SightSensorOptions):
         return super().in_reach(truth) & self._in_light(truth)
 
     def _in_light(self, truth: Sensed) -> Mask:
-        """Return where light allows a reading: the target outside the Earth's shadow, a cylinder, and off the Sun."""
+        """Return where light allows a measurement: target outside the Earth's shadow, a cylinder, and off the Sun."""
         seen = np.ones(np.broadcast_shapes(truth.host.shape[:-1], truth.target.shape[:-1]), dtype=bool)
         if self.sun_direction is None:
             return seen
@@ -145,7 +145,7 @@ class CameraOptions(SightSensorOptions):
         return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases of the angles, and a turn of the body, do to a reading.
+        """Return what biases of the angles, and a turn of the body, do to a measurement.
 
         In tangent form the biases are two constant turns across the line of sight, those of the channels' noise.
         """

@@ -38,7 +38,7 @@ def hosts_of(sensors: Sensors, options: SensorOptions) -> tuple[Craft, ...]:
 
 
 def reading_names(sensors: Sensors) -> dict[str, tuple[str, Craft]]:
-    """Return the names of all readings of a campaign: of each the sensor's own name and the craft that carries it.
+    """Return the names of all measurements of a campaign: of each the sensor's own name and the craft that carries it.
 
     A sensor that both craft may carry reads as ``chief_NAME`` and ``deputy_NAME``.
     """
@@ -68,7 +68,7 @@ def own_sensor(sensors: Sensors, role: Role, host: Craft | None = None) -> tuple
 def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) -> Array:
     """Return the covariance (3, 3) of the white error in the attitude between a craft's body and orbit frame, rad^2.
 
-    About the nadir frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
+    About the LVLH frame's axes. The star tracker turns the body, the GNSS the computed frame. Correlated parts are not
     in it: no covariance of a white noise describes them.
     """
     frame = orbit_frame_covariance(sensors, chief_orbit, host)[:3, :3]
@@ -76,7 +76,7 @@ def attitude_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craft) 
 
 
 def body_covariance(sensors: Sensors, host: Craft) -> Array:
-    """Return the covariance (3, 3) of the white error of a craft's measured attitude, about the nadir axes, rad^2."""
+    """Return the covariance (3, 3) of the white error of a craft's measured attitude, about the LVLH axes, rad^2."""
     attitude = own_sensor(sensors, "attitude", host)
     return np.zeros((3, 3)) if attitude is None else np.asarray(attitude[1].body_covariance())
 
@@ -95,7 +95,7 @@ def orbit_frame_covariance(sensors: Sensors, chief_orbit: ChiefOrbit, host: Craf
 
 
 def frame_is_told(name: str, sensors: Sensors, step_s: float) -> bool:
-    """Return whether the covariance of its host's orbit frame comes with each reading of a sensor.
+    """Return whether the covariance of its host's orbit frame comes with each measurement of a sensor.
 
     So it is where a direction is read and the host's fixes may be missing: the frame is then the better known the
     shorter ago a fix was. Else that covariance is constant.

@@ -83,13 +83,13 @@ class CrosslinkOptions(RelativeSensorOptions):
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return range (m) and, where it is read, range rate (m/s), (runs, K, m); NaN where nothing is read.
 
-        A reading whose range, but for the clocks, would not be positive does not exist: no signal comes before it is
-        sent, while a wrong clock can well say so.
+        A measurement whose range, but for the clocks, would not be positive does not exist: no signal comes before it
+        is sent, while a wrong clock can well say so.
         """
         offset = truth.target - truth.host
         r, v = offset[..., :3], offset[..., 3:]
         distance = np.sqrt(np.square(r).sum(axis=-1))
-        # Where the craft meet there is no range rate; the reading is left out below.
+        # Where the craft meet there is no range rate; the measurement is left out below.
         rate = (r * v).sum(axis=-1) / np.where(distance > 0, distance, 1.0)
         z = streams.noise(truth.times_s)
         z *= self.sigmas
@@ -119,7 +119,7 @@ class CrosslinkOptions(RelativeSensorOptions):
         return (ClockOptions(sigma_m=bias, drift_sigma_m_s=self.clock_drift_sigma_m_s),)
 
     def no_echo(self, distance: Array) -> Array:
-        """Return the probability of a reading that does not exist because its range would not be positive."""
+        """Return the probability of a measurement that does not exist because its range would not be positive."""
         return probability_below(noise_parts(self.noise), len(self.channels), 0, -distance / self.range_sigma_m)
 
     def measurement(self, context: MeasurementContext) -> Ranging:

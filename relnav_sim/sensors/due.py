@@ -8,7 +8,7 @@ from relnav_sim.arrays import Integers, Mask
 
 
 def steps_per_reading(period_s: float | None, step_s: float) -> int:
-    """Return after how many steps the next reading is due.
+    """Return after how many steps the next measurement is due.
 
     Raises:
         ValueError: The period is no multiple of the step.
@@ -22,7 +22,7 @@ def steps_per_reading(period_s: float | None, step_s: float) -> int:
 
 
 def due(epochs: Integers, period_s: float | None, offset_s: float, step_s: float) -> Mask:
-    """Return at which epochs (K,) a reading is due.
+    """Return at which epochs (K,) a measurement is due.
 
     Raises:
         ValueError: The period or the offset is no multiple of the step.

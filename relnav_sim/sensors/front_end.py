@@ -1,4 +1,4 @@
-"""From raw readings to what a filter takes, and the sensor as that filter is told of it."""
+"""From raw measurements to what a filter takes, and the sensor as that filter is told of it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def filter_inputs(
             chain is then perfect.
         gravity: What the craft know of gravity; None: a point mass.
         orbits: What hosts know of their orbits between their fixes; a host that is not there knows it at them only.
-        late: By sensor, how long before its epoch each reading was taken, (runs, K), s, on top of the sensor's latency.
+        late: By sensor, how long before its epoch each measurement was taken, (runs, K), s, on top of the sensor's
+            latency.
 
     Raises:
         ValueError: The truth is needed and missing.
@@ -89,7 +90,7 @@ def _frame(
 
 
 def form_taken(options: RelativeSensorOptions, wanted: Form) -> Form:
-    """Return the form in which a filter that wants one takes a sensor's readings: that one, or else the usual one."""
+    """Return the form in which a filter takes a sensor's measurements: the one that it wants, or the usual one."""
     return wanted if wanted in options.forms else options.forms[0]
 
 
@@ -113,14 +114,15 @@ def sensor_measurement(
         sensors: All sensors of the campaign.
         orbit: The chief's nominal orbit.
         step_s: Time between epochs, s.
-        form: The form of the readings; the sensor's usual one where it has no such form.
+        form: The form of the measurements; the sensor's usual one where it has no such form.
         assumed_noise: ``nominal``: the noise without its outliers; ``total``: its covariance, the default of campaigns;
             ``mixture``: the components too. A drawn fraction counts as 1/2. Biases, correlated parts and outages are
             never told.
         assumed_latency: ``known`` or ``none``.
-        frame: How the host's orbit frame errs, where `frame_is_told`: as ``of_a_fix``; as ``told`` with each reading,
-            whose covariance is behind it by `with_frame`; or as a ``perfect`` one. Elsewhere always as of a fix.
-        own_latencies: Whether each reading comes with a latency of its own behind it by `with_latency`, which the
+        frame: How the host's orbit frame errs, where `frame_is_told`: as ``of_a_fix``; as ``told`` with each
+            measurement, whose covariance is behind it by `with_frame`; or as a ``perfect`` one. Elsewhere always as of
+            a fix.
+        own_latencies: Whether each measurement comes with a latency of its own behind it by `with_latency`, which the
             filter knows in any case.
 
     Raises:

@@ -40,8 +40,8 @@ class HostFrame:
         attitude: Its measured attitude quaternion (x, y, z, w), (runs, K, 4); None: there is no star tracker, and the
             attitude is known perfectly.
         gravity: What it knows of gravity, which turns the plane of its orbit; None: a point mass.
-        late_s: How long before its epoch each reading was taken, on top of the sensor's latency, (runs, K), s; None:
-            at the epoch.
+        late_s: How long before its epoch each measurement was taken, on top of the sensor's latency, (runs, K), s;
+            None: at the epoch.
     """
 
     true_states: Array | None = None
@@ -53,8 +53,8 @@ class HostFrame:
     def in_rtn(self, relative: Array, latency_s: float = 0.0) -> Array:
         """Return a position (m), or position and velocity (m/s), relative to the craft, ECI, in its own orbit frame.
 
-        The orbit frame is that of its own estimate, or the true one without a receiver, when the reading was taken. NaN
-        where it does not know its orbit.
+        The orbit frame is that of its own estimate, or the true one without a receiver, when the measurement was taken.
+        NaN where it does not know its orbit.
 
         Args:
             relative: (runs, K, 3 or 6), ECI.
@@ -81,7 +81,7 @@ class HostFrame:
 
     @property
     def body_to_orbit(self) -> Callable[[Vector], Vector] | None:
-        """The way from body to estimated nadir frame; None where both are the same.
+        """The way from body to estimated LVLH frame; None where both are the same.
 
         Raises:
             ValueError: The truth is needed and missing.

@@ -39,7 +39,7 @@ OWN_READINGS: Mapping[Role, tuple[Channel, ...]] = {
         for axis in ("radial", "along", "normal")
     ),
 }
-"""The numbers of a reading of a host's own state: an ECI state; a quaternion, scalar last, that turns ECI into body
+"""The numbers of a measurement of a host's own state: an ECI state; a quaternion, scalar last, that turns ECI into body
 components; two means of the specific force over the step before, plain and weighted with the time left, RTN."""
 
 
@@ -49,10 +49,10 @@ class MeasurementContext:
 
     Attributes:
         orbit: The chief's nominal orbit.
-        attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the nadir
+        attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the LVLH
             frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.
-        form: The form that it takes readings in: ``spherical``, as they are read, or ``cartesian``.
+        form: The form that it takes measurements in: ``spherical``, as they are read, or ``cartesian``.
         step_s: Time between epochs, s.
         frame: Covariance (6, 6) of the white error of the orbit frame alone in inertial space, RTN: its turn, rad, and
             the error of its rate, rad/s, as `astro.frame_error` has them; zero where the host knows its orbit
@@ -69,11 +69,11 @@ class MeasurementContext:
 
 @dataclass(frozen=True)
 class ErrorShares:
-    """What a filter's augmented states b (e,) do to a sensor's readings.
+    """What a filter's augmented states b (e,) do to a sensor's measurements.
 
     Attributes:
         channels: By the name of a channel, what each state adds to it, (e,), SI units.
-        turn: The turn of the host's body that each state is, about the nadir frame's axes, (3, e), rad.
+        turn: The turn of the host's body that each state is, about the LVLH frame's axes, (3, e), rad.
     """
 
     channels: Mapping[str, Array]
@@ -84,11 +84,11 @@ class SensorOptions(Options):
     """The options of a sensor and what it does; a new kind is a subclass, registered under the kind's name.
 
     Attributes:
-        channels: The numbers of one reading.
+        channels: The numbers of one measurement.
         role: What it measures: the ``other`` craft, so that filters can go by it, or its host's own ``orbit`` (an ECI
             state), ``attitude`` (a quaternion) or ``force`` (specific force).
-        per_craft: Whether both craft may carry one; readings and random numbers then have the craft in their names.
-        forms: The forms that filters can take its readings in; the first is the usual one.
+        per_craft: Whether both craft may carry one; measurements and random numbers then have the craft in their names.
+        forms: The forms that filters can take its measurements in; the first is the usual one.
         linear_forms: Those of them that are linear in the state.
         error_states: Kinds of the augmented states by which a filter can carry its constant or slow errors.
     """
@@ -112,10 +112,10 @@ class SensorOptions(Options):
     period_s: Annotated[float | None, AddedLater(), Effect("period", "absence")] = Field(
         default=None,
         gt=0,
-        description="Time between readings, s, a multiple of the clock's step; default: every step",
+        description="Time between measurements, s, a multiple of the clock's step; default: every step",
     )
     offset_s: Annotated[float, AddedLater()] = Field(
-        default=0.0, ge=0, description="Time of the first reading, s, a multiple of the clock's step; default 0"
+        default=0.0, ge=0, description="Time of the first measurement, s, a multiple of the clock's step; default 0"
     )
 
     @field_validator("host")
@@ -154,7 +154,7 @@ class SensorOptions(Options):
 
     @property
     def reading(self) -> tuple[Channel, ...]:
-        """The m numbers that `sample` returns of one reading, as files of readings name them.
+        """The m numbers that `sample` returns of one measurement, as files of measurements name them.
 
         By default those of `OWN_READINGS` for the sensor's role, the channels where it measures the other craft.
         """
@@ -166,10 +166,10 @@ class SensorOptions(Options):
         raise NotImplementedError(f"{type(self).__name__} has no sigmas")
 
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
-        """Return the readings (runs, K, m), SI units; NaN in a channel where nothing is read.
+        """Return the measurements (runs, K, m), SI units; NaN in a channel where nothing is read.
 
-        The readings of a run may depend on no other run, and not on how the epochs are split: random numbers come from
-        `streams`, which go on from chunk to chunk. Readings that are not due are left out by the caller.
+        The measurements of a run may depend on no other run, and not on how the epochs are split: random numbers come
+        from `streams`, which go on from chunk to chunk. Measurements that are not due are left out by the caller.
 
         Args:
             truth: The true states when they are taken.
@@ -208,22 +208,22 @@ class RelativeSensorOptions(SensorOptions):
     latency_s: Annotated[float, Effect("latency", "latency")] = Field(
         default=0.0,
         ge=0,
-        description="The reading of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
+        description="The measurement of an epoch was taken this long before it, s; a filter's `assumed_latency` says "
         "whether it knows; default 0",
     )
     drawn_latency_s: Annotated[tuple[float, float] | None, AddedLater(), Effect("random latency", "arrival")] = Field(
         default=None,
-        description="Shortest and longest time after which a reading arrives, s, drawn evenly between for each; it is "
-        "late from one step on. A filter's `out_of_sequence` says what becomes of late ones; default: none is late",
+        description="Shortest and longest time after which a measurement arrives, s, drawn evenly between for each; it "
+        "is late from one step on. A filter's `out_of_sequence` says what becomes of late ones; default: none is late",
     )
     time_tag_sigma_s: Annotated[float, Effect("time-tag error", "never")] = Field(
         default=0.0,
         ge=0,
-        description="Standard deviation of each run's constant error of the time at which readings are taken, s; no "
-        "filter is told of it; default 0",
+        description="Standard deviation of each run's constant error of the time at which measurements are taken, s; "
+        "no filter is told of it; default 0",
     )
     time_tag_jitter_s: Annotated[float, Effect("time-tag jitter", "never")] = Field(
-        default=0.0, ge=0, description="The same of each reading, white, s; no filter is told of it; default 0"
+        default=0.0, ge=0, description="The same of each measurement, white, s; no filter is told of it; default 0"
     )
     range_limits_m: Annotated[tuple[float, float] | None, Effect("range limits", "absence")] = Field(
         default=None, description="Shortest and longest true range that is measured, m; default: no limits"
@@ -253,7 +253,7 @@ class RelativeSensorOptions(SensorOptions):
         return None
 
     def no_echo(self, distance: Array) -> Array | None:
-        """Return the probability that noise leaves no reading at a distance, m; None: it never does."""
+        """Return the probability that noise leaves no measurement at a distance, m; None: it never does."""
         return None
 
     def needs_direction(self) -> tuple[bool, ...]:
@@ -261,10 +261,10 @@ class RelativeSensorOptions(SensorOptions):
         return (False,) * len(self.channels)
 
     def inputs(self, z: Array, frame: HostFrame) -> dict[Form, Array]:
-        """Return what filters take, by form, from readings (runs, K, m): by default the readings themselves.
+        """Return what filters take, by form, from measurements (runs, K, m): by default the measurements themselves.
 
         Args:
-            z: The readings.
+            z: The measurements.
             frame: What the host knows of its attitude and orbit.
         """
         return {"spherical": z}
@@ -274,7 +274,7 @@ class RelativeSensorOptions(SensorOptions):
         raise NotImplementedError(f"{type(self).__name__} has no measurement(context)")
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what a filter's augmented states do to the readings: by default they add to the channels."""
+        """Return what a filter's augmented states do to the measurements: by default they add to the channels."""
         e = shares.turn.shape[1]
         return AdditiveBias(np.stack([shares.channels.get(name, np.zeros(e)) for name in self.channel_names]))
 
@@ -286,9 +286,9 @@ class RelativeSensorOptions(SensorOptions):
         return ()
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:
-        """Return the position that readings (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
+        """Return the position that measurements (runs, m) give, RTN (runs, 3) m, and its covariance (runs, 3, 3) m^2.
 
-        None where one reading gives no position. The first three channels are those that give it.
+        None where one measurement gives no position. The first three channels are those that give it.
 
         Args:
             measurement: From `measurement`, in the spherical form.
@@ -298,7 +298,7 @@ class RelativeSensorOptions(SensorOptions):
 
     @property
     def gives_fix(self) -> bool:
-        """Whether one reading gives a position, so that filters can start from it."""
+        """Whether one measurement gives a position, so that filters can start from it."""
         return type(self).first_fix is not RelativeSensorOptions.first_fix
 
 

@@ -1,4 +1,4 @@
-"""What readings of a campaign's sensors look like in files, and what else a front end goes by."""
+"""What measurements of a campaign's sensors look like in files, and what else a front end goes by."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from relnav_sim.sensors.interface import ECI_STATE, Craft
 
 
 def readings_layout(sensors: Sensors) -> dict[str, tuple[Channel, ...]]:
-    """Return the numbers of the readings that filters are given, by name, as `SensorSuite.measure` names them.
+    """Return the numbers of the measurements that filters are given, by name, as `SensorSuite.measure` names them.
 
     Last come the orbits that count as known, ``chief_orbit`` or ``deputy_orbit``; see `known_orbits`.
 
@@ -27,10 +27,10 @@ def readings_layout(sensors: Sensors) -> dict[str, tuple[Channel, ...]]:
 
 
 def known_orbits(sensors: Sensors) -> dict[Craft, str]:
-    """Return the craft whose true orbits the front end goes by, with the names of these in files of readings.
+    """Return the craft whose true orbits the front end goes by, with the names of these in files of measurements.
 
     They are hosts of sensors that read a direction, without a receiver or without a star tracker where they need it:
-    such a host knows its orbit or its attitude in the nadir frame perfectly, and a recording must hold the orbit in
+    such a host knows its orbit or its attitude in the LVLH frame perfectly, and a recording must hold the orbit in
     which it does.
 
     Args:

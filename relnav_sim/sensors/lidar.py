@@ -107,7 +107,7 @@ class LidarOptions(SightSensorOptions):
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return range (m), or range, azimuth and elevation (rad, in (-pi, pi]), (runs, K, m); NaN where none is read.
 
-        A reading whose range would not be positive does not exist.
+        A measurement whose range would not be positive does not exist.
         """
         sight = self.true_sight(truth)
         z = streams.noise(truth.times_s)
@@ -138,7 +138,7 @@ class LidarOptions(SightSensorOptions):
         return None if self.angle_sigma_deg is None or self.form == "tangent" else self.off_azimuth_axis(truth)
 
     def no_echo(self, distance: Array) -> Array:
-        """Return the probability of a reading that does not exist because its range would not be positive."""
+        """Return the probability of a measurement that does not exist because its range would not be positive."""
         level = -(distance + self.range_bias_m) / self.range_sigma(distance)
         return probability_below(noise_parts(self.noise), len(self.channels), 0, level)
 
@@ -176,7 +176,7 @@ class LidarOptions(SightSensorOptions):
         return GrowingRangeNoise(base, 1e-3 * self.range_sigma_m_per_km / self.range_sigma_m)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases, and with angles a turn of the body, do to a reading; in tangent form as to a radar's."""
+        """Return what biases, and with angles a turn of the body, do to a measurement; tangent as a radar's."""
         turns = self.mounting @ shares.turn
         errors = radar_errors(shares.channels, turns)
         if self.angle_sigma_deg is None:
@@ -185,7 +185,7 @@ class LidarOptions(SightSensorOptions):
 
     @property
     def gives_fix(self) -> bool:
-        """Whether one reading gives a position: with angles."""
+        """Whether one measurement gives a position: with angles."""
         return self.angle_sigma_deg is not None
 
     def first_fix(self, measurement: Measurement, z: Array) -> tuple[Array, Array] | None:

@@ -28,15 +28,15 @@ def read_across(azimuth: Array, elevation: Array, errors: Array) -> tuple[Array,
 
 
 class SightSensorOptions(RelativeSensorOptions):
-    """A sensor with axes of its own, mounted in a body that keeps to its host's nadir frame.
+    """A sensor with axes of its own, mounted in a body that keeps to its host's LVLH frame.
 
-    The nadir frame has x along-track, y minus orbit normal, z nadir. Azimuth counts from the sensor's x axis towards y,
+    The LVLH frame has x along-track, y minus orbit normal, z nadir. Azimuth counts from the sensor's x axis towards y,
     elevation towards minus z.
     """
 
     mounting_deg: tuple[float, float, float] = Field(
         default=(0.0, 0.0, 0.0),
-        description="Yaw, pitch and roll from the nadir frame to the sensor's frame, deg, about z, the new y and the "
+        description="Yaw, pitch and roll from the LVLH frame to the sensor's frame, deg, about z, the new y and the "
         "new x; default: aligned, so that azimuth 0 is straight ahead. The azimuth does not exist on the z axis",
     )
     field_of_view_deg: Annotated[tuple[HalfAngle, HalfAngle] | None, Effect("field of view", "absence")] = Field(
@@ -52,7 +52,7 @@ class SightSensorOptions(RelativeSensorOptions):
 
     @property
     def mounting(self) -> Array:
-        """Rotation (3, 3) from the host's nadir frame to the sensor's frame."""
+        """Rotation (3, 3) from the host's LVLH frame to the sensor's frame."""
         return mounting_matrix(*self.mounting_deg)
 
     def true_sight(self, truth: Sensed) -> Vector:

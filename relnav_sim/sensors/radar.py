@@ -34,7 +34,7 @@ _RTN_FROM_NADIR = rows(NADIR_FROM_RTN.T)
 class RadarOptions(SightSensorOptions):
     """Radar that measures range, azimuth and elevation of the other craft.
 
-    It is mounted in a body that keeps to its host's nadir frame: x along-track, y minus orbit normal, z nadir.
+    It is mounted in a body that keeps to its host's LVLH frame: x along-track, y minus orbit normal, z nadir.
     Azimuth counts from the radar's x axis towards y, elevation towards minus z. GNSS receiver and star tracker of the
     same craft, if any, tell it where it points.
     """
@@ -80,7 +80,7 @@ class RadarOptions(SightSensorOptions):
     period_s: Annotated[float | None, Effect("period", "absence")] = Field(
         default=None,
         gt=0,
-        description="Time between readings, s, a multiple of the clock's step; default: every step",
+        description="Time between measurements, s, a multiple of the clock's step; default: every step",
     )
 
     @property
@@ -101,7 +101,7 @@ class RadarOptions(SightSensorOptions):
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return range (m), azimuth and elevation (rad, in (-pi, pi]), (runs, K, 3); NaN where nothing is measured.
 
-        A reading whose range would not be positive does not exist.
+        A measurement whose range would not be positive does not exist.
         """
         sight = self.true_sight(truth)
         z = streams.noise(truth.times_s)
@@ -124,7 +124,7 @@ class RadarOptions(SightSensorOptions):
         return None if self.form == "tangent" else self.off_azimuth_axis(truth)
 
     def no_echo(self, distance: Array) -> Array:
-        """Return the probability of a reading that does not exist because its range would not be positive."""
+        """Return the probability of a measurement that does not exist because its range would not be positive."""
         level = -(distance + self.range_bias_m) / self.range_sigma_m
         return probability_below(noise_parts(self.noise), len(self.channels), 0, level)
 
@@ -180,7 +180,7 @@ class RadarOptions(SightSensorOptions):
         return (ConvertedTangentRadar if self.form == "tangent" else ConvertedRadar)(self.mounting, noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
-        """Return what biases of range and angles, and a turn of the body, do to a reading.
+        """Return what biases of range and angles, and a turn of the body, do to a measurement.
 
         In tangent form the biases of the angles are two constant turns across the line of sight, those of the noise.
 

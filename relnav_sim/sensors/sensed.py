@@ -13,7 +13,7 @@ class Sensed:
 
     Attributes:
         times_s: The epochs (K,), s.
-        host: ECI states of the sensor's host when the readings are taken, (runs or 1, K, 6), m and m/s.
+        host: ECI states of the sensor's host when the measurements are taken, (runs or 1, K, 6), m and m/s.
         target: The same of the other craft.
         felt: Mean specific force on the host over the step before each epoch, plain and weighted with the time that was
             left, RTN of the host, (runs or 1, K, 2, 3), m/s^2; None where no sensor asks for it.

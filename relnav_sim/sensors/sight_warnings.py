@@ -1,4 +1,4 @@
-"""What the geometry does to the sensors' readings, in plain sentences: before a campaign runs, and in its report."""
+"""What the geometry does to measurements, in plain sentences: before a campaign runs, and in its report."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from relnav_sim.wording import listed
 NEAR_AXIS_DEG = 5.0
 """Within this of the azimuth axis the azimuth turns eleven times as quickly as the line of sight, or more."""
 NEAR_AXIS_SIGMAS = 10.0
-"""And within this many sigmas of the angle noise, where a reading's own error is no longer small beside the distance
+"""And within so many sigmas of the angle noise, where a measurement's own error is no longer small beside the distance
 from the axis: over it, a linearised azimuth is wrong by a tenth or more."""
 MEETING_M = 1.0
 """Separation below which the line of sight has no steady direction."""
 RARE = 1e-6
-"""Share of readings that is not worth a warning."""
+"""Share of measurements that is not worth a warning."""
 _WINDOWS_NAMED = 3
 
 
 def sight_warnings(
     sensors: Sensors, truth: TrueStates, filters: Mapping[str, Sequence[str]] | None = None
 ) -> list[str]:
-    """Return sentences on what the geometry does to the readings at some epochs; none where all is well.
+    """Return sentences on what the geometry does to the measurements at some epochs; none where all is well.
 
     Args:
         sensors: The sensors of a campaign.
@@ -46,7 +46,8 @@ def sight_warnings(
             continue
         met = sensed(truth, options.host, 1.0)
         seen = options.in_reach(met) & np.isfinite(distance)
-        # Whether a reading is due does not matter: the epochs here are those that were looked at, not all there are.
+        # Whether a measurement is due does not matter: the epochs here are those that were looked at, not all there
+        # are.
         heard = (reading_probability(reading_at_every_epoch(sensors), name, truth, 0, 1.0) > 0).any(axis=-1) & seen
         blind[name] = np.asarray(np.isfinite(distance).any(axis=1) & ~heard.any(axis=1))
         said += _out_of_sight(name, options, seen, blind[name], distance)
@@ -56,7 +57,7 @@ def sight_warnings(
 
 
 def _only_predicting(filters: Mapping[str, Sequence[str]], blind: Mapping[str, Mask]) -> list[str]:
-    """Return which filters have no reading at all in some runs, as no sensor of theirs gives any."""
+    """Return which filters have no measurement at all in some runs, as no sensor of theirs gives any."""
     lost = {name: np.logical_and.reduce([blind[sensor] for sensor in names]) for name, names in filters.items()}
     which: dict[str, list[str]] = {}
     for name, runs in lost.items():
@@ -66,7 +67,7 @@ def _only_predicting(filters: Mapping[str, Sequence[str]], blind: Mapping[str, M
         f"The filters only predict{runs}."
         if len(names) == len(filters)
         else f"The filter{'s' if len(names) > 1 else ''} {', '.join(names)} only predict{'' if len(names) > 1 else 's'}"
-        f"{runs}: none of {'their' if len(names) > 1 else 'its'} sensors gives a reading."
+        f"{runs}: none of {'their' if len(names) > 1 else 'its'} sensors gives a measurement."
         for runs, names in which.items()
     ]
 
@@ -93,7 +94,7 @@ def _out_of_sight(name: str, options: RelativeSensorOptions, seen: Mask, blind: 
             "range_limits_m" if outside else "field of view" if limits is None else "range_limits_m or field of view"
         )
         why = f"the other craft, {near:.4g} to {far:.4g} m away, is never within its {where}"
-    return [f"The {name} gives no reading in the whole run{_of_runs(blind)}: {why}."]
+    return [f"The {name} gives no measurement in the whole run{_of_runs(blind)}: {why}."]
 
 
 def _near_pole(name: str, options: RelativeSensorOptions, truth: Sensed, heard: Mask, times_s: Array) -> list[str]:

@@ -48,7 +48,7 @@ class StarTrackerOptions(SensorOptions):
     )
     boresight_body: tuple[float, float, float] = Field(
         default=(0.0, 1.0, 0.0),
-        description="Direction of the boresight in the body's nadir frame (x along-track, y minus orbit normal, "
+        description="Direction of the boresight in the body's LVLH frame (x along-track, y minus orbit normal, "
         "z nadir), of any length; default: across the orbit, away from Earth and, mostly, Sun. A turn about the "
         "line of sight does no harm, so a boresight towards the target is the kindest to the radar",
     )
@@ -87,7 +87,7 @@ class StarTrackerOptions(SensorOptions):
     def sample(self, truth: Sensed, streams: SensorStreams) -> Array:
         """Return the body's attitude as a quaternion (x, y, z, w), (runs, K, 4); NaN where there is none.
 
-        The body keeps to the host's nadir frame. The quaternion turns ECI into body components, v_body = C(q) v_eci;
+        The body keeps to the host's LVLH frame. The quaternion turns ECI into body components, v_body = C(q) v_eci;
         scipy's Rotation.from_quat(q) is its inverse, from body to ECI.
         """
         error = rotate(rows(self.axes * self.sigmas), components(streams.noise(truth.times_s)))

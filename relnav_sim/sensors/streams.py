@@ -19,12 +19,12 @@ class SensorStreams:
     Args:
         name: The sensor's name in the campaign, with the craft behind it where both carry one.
         parts: Its noise.
-        channels: Numbers of a reading.
+        channels: Numbers of a measurement.
         source: Seed and runs of the block.
         step_s: Time between epochs, s.
 
     Attributes:
-        faults: Its faults that do not add to the readings.
+        faults: Its faults that do not add to the measurements.
     """
 
     faults: Sequence[Fault] = ()

@@ -60,7 +60,7 @@ StreamsMaker = Callable[[str, SensorOptions, Craft, RandomSource, float], Sensor
 class SensorSuite:
     """The sensors over one block of runs; they remember where the last chunk of epochs ended.
 
-    A run's readings do not depend on the block it is in, on how the epochs are split, or on which other sensors
+    A run's measurements do not depend on the block it is in, on how the epochs are split, or on which other sensors
     there are.
 
     Args:
@@ -103,7 +103,7 @@ class SensorSuite:
             felt: Specific force on both craft, as `TruthTrajectory.felt` gives it; accelerometers need it.
 
         Returns:
-            By sensor, NaN where nothing is measured: the sensor's reading (runs, K, m) as its options describe it;
+            By sensor, NaN where nothing is measured: the sensor's measurement (runs, K, m) as its options describe it;
             of a sensor that both craft may carry, ``chief_NAME`` and ``deputy_NAME``.
 
         Raises:
@@ -155,7 +155,7 @@ class SensorSuite:
 
 
 def _late(options: RelativeSensorOptions, streams: SensorStreams, epochs: int) -> Array | None:
-    """Return how much later than they say readings are taken, (runs, K or 1), s; None where they are not."""
+    """Return how much later than they say measurements are taken, (runs, K or 1), s; None where they are not."""
     constant = options.time_tag_sigma_s * streams.constant("time_tag", 1)
     if options.time_tag_jitter_s:
         return constant + options.time_tag_jitter_s * streams.normal("time_tag_jitter", epochs)

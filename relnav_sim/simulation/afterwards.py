@@ -21,7 +21,7 @@ from relnav_sim.simulation.spill import Reversed, Spill
 
 
 def lag_epochs(smoother: SmootherOption, step_s: float) -> int | None:
-    """Return how many epochs later a smoother's last reading is; None: all readings."""
+    """Return how many epochs later a smoother's last measurement is; None: all measurements."""
     return None if smoother == "rts" else round(smoother.fixed_lag.lag_s / step_s)
 
 
@@ -45,7 +45,7 @@ class Afterwards:
 
     Args:
         filter: The filter.
-        lag: How many epochs later the last reading is that an epoch gets; None: all readings.
+        lag: How many epochs later the last measurement is that an epoch gets; None: all measurements.
 
     Attributes:
         filter: The filter that is to go through the run.

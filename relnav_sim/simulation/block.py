@@ -38,7 +38,7 @@ from relnav_sim.statistics.errors import ErrorAccumulator, ScoringRules
 from relnav_sim.statistics.readings import NisOfSensors
 from relnav_sim.streams import RandomSource
 
-_NO_FIX = "no reading at 0 s that gives a position, where the start is the first fix"
+_NO_FIX = "no measurement at 0 s that gives a position, where the start is the first fix"
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def filter_block(
     prior: Gaussian | None = None,
     watch: Watch | None = None,
 ) -> BlockOutcome:
-    """Return the results of the filters of a case on readings, be they simulated or recorded.
+    """Return the results of the filters of a case on measurements, be they simulated or recorded.
 
     Args:
         case: The case.
@@ -165,7 +165,7 @@ class FilterTrack:
         prior: Where it starts.
         source: Seed and numbers of the runs.
         shared: What the filters of the block share.
-        late: Sensors whose readings come with a latency of their own.
+        late: Sensors whose measurements come with a latency of their own.
         watch: Told of every chunk; None: nobody looks.
 
     Attributes:
@@ -298,7 +298,7 @@ class FilterTrack:
         error = history.mean[..., :6] - chunk.truth.relative
         covariance = history.covariance[..., :6, :6]
         if self._augmented is not None:
-            # A run whose augmented states are lost has failed, though position may not show it until a reading.
+            # A run whose augmented states are lost has failed, though position may not show it until a measurement.
             error[~np.isfinite(history.mean[..., 6:]).all(axis=-1)] = np.nan
         self._errors.add(
             chunk.truth.times_s,

@@ -42,8 +42,9 @@ class CampaignFilter:
     """The filter of a campaign's entry.
 
     Attributes:
-        filter: The filter, over [x; b] where it carries augmented states b; its readings edited where the entry says.
-        algorithm: The same with every reading taken.
+        filter: The filter, over [x; b] where it carries augmented states b; its measurements edited where the entry
+            says.
+        algorithm: The same with every measurement taken.
         dynamics: How x alone moves without thrust.
         thrust: What is told of thrust; None where the filter knows nothing of it.
         extension: The augmented states; None without any.
@@ -72,7 +73,7 @@ def create_campaign_filter(
         entry: The filter.
         config: The case.
         context: What the dynamics are built from.
-        late: Sensors whose readings come with a latency of their own.
+        late: Sensors whose measurements come with a latency of their own.
         rewinds: Whether the filter is to go back to epochs of the chunk before.
         restart: Where runs that are restarted begin.
     """
@@ -130,13 +131,13 @@ def _measurement(
 
 
 def sensor_forms(entry: FilterEntry, config: CaseConfig) -> dict[str, Form]:
-    """Return the sensors that a filter goes by, in order, with the form in which it takes their readings."""
+    """Return the sensors that a filter goes by, in order, with the form in which it takes their measurements."""
     relative = relative_sensors(config.sensors, entry.sensors)
     return {name: form_taken(options, entry.measurement) for name, options in relative.items()}
 
 
 def filter_channels(entry: FilterEntry, config: CaseConfig) -> dict[str, tuple[Channel, ...]]:
-    """Return the numbers of each sensor's readings as a filter takes them: of converted ones those of a position."""
+    """Return the numbers of each sensor's measurements as a filter takes them: converted, those of a position."""
     sensors = relative_sensors(config.sensors)
     return {
         name: sensors[name].channels if form == sensors[name].forms[0] else _RTN

@@ -36,9 +36,9 @@ class Chunk:
         inputs: What the front end hands to filters, by relative sensor and form, (runs, K, m); NaN = missing.
         ended: Why the truth of a run has ended by now, by the run's place in the block.
         orbits: What hosts of relative sensors know of their orbits, where their fixes may be missing.
-        late: How long before its epoch each reading was taken, on top of the sensor's own latency, (runs, K), s; by
-            the relative sensors of which any was. Only recorded readings are.
-        delays: How many epochs after its own each reading arrives, (runs, K), by the sensors that draw a latency.
+        late: How long before its epoch each measurement was taken, on top of the sensor's own latency, (runs, K), s; by
+            the relative sensors of which any was. Only recorded measurements are.
+        delays: How many epochs after its own each measurement arrives, (runs, K), by the sensors that draw a latency.
         truth_is_known: Whether the true states are any. Those of a recorded flight may be NaN throughout.
         errors_are_known: Whether the errors of the sensors are those that the campaign draws. Those of a recorded
             flight are not.
@@ -111,7 +111,7 @@ def chunks(config: CaseConfig, source: RandomSource, streams: StreamsMaker = str
 
 
 class FrontEnd:
-    """What makes of the readings of a block what filters are given; it remembers where the last chunk ended.
+    """What makes of the measurements of a block what filters are given; it remembers where the last chunk ended.
 
     Args:
         config: The case.
@@ -125,10 +125,10 @@ class FrontEnd:
         self._thrust = ThrustInputs(config)
 
     def completed(self, chunk: Chunk, known: Truth | None) -> Chunk:
-        """Return the next chunk with what the filters are given of its readings.
+        """Return the next chunk with what the filters are given of its measurements.
 
         Args:
-            chunk: Its truth and its readings.
+            chunk: Its truth and its measurements.
             known: The orbits of craft that know theirs perfectly, where no sensor says; None: there are none.
 
         Raises:
@@ -161,7 +161,7 @@ def told(chunk: Chunk, forms: Mapping[str, Form], config: CaseConfig) -> dict[st
 
 
 def in_time(z: Mapping[str, Array], delays: Mapping[str, Integers], latest: int = 0) -> dict[str, Array]:
-    """Return readings by sensor (runs, K, m) without those that arrive more than `latest` epochs after their own."""
+    """Return z by sensor (runs, K, m) without measurements that arrive more than `latest` epochs after their own."""
     return {
         name: np.where((delays[name] > latest)[..., None], np.nan, readings) if name in delays else readings
         for name, readings in z.items()

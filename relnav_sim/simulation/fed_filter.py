@@ -1,4 +1,4 @@
-"""A campaign's filter with all that it is fed: readings, thrust and the chief's fixes, chunk by chunk."""
+"""A campaign's filter with all that it is fed: measurements, thrust and the chief's fixes, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class FedFilter:
         config: The case.
         source: Seed and numbers of the runs.
         shared: What the filters of the block share.
-        late: Sensors whose readings come with a latency of their own.
+        late: Sensors whose measurements come with a latency of their own.
 
     Attributes:
         filter: The filter; another one with the same models may take its place.
@@ -92,7 +92,7 @@ class FedFilter:
         self._latest = latest_epochs(entry, config)
 
     def start(self, prior: Gaussian) -> Any:
-        """Return the filter's belief before its first reading."""
+        """Return the filter's belief before its first measurement."""
         return self.filter.start(prior, self._source)
 
     @property
@@ -157,7 +157,7 @@ class FedFilter:
 
 
 def buffered_epochs(entry: FilterEntry, config: CaseConfig) -> int:
-    """Return the most epochs after its own at which a reading arrives that the filter goes back for; 0: it does not."""
+    """Return the most epochs after its own that a measurement arrives and is gone back for; 0: it does not go back."""
     sensors = relative_sensors(config.sensors, entry.sensors).values()
     drawn = [each.drawn_latency_s for each in sensors if each.drawn_latency_s is not None]
     if entry.out_of_sequence != "buffer" or not drawn:
@@ -166,7 +166,7 @@ def buffered_epochs(entry: FilterEntry, config: CaseConfig) -> int:
 
 
 def latest_epochs(entry: FilterEntry, config: CaseConfig) -> int | None:
-    """Return the most epochs after its own at which a reading arrives and a filter still takes it in order.
+    """Return the most epochs after its own at which a measurement arrives and a filter still takes it in order.
 
     None: afterwards all have arrived. With a fixed lag an epoch's estimate is made when the lag is over: what arrives
     later than that, as under a stress of which the filter is not told, is not in it.

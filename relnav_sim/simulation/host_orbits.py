@@ -35,7 +35,7 @@ def believed_gravity(config: CaseConfig) -> Gravity:
 
 
 def fixes_of(hosts: Sequence[Craft], sensors: Sensors, readings: Mapping[str, Array]) -> dict[Craft, Array]:
-    """Return the readings of the receivers that craft carry, by craft, (runs, K, 6)."""
+    """Return the measurements of the receivers that craft carry, by craft, (runs, K, 6)."""
     found = {host: own_sensor(sensors, "orbit", host) for host in hosts}
     return {host: readings[each[0]] for host, each in found.items() if each is not None}
 

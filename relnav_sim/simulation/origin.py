@@ -1,4 +1,4 @@
-"""Are recorded readings those that a campaign simulates? Then its simulated truth is theirs."""
+"""Are recorded measurements those that a campaign simulates? Then its simulated truth is theirs."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from relnav_sim.simulation.recorded_chunks import ON_EPOCH
 from relnav_sim.simulation.recording import record
 
 _SAME = 1e-3
-"""Sigmas within which two readings are the same: files may have fewer digits, and by chance one in a thousand is."""
+"""Sigmas within which two measurements are the same: files may have fewer digits, and by chance 1 in 1000 is."""
 
 
 def difference_from_campaign(config: CaseConfig, seed: int, recorded: Sequence[Readings]) -> str:
-    """Return in words where readings first differ from those that a campaign simulates for the same runs.
+    """Return in words where measurements first differ from those that a campaign simulates for the same runs.
 
     Empty where they are the campaign's own.
 
-    More than half of the readings of every relative sensor must be: some may have been left out, or spoilt on purpose
-    to see what a filter makes of them.
+    More than half of the measurements of every relative sensor must be: some may have been left out, or spoilt on
+    purpose to see what a filter makes of them.
 
     Args:
         config: The case.
         seed: The campaign's seed.
-        recorded: The readings, a run each.
+        recorded: The measurements, a run each.
     """
     sensors = relative_sensors(config.sensors)
     simulated = record(config, seed, [one.run for one in recorded])
@@ -50,7 +50,7 @@ def difference_from_campaign(config: CaseConfig, seed: int, recorded: Sequence[R
 
 
 def _same(one: SensorReadings, own: SensorReadings, sigmas: Array, angles: Mask, step_s: float) -> Mask:
-    """Return which rows (N,) of recorded readings are among those that were simulated, at the epochs."""
+    """Return which rows (N,) of recorded measurements are among those that were simulated, at the epochs."""
     moments, others_moments = (np.rint(each.times_s / (ON_EPOCH * step_s)) for each in (one, own))
     _, places, others = np.intersect1d(moments, others_moments, return_indices=True)
     difference = one.values[places] - own.values[others]

@@ -17,18 +17,18 @@ _LONGEST_STEP_S = 10.0
 
 
 class ReplayError(ValueError):
-    """Recorded readings can't be replayed with a campaign; the message is one sentence that names the remedy."""
+    """Recorded measurements can't be replayed with a campaign; the message is one sentence that names the remedy."""
 
 
 def at_epochs(name: str, z: Mapping[str, Array], late_s: Array, config: CaseConfig) -> Array:
-    """Return what a craft reads of itself at the epochs, (runs, T, m), from readings up to a step before them.
+    """Return what a craft reads of itself at the epochs, (runs, T, m), from measurements up to a step before them.
 
     A fix, or an orbit that is known, goes on in the gravity that the craft believe in. A body keeps its attitude in the
-    nadir frame, which turns with the orbit: about the normal, at the rate of the host's orbit at the epoch.
+    LVLH frame, which turns with the orbit: about the normal, at the rate of the host's orbit at the epoch.
 
     Args:
-        name: The reading's name.
-        z: All readings of craft of themselves by name, as they were read, at the epochs that they count at.
+        name: The measurement's name.
+        z: All measurements of craft of themselves by name, as they were read, at the epochs that they count at.
         late_s: By how much earlier those of this name were taken, (runs, T), s.
         config: The case.
 
@@ -52,7 +52,7 @@ def at_epochs(name: str, z: Mapping[str, Array], late_s: Array, config: CaseConf
             rate = np.where(np.isfinite(own), own, rate)
         return _turned(z[name], rate * late_s)
     raise ReplayError(
-        f"readings of {name} lie between the epochs, and each is a mean over the step that ends at one; choose a "
+        f"measurements of {name} lie between the epochs, and each is a mean over the step that ends at one; choose a "
         "clock.step_s that their times are multiples of"
     )
 

@@ -1,4 +1,4 @@
-"""Chunks of recorded readings: put on the clock of a campaign, and handed on as simulated ones are."""
+"""Chunks of recorded measurements: put on the clock of a campaign, and handed on as simulated ones are."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import Trajectory, Truth
 
 ON_EPOCH = 1e-6
-"""Share of a step within which a reading is one of the epoch itself; calendar dates are not more exact than that."""
+"""Share of a step within which a measurement is one of the epoch itself; calendar dates are no more exact."""
 
 
 @dataclass(frozen=True)
 class ReadingsOnClock:
-    """The readings of some runs on the epochs of a campaign.
+    """The measurements of some runs on the epochs of a campaign.
 
     Attributes:
-        z: By the reading's name, (runs, T, m); NaN where there is none.
-        late: How long before its epoch each was taken, (runs, T), s; by the readings that do not lie on the epochs.
+        z: By the measurement's name, (runs, T, m); NaN where there is none.
+        late: How long before its epoch each was taken, (runs, T), s; by the measurements that do not lie on the epochs.
     """
 
     z: Mapping[str, Array]
@@ -41,19 +41,19 @@ class ReadingsOnClock:
 
 
 def on_clock(config: CaseConfig, recorded: Sequence[Readings], epochs: int) -> ReadingsOnClock:
-    """Return recorded readings on a campaign's first epochs.
+    """Return recorded measurements on a campaign's first epochs.
 
-    A reading between two epochs counts at the next one, as one with a latency of its own. What a craft reads of its
+    A measurement between two epochs counts at the next one, as one with a latency of its own. What a craft reads of its
     own orbit and attitude is carried on to the epoch.
 
     Args:
         config: The case.
-        recorded: The readings, a run each.
+        recorded: The measurements, a run each.
         epochs: Number T of epochs.
 
     Raises:
-        ReplayError: A sensor has two readings in a step, a reading is before the start or after the last epoch, or an
-            accelerometer's lies between the epochs.
+        ReplayError: A sensor has two measurements in a step, a measurement is before the start or after the last epoch,
+            or an accelerometer's lies between the epochs.
     """
     z: dict[str, Array] = {}
     late: dict[str, Array] = {}
@@ -80,12 +80,12 @@ def recorded_chunks(
     trajectory: Trajectory | None,
     errors_are_known: bool = True,
 ) -> Iterator[Chunk]:
-    """Yield recorded readings of a block, a chunk of epochs at a time, as `chunks` yields simulated ones.
+    """Yield recorded measurements of a block, a chunk of epochs at a time, as `chunks` yields simulated ones.
 
     Args:
         config: The case, with the duration that is replayed.
         source: Seed and numbers of the runs.
-        readings: The readings of these runs.
+        readings: The measurements of these runs.
         trajectory: The truth; None: it is not known, and the true states are NaN.
         errors_are_known: Whether the sensors' errors are those that the campaign draws.
     """
@@ -114,8 +114,8 @@ def recorded_chunks(
 def last_epoch(config: CaseConfig, recorded: Sequence[Readings]) -> int:
     """Return the number of the epoch at which a replay ends.
 
-    That is the last of the campaign's clock, unless the readings end earlier by more than the longest gap that is
-    inside them: then it is that of the last reading, as nobody asks for a prediction of hours.
+    That is the last of the campaign's clock, unless the measurements end earlier by more than the longest gap that is
+    inside them: then it is that of the last measurement, as nobody asks for a prediction of hours.
     """
     step_s, last = config.clock.step_s, config.clock.epochs - 1
     times = np.unique(np.concatenate([np.zeros(1), *(one.times_s for run in recorded for one in run.sensors.values())]))
@@ -124,14 +124,14 @@ def last_epoch(config: CaseConfig, recorded: Sequence[Readings]) -> int:
 
 
 def _epoch_of(times_s: Array, step_s: float) -> Integers:
-    """Return at which epochs readings count, (N,): the next one, where they are not at an epoch."""
+    """Return at which epochs measurements count, (N,): the next one, where they are not at an epoch."""
     steps = times_s / step_s
     nearest = np.rint(steps)
     return np.where(np.abs(steps - nearest) <= ON_EPOCH, nearest, np.ceil(steps)).astype(np.int64)
 
 
 def _placed(name: str, one: SensorReadings, config: CaseConfig, epochs: int) -> tuple[Integers, Array]:
-    """Return the epochs (N,) of one sensor's readings and how long before them they were taken, (N,), s."""
+    """Return the epochs (N,) of one sensor's measurements and how long before them they were taken, (N,), s."""
     step_s = config.clock.step_s
     if one.times_s[0] < -ON_EPOCH * step_s:
         raise ReplayError(
@@ -159,7 +159,7 @@ def _placed(name: str, one: SensorReadings, config: CaseConfig, epochs: int) -> 
 
 
 def _step_for(shortest_s: float, step_s: float) -> float:
-    """Return the longest part of a campaign's own step in which no two readings are."""
+    """Return the longest part of a campaign's own step in which no two measurements are."""
     return step_s / np.ceil(step_s / shortest_s * (1 - 1e-9))
 
 

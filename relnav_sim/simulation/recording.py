@@ -16,14 +16,14 @@ from relnav_sim.simulation.start import starting_belief
 from relnav_sim.streams import RandomSource
 
 _MOST_NUMBERS = 20_000_000
-"""Numbers of readings that are kept at a time; runs are simulated so many together."""
+"""Numbers of measurements that are kept at a time; runs are simulated so many together."""
 
 
 def record(config: CaseConfig, seed: int, runs: Sequence[int]) -> Iterator[Readings]:
     """Yield everything that the filters of a case are given in some runs, a run at a time.
 
-    These are the numbers that `run_campaign` filters, to the bit: readings of all sensors as they are read, before the
-    front end; the true orbit of a host where its frame follows from that; and the start.
+    These are the numbers that `run_campaign` filters, to the bit: measurements of all sensors as they are read, before
+    the front end; the true orbit of a host where its frame follows from that; and the start.
 
     Args:
         config: The case.

@@ -1,4 +1,4 @@
-"""A case's filters on recorded readings: what they said, and what tells whether they may be believed."""
+"""A case's filters on recorded measurements: what they said, and what tells whether they may be believed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from relnav_sim.streams import RandomSource
 from relnav_sim.truth import nominal_chief, truth_trajectory
 
 HELD_WARNED = 0.1
-"""Sigmas of a reading by which velocities held constant may put it off, root mean square, without a word."""
+"""Sigmas of a measurement by which velocities held constant may put it off, root mean square, without a word."""
 HELD_REFUSED = 1.0
 """The same without a refusal."""
 
@@ -47,23 +47,23 @@ def replay_block(
     epochs: int | None = None,
     errors_are_known: bool = True,
 ) -> ReplayedBlock:
-    """Return what the filters of a case make of recorded readings.
+    """Return what the filters of a case make of recorded measurements.
 
-    The readings take the place of those that `simulate_block` simulates, and nothing else differs: replayed, the
-    readings of a campaign give the campaign's own estimates to the bit.
+    The measurements take the place of those that `simulate_block` simulates, and nothing else differs: replayed, the
+    measurements of a campaign give the campaign's own estimates to the bit.
 
     Args:
         case: The case.
         seed: The campaign's seed, of which and of the run's number the random numbers of sampling filters are a
             function.
-        recorded: The readings, a run each, by ascending number.
-        with_truth: Whether the truth of the campaign is that of the readings, so that estimates can be scored.
-        epochs: Number of epochs that are replayed; None: as many as the readings ask for, see `last_epoch`.
+        recorded: The measurements, a run each, by ascending number.
+        with_truth: Whether the truth of the campaign is that of the measurements, so that estimates can be scored.
+        epochs: Number of epochs that are replayed; None: as many as the measurements ask for, see `last_epoch`.
         errors_are_known: Whether the sensors' errors are those that the campaign draws, so that augmented states can be
             scored too.
 
     Raises:
-        ReplayError: The readings do not fit the case.
+        ReplayError: The measurements do not fit the case.
     """
     source = RandomSource(seed, tuple(one.run for one in recorded))
     for one in recorded:
@@ -113,7 +113,7 @@ class _Collector:
         self.held: dict[str, list[Array]] = {}
 
     def counting(self, arriving: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Yield the chunks, and count the readings that no filter gets, for want of its host's own frame."""
+        """Yield the chunks, and count the measurements that no filter gets, for want of its host's own frame."""
         for chunk in arriving:
             for name, forms in chunk.inputs.items():
                 read = np.isfinite(chunk.z[name]).any(axis=2)
@@ -138,7 +138,7 @@ class _Collector:
         self._smoothed.setdefault(name, []).append(history)
 
     def _take_down_held(self, filter: Filter, chunk: Chunk, history: FilterHistory) -> None:
-        """Take down by how many sigmas late readings are off because velocities are held constant meanwhile.
+        """Take down by how many sigmas late measurements are off because velocities are held constant meanwhile.
 
         The position some time t ago is taken as r - v t; a t^2 / 2 is left out, with the relative acceleration a that
         Clohessy and Wiltshire's equations have at the estimate.
@@ -167,7 +167,8 @@ class _Collector:
 
         mean, covariance = joined([part.mean for part in parts]), joined([part.covariance for part in parts])
         changed = np.full(mean.shape, np.nan)
-        if not filter_kinds()[entry.kind].repeats:  # what has been fitted to all readings is not changed by later ones
+        # What has been fitted to all measurements is not changed by later ones.
+        if not filter_kinds()[entry.kind].repeats:
             changed = _smoothed_change(mean, covariance, joined_flow(self._flows[name]), self._step_s)
         if name in self._smoothed:
             mean, covariance = (
@@ -217,36 +218,36 @@ def _smoothed_change(mean: Array, covariance: Array, flow: RecordedFlow, step_s:
 
 
 def _check_sensors(config: CaseConfig, recorded: Readings) -> None:
-    """Refuse readings of sensors that the campaign does not have, and a lack of those that it needs."""
+    """Refuse measurements of sensors that the campaign does not have, and a lack of those that it needs."""
     sensors = {reading: sensor for reading, (sensor, _) in reading_names(config.sensors).items()}
     for name, each in relative_sensors(config.sensors).items():
         if each.drawn_latency_s is not None:
             raise ReplayError(
-                f"{name} draws a latency for each reading, and files of readings do not say when they arrived; leave "
-                f"it out: --set sensors.{name}.drawn_latency_s=null"
+                f"{name} draws a latency for each measurement, and files of measurements do not say when they arrived; "
+                f"leave it out: --set sensors.{name}.drawn_latency_s=null"
             )
     names = readings_layout(config.sensors)
     if unknown := [name for name in recorded.sensors if name not in names]:
         known = listed(list(names), "and")
-        raise ReplayError(f"there are readings of {unknown[0]}, of which the campaign knows nothing; it has {known}")
+        raise ReplayError(f"there are measurements of {unknown[0]}, which the campaign does not have; it has {known}")
     for name in names:
         if name in recorded.sensors or name in relative_sensors(config.sensors):
             continue
         if name not in sensors:
             raise ReplayError(
-                f"run {recorded.run} has no {name}, in whose frame readings of directions are given where that craft "
-                "has no receiver or no star tracker; give its states, or the sensors and their readings"
+                f"run {recorded.run} has no {name}, in whose frame measurements of directions are given where that "
+                "craft has no receiver or no star tracker; give its states, or the sensors and their measurements"
             )
         sensor = sensors[name]
         raise ReplayError(
-            f"run {recorded.run} has no readings of {name}, by which a craft knows its own "
+            f"run {recorded.run} has no measurements of {name}, by which a craft knows its own "
             f"{config.sensors[sensor].role}; give their file, or leave the sensor out: --set sensors.{sensor}=null"
         )
     for name, entry in config.filters.items():
         own = list(relative_sensors(config.sensors, entry.sensors))
         if not any(sensor in recorded.sensors for sensor in own):
             raise ReplayError(
-                f"run {recorded.run} has no readings of {listed(own, 'or')}, by which the filter {name} goes; "
+                f"run {recorded.run} has no measurements of {listed(own, 'or')}, by which the filter {name} goes; "
                 "give their file, or choose other filters with --filter"
             )
 
@@ -273,8 +274,8 @@ def _prior(
         missing = np.flatnonzero(~np.isfinite(z[name][:, 0, :3]).all(axis=1))
         if len(missing):
             raise ReplayError(
-                f"run {recorded[missing[0]].run} has no whole reading of {name} at 0 s, at which its filters start "
-                "(start: first_fix); begin the campaign at such a reading, or give it start: {kind: given, ...}"
+                f"run {recorded[missing[0]].run} has no whole measurement of {name} at 0 s, at which its filters start "
+                "(start: first_fix); begin the campaign at such a measurement, or give it start: {kind: given, ...}"
             )
     return None
 
@@ -285,7 +286,7 @@ def _other_starts(config: CaseConfig, prior: Gaussian | None) -> Iterator[str]:
         return
     given = np.array([*config.start.position_m, *config.start.velocity_m_s])
     if (np.abs(prior.mean - given) > 1e-9 * np.abs(given).max()).any():
-        yield "filters start where the files of readings say, not at the campaign's start"
+        yield "filters start where the files of measurements say, not at the campaign's start"
 
 
 def _never_settled(config: CaseConfig) -> Iterator[str]:
@@ -309,14 +310,14 @@ def _lost_readings(read: Mapping[str, int], lost: Mapping[str, int]) -> Iterator
     for name, count in lost.items():
         if count:
             yield (
-                f"{count} of {read[name]} readings of {name} are lost to the filters: their host does not know its own "
-                "orbit or attitude then; where its receiver has gaps, give it a period_s or an outage, and its own "
+                f"{count} of {read[name]} measurements of {name} are lost to the filters: their host does not know its "
+                "own orbit or attitude then; where its receiver has gaps, give it a period_s or an outage, and its own "
                 "orbit filter carries it over them"
             )
 
 
 def _held_velocities(held: Mapping[str, Sequence[Array]], config: CaseConfig) -> Iterator[str]:
-    """Yield a sentence on sensors whose late readings suffer from velocities that are held constant.
+    """Yield a sentence on sensors whose late measurements suffer from velocities that are held constant.
 
     Raises:
         ReplayError: They suffer by more than their own sigma.
@@ -327,7 +328,7 @@ def _held_velocities(held: Mapping[str, Sequence[Array]], config: CaseConfig) ->
             continue
         step_s = config.clock.step_s * np.sqrt(HELD_WARNED / off)
         sentence = (
-            f"readings of {name} lie up to {config.clock.step_s:g} s before the epochs at which they count, and "
+            f"measurements of {name} lie up to {config.clock.step_s:g} s before the epochs at which they count, and "
             f"velocities held constant meanwhile put them off by {off:.2g} sigma; choose a clock.step_s of "
             f"{step_s:.2g} or less"
         )

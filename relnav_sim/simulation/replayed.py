@@ -1,4 +1,4 @@
-"""What came of recorded readings: what each filter said, and where it all came from."""
+"""What came of recorded measurements: what each filter said, and where it all came from."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from relnav_sim.simulation.breakdown import Breakdown
 
 @dataclass(frozen=True)
 class ReplayedFilter:
-    """What one filter made of recorded readings; the leading axis of every array is the runs'.
+    """What one filter made of recorded measurements; the leading axis of every array is the runs'.
 
     Attributes:
-        channels: The numbers of a reading as this filter takes it, by sensor.
+        channels: The numbers of a measurement as this filter takes it, by sensor.
         names: The components of the state, (n,).
         mean: Estimates, (runs, T, n): position and velocity, RTN, m and m/s, and the augmented states behind them.
         sigma: Standard deviations that the filter states, (runs, T, n).
         nis: Normalised innovation squared by sensor, each (runs, T); NaN where it was not read.
         dof: Channels read by sensor, each (runs, T).
         residuals: Residuals by sensor and channel.
-        smoothed_change: (x_f - x_s) / sqrt(P_f - P_s), (runs, T, n): by how much later readings moved each estimate, in
-            sigmas of what they may move it by; NaN where they tell nothing.
+        smoothed_change: (x_f - x_s) / sqrt(P_f - P_s), (runs, T, n): by how much later measurements moved each
+            estimate, in sigmas of what they may move it by; NaN where they tell nothing.
         failures: The runs that failed, by their place.
     """
 
@@ -49,7 +49,7 @@ class ReplayedFilter:
 
 @dataclass(frozen=True)
 class ReplayedBlock:
-    """What came of the recorded readings of some runs.
+    """What came of the recorded measurements of some runs.
 
     Attributes:
         times_s: The epochs, (T,), s.
@@ -57,7 +57,7 @@ class ReplayedBlock:
         filters: By the filter's name; those that broke are left out.
         broken: Why those did.
         results: Errors against the truth, those of some runs each; none where it is not known.
-        longest_late_s: The longest time between a reading and the epoch at which it counted, s.
+        longest_late_s: The longest time between a measurement and the epoch at which it counted, s.
         warnings: What the user should know: sentences.
     """
 
@@ -72,7 +72,7 @@ class ReplayedBlock:
 
 @dataclass(frozen=True)
 class RecordedFile:
-    """A file of readings.
+    """A file of measurements.
 
     Attributes:
         path: Its name as the user gave it.
@@ -85,7 +85,7 @@ class RecordedFile:
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of recorded readings.
+    """What came of recorded measurements.
 
     Attributes:
         campaign: The campaign with the one case that was replayed.

@@ -43,7 +43,7 @@ class FixRestart:
         self._chunk = chunk
 
     def __call__(self, sensor: str, belief: Gaussian, step: Step) -> Gaussian | None:
-        """Return where runs start again from the sensor's reading at this epoch, NaN in runs without a fix.
+        """Return where runs start again from the sensor's measurement at this epoch, NaN in runs without a fix.
 
         None where the sensor gives no position by itself.
         """

@@ -23,7 +23,7 @@ def starting_belief(config: CaseConfig, first: Chunk, source: RandomSource) -> G
         first: The first chunk of the block. The truth is used only to disperse a start around it.
         source: Seed and numbers of the runs.
 
-    A run without a reading at epoch 0 gets NaN for a start at the first fix.
+    A run without a measurement at epoch 0 gets NaN for a start at the first fix.
     """
     start, flown, B = config.start, config.flown.start, len(source.runs)
     if isinstance(start, FirstFixStart):
@@ -58,7 +58,7 @@ class FixMaker:
         self._model = sensor_measurement(name, config.sensors, orbit, step_s, assumed_noise="nominal")
 
     def fix(self, chunk: Chunk, k: int) -> tuple[Array, Array]:
-        """Return position (runs, 3), RTN m, and its covariance (runs, 3, 3) by the reading at column k of a chunk."""
+        """Return position (runs, 3), RTN m, and covariance (runs, 3, 3) by the measurement at column k of a chunk."""
         fix = self._options.first_fix(self._model, chunk.inputs[self._name][self._options.forms[0]][:, k])
         assert fix is not None  # the sensor is one that gives fixes
         return fix

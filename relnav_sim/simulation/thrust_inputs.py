@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 CERTAIN_THRUST = 5.0
-"""In sigmas of a reading's noise and bias: a longer reading is thrust, and its scale-factor error adds up."""
+"""In sigmas of a measurement's noise and bias: a larger measurement is thrust, and its scale-factor error adds up."""
 
 
 def known_thrust(entry: FilterEntry, config: CaseConfig) -> KnownThrust:
@@ -77,7 +77,7 @@ class ThrustInputs:
         return planned_forces(self._config.truth, times_s, self._step_s), noise if noise.any() else None
 
     def _measured(self, z: Mapping[str, Array], plan: Array) -> tuple[Array, Array, Array]:
-        """Return what is measured; the plan stands in for a craft without accelerometer and for missing readings.
+        """Return what is measured; the plan stands in for a craft without accelerometer and for missing measurements.
 
         Two covariances go with it: with the share of the constant bias, and without.
         """
@@ -132,11 +132,11 @@ class ThrustInputs:
 def measured_forces(config: CaseConfig, z: Mapping[str, Array], plan: Array) -> tuple[Array, dict[Craft, Mask]]:
     """Return the specific force that is measured, (runs, K, 2, 2, 3), and by craft where nothing was, (runs, K).
 
-    The plan stands in for a craft without accelerometer and for missing readings.
+    The plan stands in for a craft without accelerometer and for missing measurements.
 
     Args:
         config: The case, with an accelerometer.
-        z: Readings by sensor, that of each craft by its own name.
+        z: Measurements by sensor, that of each craft by its own name.
         plan: `planned_forces` of the same epochs.
     """
     runs = len(next(iter(z.values())))

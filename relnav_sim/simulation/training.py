@@ -65,7 +65,7 @@ def training_track(
 
 
 def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
-    """Return the smoothed states (K, 6) after the first of a sensor's readings z (1, epochs, m), and their epoch."""
+    """Return the smoothed states (K, 6) after the first of a sensor's measurements z (1, epochs, m), and its epoch."""
     step_s = config.clock.step_s
     sensors = config.sensors
     told = sensor_measurement(name, sensors, orbit, step_s)
@@ -78,7 +78,7 @@ def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, orbit: ChiefOrb
     assert fix is not None  # the sensor is one that gives fixes
     position, position_covariance = fix
     # A closed relative orbit of that size moves no faster, so that a latency does not matter to the fix; how it moves,
-    # a few readings tell.
+    # a few measurements tell.
     speed = 2 * orbit.mean_motion_rad_s * np.linalg.norm(position)
     covariance = np.zeros((1, 6, 6))
     covariance[:, :3, :3] = position_covariance

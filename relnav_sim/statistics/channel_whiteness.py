@@ -59,7 +59,7 @@ _SUMS = ("count", "total", "products")
 
 
 class _Products:
-    """Sums over one span: readings and their sum (runs, c), products at each lag (runs, c, lags)."""
+    """Sums over one span: measurements and their sum (runs, c), products at each lag (runs, c, lags)."""
 
     def __init__(self, runs: int, channels: int) -> None:
         self.count = np.zeros((runs, channels), dtype=np.int64)
@@ -77,7 +77,7 @@ def pooled_whiteness(count: Integers, mean: Array, product: Array) -> Whiteness:
     The mean over all runs is taken out, as in `whiteness`; what the ends of a run differ from its mean by is left out.
 
     Args:
-        count: Readings of each run (runs,).
+        count: Measurements of each run (runs,).
         mean: Their mean (runs,).
         product: Mean products at each lag (runs, lags).
     """

@@ -126,8 +126,8 @@ def at_common_dof(nis: Array, dof: Integers, common: Integers) -> Array:
     """Return the NIS shifted and scaled to the mean and variance of ``common`` degrees of freedom.
 
     A NIS of d degrees of freedom has mean d and variance 2 d, so that x = NIS sqrt(c / d) - (sqrt(c d) - c) has mean c
-    and variance 2 c for every d: partial readings then leave no correlation of their own. Where d = c it is the NIS
-    itself, to the bit.
+    and variance 2 c for every d: measurements with missing channels then leave no correlation of their own. Where d = c
+    it is the NIS itself, to the bit.
 
     Args:
         nis: (runs, epochs); NaN without a measurement.

@@ -9,7 +9,7 @@ from relnav_sim.arrays import Array, Integers
 from relnav_sim.statistics.quantiles import BIN_RULE, BINS, Counts, bin_of
 
 RELATIVE_CONVERGENCE = 3.0
-"""How many times its settled RMS a run may still be off when it counts as converged relative to itself."""
+"""How many times its steady-state RMS a run may still be off when it counts as converged relative to itself."""
 
 
 class Convergence:

@@ -3,7 +3,7 @@
 1. A filter is refused whose sensors cannot observe the state, whose estimates are known only later, that completed no
    run, failed or diverged in a run (in more than a requirement allows, where there is one), misses a requirement, or
    whose errors are more than `OVERCONFIDENT` times its formal sigma.
-2. Of the others those go first that meet every requirement beyond doubt; where there are none, all the others.
+2. Of the others those that meet every requirement beyond doubt are preferred; where there are none, all the others.
 3. Of these the filter with the smallest position RMS is chosen. The difference of each other one is "equivalent" where
    it is surely smaller than the margin, else as the ranking's test has it (`equivalence`).
 4. Over several cases a filter must not be refused in any. Of those left the one is chosen whose largest position RMS

@@ -42,7 +42,8 @@ def diverged_runs(results: Results, case: int | str, filter: str) -> Mask:
     if bound is None:
         return found
     r, time_s = np.linalg.norm(results.error(case, filter)[..., :3], axis=-1), results.time_s(case)
-    # While a filter waits for a start that is fitted to readings, the bound has those readings and the filter has not.
+    # While a filter waits for a start that is fitted to measurements, the bound has those measurements and the filter
+    # has not.
     waits = time_s < reads_from_s(results, results.case_index(case), filter)
     limit = np.where(waits, np.nan, bound[:, layout.QUANTITIES.index("r")])
     return found | far_beyond_bound(r, results.nees(case, filter), time_s, limit)

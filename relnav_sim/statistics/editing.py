@@ -23,12 +23,12 @@ OUTSIDE = 0.999
 
 
 class EditingAccumulator:
-    """Takes what was edited in successive chunks of a block's readings, and gives what came of it at the end.
+    """Takes what was edited in successive chunks of a block's measurements, and gives what came of it at the end.
 
     Args:
         runs: Number of runs in the block.
         rules: How errors are turned into figures.
-        sensors: The sensors whose readings are edited, by name.
+        sensors: The sensors whose measurements are edited, by name.
         max_rejects: Rejections N in a row that are a lock-out.
     """
 

@@ -1,8 +1,8 @@
 """Is a difference too small to matter? Equivalence of two filters by the interval of their paired difference.
 
 Two one-sided tests (Schuirmann 1987) hold a difference for too small to matter once its whole interval lies inside a
-margin. "Not significant" is no such claim: few runs make every difference insignificant. Intervals that hold for all
-pairs together (Bonferroni) keep the chance of any wrong claim of equivalence in a case below that of one interval.
+margin. "Not significant" is no such statement: few runs make any difference insignificant. Intervals that hold for all
+pairs together (Bonferroni) keep the chance of any wrong verdict of equivalence in a case below that of one interval.
 """
 
 from __future__ import annotations

@@ -284,7 +284,7 @@ class ErrorAccumulator:
                 self._series[layout.COVARIANCE.name][:, rows] = known
 
     def _readings_of(self, given: NisOfSensors) -> ReadingSeries:
-        """Return where the readings of these sensors are stored; begin with it at the first chunk."""
+        """Return where the measurements of these sensors are stored; begin with it at the first chunk."""
         if self._readings is None:
             names, runs = tuple(given.nis), self._runs
             self._readings = ReadingSeries(runs, len(self.rules.stored_s), self.rules.store_every, names)

@@ -58,11 +58,11 @@ class Comparison:
     Attributes:
         difference: Mean over runs of first minus second, with its interval.
         verdict: ``better``: the first is, the whole interval is on its good side; ``worse``; else ``undecided``.
-        runs_to_decide: Runs at which a difference of the size seen would be told apart with a probability of
+        runs_to_decide: Runs at which a difference of the size seen would be significant with a probability of
             0.8; None where the difference is zero or unknown.
         p_value: Of a mean difference of zero, by the sign-flip test; 1 where nothing is known.
         simultaneous: The difference with an interval that holds for all pairs together, decided or not (Bonferroni):
-            what a claim of equivalence must go by.
+            what a verdict of equivalence must go by.
     """
 
     difference: Interval
@@ -267,7 +267,7 @@ def sum_band(dof: float, divisor: float, level: float = CONFIDENCE) -> Band:
     """Return where a sum of independent chi-square figures divided by something lies when the filter is consistent.
 
     The sum is chi-square with the sum of their degrees of freedom, which may differ from one to the next: partial
-    readings have fewer.
+    measurements have fewer.
 
     Args:
         dof: Degrees of freedom of the sum.

@@ -1,4 +1,4 @@
-"""What arrives from each sensor: its readings, and its NIS with the degrees of freedom of each."""
+"""What arrives from each sensor: its measurements, and its NIS with the degrees of freedom of each."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ReadingSeries:
             good, dof = sound[:, chosen], given.dof[name]
             self._series["nis"][:, rows, place] = np.where(good, given.nis[name][:, chosen], np.nan)
             self._series["dof"][:, rows, place] = np.where(good, dof[:, chosen], 0)
-            # Readings go on after a failure: they are the sensor's.
+            # Measurements go on after a failure: they are the sensor's.
             counts = np.add.reduceat((dof > 0).astype(np.int32), begins, axis=1)
             self._series["readings"][:, after[begins[inside]], place] += counts[:, inside]
 

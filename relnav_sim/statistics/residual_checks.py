@@ -14,7 +14,7 @@ from relnav_sim.statistics.intervals import Band, sum_band
 from relnav_sim.statistics.whiteness import Whiteness, whiteness
 
 RELEVANT_RATIO = 0.05
-"""A mean NIS nearer than this to its expectation is no finding, however many readings make it significant."""
+"""A mean NIS nearer than this to its expectation is no finding, however many measurements make it significant."""
 RELEVANT_MEAN = 0.1
 """The same of a channel's mean residual, in sigmas."""
 RELEVANT_CORRELATION = 0.05
@@ -30,7 +30,7 @@ class ChannelCheck:
     Attributes:
         sensor: Name of the sensor.
         channel: The channel.
-        count: Readings.
+        count: Measurements.
         mean: Mean residual, SI.
         sigma: Standard deviation of the residuals about their mean, SI.
         normalised_mean: Mean of the residuals in sigmas that the filter states.
@@ -96,7 +96,7 @@ class SmootherCheck:
 
     Attributes:
         names: The components.
-        count: Estimates that later readings changed, (n,).
+        count: Estimates that later measurements changed, (n,).
         share: Share of them that changed by less than three sigmas, (n,); NaN where none did.
         rms: Root mean square of the change in sigmas, (n,).
     """

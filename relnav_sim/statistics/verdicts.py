@@ -1,9 +1,10 @@
 """Does a measured effect confirm a published one? Effects with intervals, and what they say together.
 
-A claim is judged by intervals, never by point estimates. All parts of a claim, and all of its main readings, must
+A claim is judged by intervals, never by point estimates. All parts of a claim, and all of its main interpretations,
+must
 hold: the chance that a claim is confirmed wrongly is then at most that of its weakest part (an intersection-union
-test, Berger 1982), so each part may be judged at the full level. One of several alternative readings is enough for a
-condition; those share the error between them (Bonferroni).
+test, Berger 1982), so each part may be judged at the full level. One of several alternative interpretations is enough
+for a condition; those share the error between them (Bonferroni).
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ def verdict(main: Iterable[Outcome], others: Iterable[Outcome] = ()) -> Verdict:
     """Return the verdict on a claim.
 
     Args:
-        main: Outcomes of the readings that must all hold.
-        others: Outcomes of the readings of which one is enough for a condition.
+        main: Outcomes of the interpretations that must all hold.
+        others: Outcomes of the interpretations of which one is enough for a condition.
     """
     outcomes = list(main)
     if together(outcomes) == "holds":
@@ -64,7 +65,7 @@ def verdict(main: Iterable[Outcome], others: Iterable[Outcome] = ()) -> Verdict:
 
 
 def shared_level(readings: int, level: float = CONFIDENCE) -> float:
-    """Return the confidence of each of several readings of which one is enough."""
+    """Return the confidence of each of several interpretations of which one is enough."""
     return 1 - (1 - level) / max(1, readings)
 
 

@@ -53,7 +53,7 @@ def whiteness(series: Sequence[Array], most_lags: int = LAGS) -> Whiteness:
     filter have no parameters fitted to them.
 
     Args:
-        series: The values of each run in order, (N_r,), without gaps: a reading follows the one before.
+        series: The values of each run in order, (N_r,), without gaps: a measurement follows the one before.
         most_lags: Most lags.
 
     Examples:

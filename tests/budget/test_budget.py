@@ -129,7 +129,7 @@ def test_halving_a_source():
     budget = error_budget(made, filter="kf")
     halved = dict(zip(budget.sources, budget.halved(), strict=True))
     less = campaign("sensors.radar={range_sigma_m: 2, angle_sigma_deg: 0.1, azimuth_bias_deg: 0.01}", *QUIET)
-    # Readings are taken about the biased ones: 3.5e-4 rad to second order.
+    # Measurements are taken about the biased ones: 3.5e-4 rad to second order.
     np.testing.assert_allclose(halved["radar azimuth bias"][1:], error_budget(less, filter="kf").total[1:], rtol=3e-4)
     place = budget.sources.index("radar range noise")
     np.testing.assert_allclose(halved["radar range noise"], budget.total - 0.75 * budget.variance[place], rtol=1e-12)
@@ -140,7 +140,7 @@ def test_a_gate_is_left_out_and_named():
     made = campaign(*QUIET, "filters.ekf.gate_probability=0.5")
     gated, free = error_budget(made, filter="ekf"), error_budget(campaign(*QUIET), filter="ekf")
     np.testing.assert_array_equal(gated.total, free.total)
-    assert gated.not_covered == ("readings that the gate rejects",)
+    assert gated.not_covered == ("measurements that the gate rejects",)
 
 
 @pytest.mark.parametrize("kind", ["ekf", "ud_ekf", "srif"])
@@ -165,7 +165,7 @@ def test_what_is_not_in_it_is_named():
         "start={kind: dispersed, position_sigma_m: 9, velocity_sigma_m_s: 1}",
     )
     assert error_budget(made, filter="ekf").not_covered == (
-        "random outages of radar: its readings count as there",
+        "random outages of radar: its measurements count as there",
         "the latency of radar, of which the filter is not told",
     )
 

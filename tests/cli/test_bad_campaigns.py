@@ -118,13 +118,13 @@ BAD = {
         edit("  gnss: {", "  gnss: {host: both, "),
         "sensors.gnss.host: must be 'chief' or 'deputy', not the text 'both'",
     ),
-    "a reading before the first step alone": (
+    "a measurement before the first step alone": (
         edit(RADAR, RADAR[:-1] + ", period_s: 700}"),
-        "sensors.radar.period_s: the first reading that filters get comes at 700 s; the run ends at 600 s",
+        "sensors.radar.period_s: filters get their first measurement at 700 s; the run ends at 600 s",
     ),
     "a latency beyond the end": (
         edit(START, DISPERSED).replace(RADAR, RADAR[:-1] + ", latency_s: 601}"),
-        "sensors.radar.latency_s: the first reading that filters get comes at 601 s; the run ends at 600 s",
+        "sensors.radar.latency_s: filters get their first measurement at 601 s; the run ends at 600 s",
     ),
     "an altitude in metres": (edit("a_km: 6878", "altitude_m: 512345.5"), "Write altitude_km: 512.3455"),
     "a key in metres": (edit("a_km: 6878", "a_m: 6878137.5"), "did you mean 'a_km'? Write a_km: 6878.1375"),

@@ -46,7 +46,7 @@ statistics: {settle_s: 100}
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """A folder with a campaign, its result, and readings of its runs 0 and 2."""
+    """A folder with a campaign, its result, and measurements of its runs 0 and 2."""
     folder = tmp_path_factory.mktemp("flight")
     (folder / "pass.yaml").write_text(TEXT)
     campaign = load_campaign(folder / "pass.yaml")
@@ -72,7 +72,7 @@ def test_exported_readings_give_the_campaigns_own_numbers(relnav, tmp_path):
     done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "run2.csv")
     assert done.exit_code == 0, done.output
     assert "ekf is consistent" in done.output and "hasty is conservative" in done.output
-    assert "scored against the truth that the campaign simulates, whose readings these are" in done.output
+    assert "scored against the truth that the campaign simulates, whose measurements these are" in done.output
     with open_results("pass.h5") as flown, open_results("results/pass.replay/result.h5") as again:
         a, b = flown.summary(), again.summary()
         kept = a["run"] != 1
@@ -217,8 +217,8 @@ def test_readings_of_another_campaign_are_told_where_they_differ(relnav, tmp_pat
     done = relnav("replay", "pass.yaml", "--measurements", "run0.csv", "--filter", "ekf", "--set", change)
     assert done.exit_code == 0, done.output
     assert re.search(
-        r"The readings are not those that the campaign simulates with seed [45]: run 0 differs first in radar at \d+ s "
-        r"\(run0\.csv:\d+\)\.",
+        r"The measurements are not those that the campaign simulates with seed [45]: run 0 differs first in radar "
+        r"at \d+ s \(run0\.csv:\d+\)\.",
         done.output,
     )
     page = (tmp_path / "results" / "pass.replay" / "index.html").read_text()

@@ -1,4 +1,4 @@
-"""Measurement editing: which readings are rejected, what a lock-out does, and who can't edit."""
+"""Measurement editing: which measurements are rejected, what a lock-out does, and who can't edit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EDITING = {"probability": 0.99, "max_rejects": 3}
 
 
 def problem(runs=6, epochs=60, step_at=None, size=0.0, seed=1):
-    """Truth and readings of the filter's own model; from `step_at` on the first position is another."""
+    """Truth and measurements of the filter's own model; from `step_at` on the first position is another."""
     rng = np.random.default_rng(seed)
     mean0 = np.zeros((runs, 4))
     x = mean0 + rng.standard_normal((runs, 4)) @ np.linalg.cholesky(P0).T
@@ -47,7 +47,7 @@ def made(kind="kf", measurement=None, **options):
 
 
 def transcribed(z, m, P, p, n_max, action=None, scope="sensor", inflation=10.0):
-    """Return the means of one run by the text-book, a reading after the other, and what happened to each."""
+    """Return the means of one run by the text-book, a measurement after the other, and what happened to each."""
     rejects, means, events = np.zeros(1 if scope == "sensor" else 2, dtype=int), [], []
     for reading in z:
         m, P = F @ m, F @ P @ F.T + Q
@@ -94,7 +94,7 @@ def transcribed(z, m, P, p, n_max, action=None, scope="sensor", inflation=10.0):
 def test_editing_is_the_text_books_one_run_after_the_other(scope, action):
     _, z, mean0 = problem(4, 45, step_at=20, size=15.0)
     rng = np.random.default_rng(5)
-    z = np.where(rng.random(z.shape) < 0.15, np.nan, z)  # partial readings, and some that are missing altogether
+    z = np.where(rng.random(z.shape) < 0.15, np.nan, z)  # partial measurements, and some that are missing altogether
     editing = EDITING | {"scope": scope, "action": action}
     history = run_filter(made(editing=editing), z, mean0, P0)
     acted = 0
@@ -174,7 +174,7 @@ def test_every_filter_edits_or_says_why_not(kind):
     if not filter_kinds()[kind].edits:
         mixtures = {"imm", "gaussian_sum", "particle", "unscented_particle", "gp_particle", "mf_upf"}
         why = dict.fromkeys(mixtures, "its belief is no single Gaussian")
-        why["batch_least_squares"] = "each reading is part of the fit that it would be judged by"
+        why["batch_least_squares"] = "each measurement is part of the fit that it would be judged by"
         with pytest.raises(ValueError, match=f"the {kind} filter has no editing: {why[kind]}"):
             made(kind, editing=EDITING)
         return
@@ -190,11 +190,11 @@ def test_every_filter_edits_or_says_why_not(kind):
 
 
 def test_sensors_are_judged_by_themselves():
-    """One of two sensors is wrong: its readings are rejected, the other's are not, and it stays locked out."""
+    """One of two sensors is wrong: its measurements are rejected, the other's are not, and it stays locked out."""
     _, z, mean0 = problem(5, 50, seed=4)
     wrong = z.copy()
     wrong[:, 20:] += 30.0
-    wrong[:, 30:32] = np.nan  # a lock-out outlasts epochs without a reading
+    wrong[:, 30:32] = np.nan  # a lock-out outlasts epochs without a measurement
     sensors = {"right": LinearMeasurement(H, R), "wrong": LinearMeasurement(H, R)}
     filter = made(measurement=sensors, editing={"probability": 0.9999, "max_rejects": 3})
     history = run_filter(filter, {"right": z, "wrong": wrong}, mean0, P0)

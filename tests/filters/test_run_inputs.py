@@ -58,7 +58,7 @@ def changed(array, place, value):
         ({"z": Z + 0j}, "z holds complex numbers"),
         (
             {"z": changed(Z.astype(object), (0, 0, 0), None)},
-            "z holds objects, not real numbers; a missing reading is NaN",
+            "z holds objects, not real numbers; a missing measurement is NaN",
         ),
         ({"runs": [0, 1]}, "2 run numbers for 3 runs"),
         ({"runs": [0, 1, 1]}, "runs holds 1 twice"),
@@ -73,8 +73,8 @@ def changed(array, place, value):
         ({"R": changed(np.ones((20, 1, 1)), 4, -1.0)}, "noise of epoch 4 is no covariance"),
         ({"R": changed(np.ones((3, 20, 1, 1)), (2, 7), -1.0)}, "noise of run 2, epoch 7 is no covariance"),
         ({"R": changed(np.ones((3, 20, 1, 1)), (2, 7), np.nan)}, "noise is NaN at run 2, epoch 7, row 0, column 0"),
-        ({"R": np.ones((2, 20, 1, 1))}, "noise is given for 2 runs, the readings have 3"),
-        ({"R": np.ones((3, 19, 1, 1))}, "noise is given for 19 epochs, the readings have 20"),
+        ({"R": np.ones((2, 20, 1, 1))}, "noise is given for 2 runs, the measurements have 3"),
+        ({"R": np.ones((3, 19, 1, 1))}, "noise is given for 19 epochs, the measurements have 20"),
         ({"R": np.eye(2)}, "noise is for 2 components, the measurement has 1"),
         ({"H": [[1.0, 0.0, 0.0]]}, "the measurement (columns of H) is for 3 states, the dynamics have 2"),
         ({"H": [[1.0, np.nan]]}, "matrix is NaN at row 0, column 1"),
@@ -130,7 +130,7 @@ def test_three_dependent_errors_are_no_covariance_though_each_pair_of_them_is():
 
 def test_too_few_matrices_of_the_dynamics_are_refused_before_the_first_step():
     filter = create_filter("kf", LinearDynamics(np.broadcast_to(F, (19, 2, 2)), Q), LinearMeasurement([[1, 0]], [[1]]))
-    with pytest.raises(ValueError, match="transition is given for 19 epochs, the readings have 20"):
+    with pytest.raises(ValueError, match="transition is given for 19 epochs, the measurements have 20"):
         run_filter(filter, Z, [0, 0], np.eye(2))
 
 

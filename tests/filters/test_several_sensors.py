@@ -1,4 +1,4 @@
-"""Several sensors and readings with channels missing: what is asked of whom, told, and refused."""
+"""Several sensors and measurements with channels missing: what is asked of whom, told, and refused."""
 
 import doctest
 import inspect
@@ -50,15 +50,23 @@ def run(measurement, z, kind="kf", **options):
 @pytest.mark.parametrize(
     ("measurement", "z", "sentence"),
     [
-        (sensors(), Z, "z is one array, the filter has the sensors 'range', 'rate'; give the readings by sensor"),
+        (sensors(), Z, "z is one array, the filter has the sensors 'range', 'rate'; give the measurements by sensor"),
         ({"range": sensors()["range"]}, Z[..., :1], "z is one array, the filter has the sensors 'range'"),
         (
             sensors()["range"],
             {"range": Z[..., :1]},
-            "z gives readings by sensor, the filter has one",
+            "z gives measurements by sensor, the filter has one",
         ),
-        (sensors(), {**both(), "camera": Z}, "z has readings of 'camera', the filter's sensors are 'range', 'rate'"),
-        (sensors(), {"range": Z[..., :1]}, "z has no readings of 'rate'; where there are none give an array of NaN"),
+        (
+            sensors(),
+            {**both(), "camera": Z},
+            "z has measurements of 'camera', the filter's sensors are 'range', 'rate'",
+        ),
+        (
+            sensors(),
+            {"range": Z[..., :1]},
+            "z has no measurements of 'rate'; where there are none give an array of NaN",
+        ),
         (sensors(), {**both(), "rate": Z[:, :9, 1:]}, "z['rate'] has 3 runs of 9 epochs, z['range'] 3 runs of 20"),
         (sensors(), {**both(), "rate": Z[:2, :, 1:]}, "z['rate'] has 2 runs of 20 epochs, z['range'] 3 runs of 20"),
         (sensors(), {**both(), "rate": Z}, "z['rate'] has 3 components, the measurement 2"),
@@ -132,7 +140,7 @@ def test_the_numbers_of_an_epoch_and_those_of_its_sensors():
 
 
 def test_log_likelihood_is_that_of_the_channels_read():
-    """Against the joint density of the whole series, from the covariance of all readings of one run."""
+    """Against the joint density of the whole series, from the covariance of all measurements of one run."""
     z = Z[:1, :6].copy()
     z[0, 1, 0], z[0, 2, 1:], z[0, 3, 2], z[0, 4] = (np.nan,) * 4
     history = run(sensors(), both(z))
@@ -278,7 +286,7 @@ def test_joined_mixtures_have_every_combination():
 
 
 class Learning(LinearMeasurement):
-    """A measurement that turns its readings' signs and takes down which epochs it was told of."""
+    """A measurement that turns its measurements' signs and takes down which epochs it was told of."""
 
     def __init__(self, *given):
         super().__init__(*given)

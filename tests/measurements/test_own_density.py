@@ -10,7 +10,7 @@ from relnav_sim.measurements.frame_error import FrameError
 
 
 class Laplace(LinearMeasurement):
-    """A reading of x[0] whose noise is Laplace's."""
+    """A measurement of x[0] whose noise is Laplace's."""
 
     def log_likelihood(self, z, states, epoch):
         spread = (slice(None), *[None] * (states.ndim - 2))
@@ -32,7 +32,7 @@ def test_a_latency_takes_it_at_the_state_that_long_ago():
     ("measurement", "words"),
     [
         (FrameError(laplace(), 1e-9 * np.eye(6)), "the error of its host's frame"),
-        (AugmentedMeasurement(laplace(), 6, AdditiveBias([[1.0]])), "what augmented states do to a reading"),
+        (AugmentedMeasurement(laplace(), 6, AdditiveBias([[1.0]])), "what augmented states do to a measurement"),
     ],
 )
 def test_who_asks_for_what_is_not_known_is_told(measurement, words):

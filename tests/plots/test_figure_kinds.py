@@ -411,7 +411,7 @@ def test_failed_runs_and_a_single_run_are_no_crash(make_result: ResultMaker, run
             except ValueError as error:
                 told = "varie" in str(error) or (failed and "completed" in str(error))
                 lacking = {
-                    "availability": "tell sensors apart",
+                    "availability": "distinguish sensors",
                     "observability": "does not say what the filters can observe",
                     "whiteness": "holds no residuals by channel",
                     "regret": "has no stressed cases",

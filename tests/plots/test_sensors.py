@@ -101,6 +101,6 @@ def test_a_sensor_read_less_often_than_is_stored_has_no_outages(results: Results
 def test_without_sensors_it_says_so(invent: ResultMaker, tmp_path: Path) -> None:
     with (
         open_results(invent(tmp_path, runs=3)) as bare,
-        pytest.raises(FigureError, match="does not tell sensors apart"),
+        pytest.raises(FigureError, match="does not distinguish sensors"),
     ):
         figure(bare, "availability")

@@ -1,4 +1,4 @@
-"""Readings in CSV: every number comes back, and every mistake is told with its line."""
+"""Measurements in CSV: every number comes back, and every mistake is told with its line."""
 
 import csv
 import math
@@ -124,7 +124,7 @@ def test_units_gaps_and_lines(load):
 
 
 def _cells(text):
-    """Return an independent reading of a text: cells by line, and the header."""
+    """Return an independent measurement of a text: cells by line, and the header."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     rows = {
         line: next(csv.reader([content]))
@@ -229,14 +229,14 @@ class TestForms:
 WRONG = {
     "": "pass.csv: it is empty",
     "# only: this\n": "pass.csv: it holds no header, the line that names the columns",
-    "time_s,radar.range_m\n": "pass.csv: it holds no row of readings after the header",
-    "time_s,radar.range_m\n0,\n": "pass.csv: no cell holds a reading",
+    "time_s,radar.range_m\n": "pass.csv: it holds no row of measurements after the header",
+    "time_s,radar.range_m\n0,\n": "pass.csv: no cell holds a measurement",
     "0,1\n1,2\n": "pass.csv:1: no column gives the time; the header must name one of time_s, time_utc, time_gps, "
     "time_tai and time_tt",
     "time_s;radar.range_m\n0;1,5\n": "pass.csv:1: the columns seem to be separated by ';'; separate them by commas, "
     "and write decimal points",
     "time_s,time_utc,radar.range_m\n0,0,1\n": "pass.csv:1: time_s and time_utc both give the time; leave one of them",
-    "time_s\n0\n": "pass.csv:1: no column holds readings; name them as SENSOR.CHANNEL_UNIT, radar.range_m say",
+    "time_s\n0\n": "pass.csv:1: no column holds measurements; name them SENSOR.CHANNEL_UNIT, as radar.range_m",
     "time_s,radar.rnge_m\n0,1\n": "pass.csv:1: the column 'radar.rnge_m' is no channel of a sensor of the campaign; "
     "did you mean radar.range_m?",
     "time_s,radr.range_m\n0,1\n": "pass.csv:1: the column 'radr.range_m' is no channel of a sensor of the campaign; "
@@ -256,9 +256,9 @@ WRONG = {
     "time_s,radar.range_m\n0,1,5\n": "pass.csv:2: the row has 3 cells, the header 2; a decimal comma? write a decimal "
     "point",
     'time_s,radar.range_m\n0,"1,5"\n': "pass.csv:2: radar.range_m: '1,5' has a decimal comma; write a decimal point",
-    "time_s,radar.range_m\n0,nan\n": "pass.csv:2: radar.range_m: 'nan' is no number; leave a missing reading out",
+    "time_s,radar.range_m\n0,nan\n": "pass.csv:2: radar.range_m: 'nan' is no number; leave a missing measurement out",
     "time_s,radar.range_m\n0,-Infinity\n": "pass.csv:2: radar.range_m: '-Infinity' is no number; leave a "
-    "missing reading out",
+    "missing measurement out",
     "time_s,radar.range_m\n0,1_000\n": "pass.csv:2: radar.range_m: '1_000' is no number",
     "time_s,radar.range_m\n0,1e999\n": "pass.csv:2: radar.range_m: '1e999' is too large for a number of 64 bits",
     "time_s,radar.range_km\n0,1e306\n": "pass.csv:2: radar.range or its time is too large for a number of 64 bits in "
@@ -285,8 +285,8 @@ WRONG = {
     b"time_s,radar.range_m\n0,1\xff\n": "pass.csv:2: it is no text in UTF-8; save it as such",
     "time_s,radar.range_m\n0,1\0\n": "pass.csv:2: it holds a zero byte, so it is no text",
     "time_s,radar.range_m\n".encode("utf-16"): "pass.csv: it is UTF-16; give a text file in UTF-8, CSV or CCSDS TDM",
-    "<?xml?><tdm/>": "pass.csv:1: it is XML; readings are in CSV or in a CCSDS TDM of KEYWORD = value lines",
-    "CCSDS_OEM_VERS = 2.0\n": "pass.csv:1: it is a CCSDS OEM; readings are in CSV or in a CCSDS TDM",
+    "<?xml?><tdm/>": "pass.csv:1: it is XML; measurements are in CSV or in a CCSDS TDM of KEYWORD = value lines",
+    "CCSDS_OEM_VERS = 2.0\n": "pass.csv:1: it is a CCSDS OEM; measurements are in CSV or in a CCSDS TDM",
 }
 
 
@@ -354,7 +354,7 @@ class TestSeveralFiles:
         write_csv(radar.with_name("start.csv"), Readings({}, start, 4), LAYOUT)
         (readings,) = load_readings([radar, radar.with_name("start.csv")], LAYOUT)
         assert (readings.run, readings.start.mean.tolist()) == (4, [0, 1, 2, 3, 4, 5])
-        with pytest.raises(ReadingsError, match="no cell holds a reading"):
+        with pytest.raises(ReadingsError, match="no cell holds a measurement"):
             load_readings([radar.with_name("start.csv")], LAYOUT)
 
     def test_starts_and_epochs_agree(self, write):

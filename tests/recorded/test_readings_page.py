@@ -74,6 +74,6 @@ def test_units():
 
 
 def test_every_kind_of_sensor_is_there():
-    table = PAGE[PAGE.index("| sensor | channels |") : PAGE.index("An accelerometer's readings")]
+    table = PAGE[PAGE.index("| sensor | channels |") : PAGE.index("An accelerometer's measurements")]
     kinds = [name for name, options in sensor_kinds().items() if options.__module__.startswith("relnav_sim.")]
     assert all(kind in table for kind in kinds)

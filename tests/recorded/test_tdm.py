@@ -188,7 +188,7 @@ REFUSED = {
     ("ANGLE_TYPE = AZEL", "PATH = 2,1"): "14: PATH is given twice, first in line 12",
     ("ANGLE_2 =", "ANGEL_2 ="): "19: 'ANGEL_2' is no keyword of the data; did you mean ANGLE_1?",
     ("59:59.5 1.25", "59:59.5 1,25"): "17: RANGE '1,25' has a decimal comma; write a decimal point",
-    ("59:59.5 1.25", "59:59.5 NaN"): "17: RANGE 'NaN' is no number; leave a missing reading out",
+    ("59:59.5 1.25", "59:59.5 NaN"): "17: RANGE 'NaN' is no number; leave a missing measurement out",
     ("59:59.5 1.25", "59:59.5"): "17: RANGE has '2016-12-31T23:59:59.5'; it must be a time and a number",
     (
         "59:59.5 1.25",

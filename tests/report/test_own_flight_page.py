@@ -33,7 +33,7 @@ def test_the_page_runs_and_its_table_is_what_comes_of_it(tmp_path, monkeypatch, 
     scored = said["relnav replay flight.yaml --measurements pass.csv"]
     assert "trusting is overconfident" in scored and re.search("middling is inconsistent: .*smoother disagree", scored)
     assert "doubting is consistent" in scored
-    assert "filters start where the files of readings say" in scored
+    assert "filters start where the files of measurements say" in scored
     with open_results("results/flight.replay/result.h5") as results:
         summary = results.summary()
     rows = {name: (float(rms), float(anees)) for name, rms, anees in ROW.findall(page)}

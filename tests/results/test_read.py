@@ -169,7 +169,7 @@ def test_hostile_datasets_are_refused(tmp_path: Path, old_result: Path) -> None:
         group.create_dataset("run", (10**6,), "<i8")
         group.create_dataset("time", (10**6,), "<f8")
         group.create_dataset("nees", (10**6, 10**6), "<f4", chunks=(1, 10**5))
-    with open_results(path) as results, pytest.raises(ResultsError, match="claims more data"):
+    with open_results(path) as results, pytest.raises(ResultsError, match="declares more data"):
         results.nees(0, "ekf")
 
 

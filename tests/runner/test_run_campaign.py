@@ -204,7 +204,7 @@ def test_a_missing_first_fix_fails_that_run_with_its_reason(campaign, tmp_path):
         failed = results.statistic(0, "kf", "failed").astype(bool)
         assert failed.any() and not failed.all()
         reasons = {failure.reason for _, failure in results.failures(0)}
-        assert reasons == {"no reading at 0 s that gives a position, where the start is the first fix"}
+        assert reasons == {"no measurement at 0 s that gives a position, where the start is the first fix"}
 
 
 def test_changed_keys_ignores_what_only_extends():

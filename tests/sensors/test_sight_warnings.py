@@ -100,7 +100,7 @@ def test_negative_ranges_do_not_exist_and_their_share_is_said(scene, noise, nega
     options = scene.sensors(radar={"range_sigma_m": 1000.0, "angle_sigma_deg": 0.05, "noise": noise})
     truth = scene.truth([0.0, 500.0, 0.0], 400)
     (sentence,) = sight_warnings(options, truth)
-    said = float(re.search(r"About (\S+) % of the readings of the radar are missing", sentence).group(1))
+    said = float(re.search(r"About (\S+) % of the measurements of the radar are missing", sentence).group(1))
     assert said == pytest.approx(100 * negative, rel=0.05)  # two digits
     z = SensorSuite(options, scene.source(100), scene.STEP_S).measure(truth, 0)["radar"]
     missing = np.isnan(z)
@@ -123,14 +123,14 @@ def test_filters_are_named_that_go_by_blind_sensors_alone(scene):
     filters = {"a": ("near",), "b": ("near", "far"), "c": ("near",), "d": ("far",)}
     blind, predicting = sight_warnings(two(scene, {}, {}), truth, filters)
     assert blind == (
-        "The near gives no reading in the whole run: the other craft, 1000 to 1000 m away, is never within its "
+        "The near gives no measurement in the whole run: the other craft, 1000 to 1000 m away, is never within its "
         "range_limits_m."
     )
-    assert predicting == "The filters a, c only predict: none of their sensors gives a reading."
+    assert predicting == "The filters a, c only predict: none of their sensors gives a measurement."
     other = scene.truth([[0.0, 1000.0, 0.0], [0.0, 500.0, 0.0]], 11)
     found = sight_warnings(two(scene, {}, {}), other, {"a": ("near",), "b": ("near", "far")})
     assert [sentence for sentence in found if "predict" in sentence] == [
-        "The filter a only predicts in 1 of 2 runs: none of its sensors gives a reading."
+        "The filter a only predicts in 1 of 2 runs: none of its sensors gives a measurement."
     ]
 
 

@@ -1,4 +1,4 @@
-"""Campaigns with rows that are known afterwards: smoothers, batch least squares and starts fitted to first readings."""
+"""Campaigns with rows that are known afterwards: smoothers, batch least squares and fitted starts."""
 
 import numpy as np
 import pytest
@@ -127,7 +127,7 @@ def test_later_readings_make_estimates_better_and_the_fit_best_where_the_dynamic
 
 
 def test_a_run_that_fails_on_the_way_has_no_smoothed_estimates(tmp_path):
-    """The radar's readings of one run jump by more than numbers hold; the others keep their bits."""
+    """The radar's measurements of one run jump by more than numbers hold; the others keep their bits."""
     kinds = {"rts": "kind: ekf, smoother: rts", "lag": f"kind: ekf, {LAG}"}
     found = campaign(tmp_path, kinds)
     case, source = found.cases[0], RandomSource(found.seed, (0, 1, 2))
@@ -153,7 +153,7 @@ def test_readings_that_a_start_is_fitted_to_are_not_used_again(tmp_path):
     (fitted,), (plain,) = watch.filtered["start"], watch.filtered["plain"]
     assert (fitted.dof[:, :9] == 0).all() and np.isnan(fitted.nis[:, :9]).all() and (fitted.dof[:, 9:] == 3).all()
     sigma = np.sqrt(np.einsum("btii->bti", plain.covariance))
-    # The same readings in another way: with little process noise it is the filter's own estimate, nearly.
+    # The same measurements in another way: with little process noise it is the filter's own estimate, nearly.
     assert 0 < (np.abs(fitted.mean - plain.mean) / sigma)[:, 8].max() < 0.5
     # Until it is there nothing is known but the prior.
     dynamics = watch.filters["start"].dynamics
@@ -199,8 +199,8 @@ REFUSED = {
     "kind: ekf, smoother: {fixed_lag: {lag_s: 40}}": "40 s is not shorter than the run of 40 s; take smoother: rts",
     "kind: ekf, smoother: rts, augment: [{kind: range_bias, sigma_m: 5, mode: consider}]": "range_bias is accounted",
     "kind: ekf, smoother: rts, batch_start: {duration_s: 5}": "leave batch_start out",
-    "kind: batch_least_squares, smoother: rts": "batch_least_squares knows all readings already",
-    "kind: batch_least_squares, batch_start: {duration_s: 5}": "is fitted to all readings itself",
+    "kind: batch_least_squares, smoother: rts": "batch_least_squares knows all measurements already",
+    "kind: batch_least_squares, batch_start: {duration_s: 5}": "is fitted to all measurements itself",
     f"kind: batch_least_squares, process_noise: {DMC}": "fits one trajectory without process noise",
     "kind: ekf, batch_start: {duration_s: 40}": "leaves the filter nothing of a run of 40 s",
     "kind: ekf, batch_start: {duration_s: 0.5}": "0.5 s is no whole number of steps of 1 s; take 1",

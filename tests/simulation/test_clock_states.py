@@ -121,7 +121,7 @@ def test_two_sensors_may_each_have_a_bias_of_their_own(tmp_path):
         ),
         (
             entry("e", "[{kind: range_bias, sigma_m: 1}, {kind: range_bias, sigma_m: 1, sensor: lidar}]"),
-            "range_bias is an error of lidar's range too, and no reading tells them apart",
+            "range_bias is an error of lidar's range too; no measurement can separate them",
         ),
         (entry("e", "[{kind: differential_drag, sigma_m_s2: 1.0e-7, sensor: link}]"), "no error of a sensor"),
         (

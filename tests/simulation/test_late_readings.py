@@ -1,4 +1,4 @@
-"""Readings that arrive late: what a filter that goes back for them says, beside one that has had them in order."""
+"""Measurements that arrive late: what a filter that goes back for them says, beside one that has had them in order."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def estimates(found, runs=range(2)):
 
 
 def outstanding(delays):
-    """Return where a reading of an epoch up to this one may not have arrived yet, (runs, T)."""
+    """Return where a measurement of an epoch up to this one may not have arrived yet, (runs, T)."""
     missing = np.zeros_like(next(iter(delays.values())), dtype=bool)
     for delay in delays.values():
         for back in range(delay.max()):
@@ -96,7 +96,7 @@ def test_it_is_the_filter_in_order_wherever_nothing_is_outstanding(tmp_path, mon
             was, now = in_order[name][part], late[name][part]
             assert np.array_equal(now[~missing], was[~missing]), (name, part)
             assert not np.array_equal(now[missing], was[missing])
-        # The innovations are those in order, 2 epochs later, when the last reading of an epoch has arrived.
+        # The innovations are those in order, 2 epochs later, when the last measurement of an epoch has arrived.
         assert np.array_equal(late[name]["nis"][:, 3:], in_order[name]["nis"][:, 1:-2], equal_nan=True)
 
 
@@ -138,7 +138,7 @@ def test_a_run_has_the_same_bits_in_any_block(tmp_path):
 
 
 REFUSED = {
-    "drawn_latency_s: [1, 2.5]": "every reading of radar arrives a step or more late",
+    "drawn_latency_s: [1, 2.5]": "every measurement of radar arrives a step or more late",
     "drawn_latency_s: [2, 1]": "must be the shortest and the longest",
     "drawn_latency_s: [0, 2], latency_s: 1": "exclude each other",
 }
@@ -153,7 +153,7 @@ def test_latencies_that_make_no_sense_are_refused(tmp_path, option):
 @pytest.mark.parametrize(
     "entry, said",
     [
-        ("smoother: rts, out_of_sequence: drop", "what is known afterwards has had all readings in order"),
+        ("smoother: rts, out_of_sequence: drop", "what is known afterwards has had all measurements in order"),
         ("smoother: {fixed_lag: {lag_s: 2}}", "after the estimate; take a lag no shorter"),
         ("out_of_sequence: buffer, batch_start: {duration_s: 5}", "leave out batch_start"),
     ],

@@ -1,4 +1,4 @@
-"""Recorded readings through a campaign's filters: the campaign's own bits, irregular times, and what is refused."""
+"""Recorded measurements through a campaign's filters: the campaign's own bits, irregular times, and what is refused."""
 
 from dataclasses import replace
 
@@ -160,7 +160,7 @@ def test_readings_between_epochs_are_used_as_those_of_a_fine_clock(sensor):
     late = replay_block(coarse.cases[0], coarse.seed, [off], True)
     assert late.longest_late_s == 1.5 and not late.warnings
     a, b = exact.filters["ekf"].mean[0, ::4, :6], late.filters["ekf"].mean[0, :, :6]
-    # Left out: a t^2 / 2 of each reading, with 3 n^2 x + 2 n v_y = 8e-4 m/s^2 over at most 1.5 s.
+    # Left out: a t^2 / 2 of each measurement, with 3 n^2 x + 2 n v_y = 8e-4 m/s^2 over at most 1.5 s.
     left_out_m = 0.5 * 8e-4 * 1.5**2
     settled = slice(30, None)
     assert np.abs(a - b)[settled, :3].max() < 2 * left_out_m + 0.005 * bool(own)
@@ -229,7 +229,7 @@ def test_accelerometers_are_read_at_the_epochs():
     one = next(record(made.cases[0].config, made.seed, [0]))
     felt = one.sensors["deputy_accelerometer"]
     late = replace(felt, times_s=felt.times_s + 0.5)
-    with pytest.raises(ReplayError, match="readings of deputy_accelerometer lie between the epochs"):
+    with pytest.raises(ReplayError, match="measurements of deputy_accelerometer lie between the epochs"):
         on_clock(made.cases[0].config, [replace(one, sensors={**one.sensors, "deputy_accelerometer": late})], 302)
 
 
@@ -249,8 +249,11 @@ def radar_only(times_s, m=3):
             radar_only([2.0, 601.0]),
             r"pass\.csv:3: .* after the campaign's end at 600 s; give --set clock\.duration_s=602",
         ),
-        ({"lidar": radar_only([2.0])["radar"]}, "readings of lidar, of which the campaign knows nothing; it has radar"),
-        ({}, "no readings of radar, by which the filter ekf goes"),
+        (
+            {"lidar": radar_only([2.0])["radar"]},
+            "measurements of lidar, which the campaign does not have; it has radar",
+        ),
+        ({}, "no measurements of radar, by which the filter ekf goes"),
     ],
 )
 def test_readings_that_do_not_fit_are_refused_with_the_remedy(recorded, sentence):
@@ -269,13 +272,13 @@ def test_a_start_that_is_not_known_is_refused():
     with pytest.raises(ReplayError, match="starts its filters at the truth plus an error"):
         replay_block(made.cases[0], made.seed, [Readings(radar_only([0.0, 2.0]))], False)
     made = campaign([RADAR], {"ekf": EKF}, "{kind: first_fix}")
-    with pytest.raises(ReplayError, match="no whole reading of radar at 0 s"):
+    with pytest.raises(ReplayError, match="no whole measurement of radar at 0 s"):
         replay_block(made.cases[0], made.seed, [Readings(radar_only([2.0, 4.0]))], False)
 
 
 def test_a_host_needs_its_own_sensors_readings():
     made = campaign([RADAR, GNSS, TRACKER], {"ekf": EKF}, "{kind: first_fix}")
-    with pytest.raises(ReplayError, match=r"no readings of gnss, .* --set sensors\.gnss=null"):
+    with pytest.raises(ReplayError, match=r"no measurements of gnss, .* --set sensors\.gnss=null"):
         replay_block(made.cases[0], made.seed, [Readings(radar_only([0.0, 2.0]))], False)
 
 
@@ -284,7 +287,7 @@ def test_fixes_that_are_missing_cost_readings_and_that_is_said():
     one = next(record(made.cases[0].config, made.seed, [0]))
     few = replace(one, sensors={**one.sensors, "gnss": thinned(one, "gnss", np.arange(0, 301, 3))})
     done = replay_block(made.cases[0], made.seed, [few], False)
-    assert len(done.warnings) == 1 and done.warnings[0].startswith("200 of 301 readings of radar are lost")
+    assert len(done.warnings) == 1 and done.warnings[0].startswith("200 of 301 measurements of radar are lost")
 
 
 def test_a_replay_ends_with_the_readings_unless_they_have_gaps_as_long():

@@ -137,4 +137,4 @@ def test_filters_that_go_back_are_said_not_to_be_tested(tmp_path, others) -> Non
     table = case_table_makers(ranking)["residuals by channel"]()
     said = " ".join(section.notes) if table is None else table.caption
     assert (table is None) == (not others)
-    assert "Residuals of buffer and batch are not tested: a filter that goes back for late readings" in said
+    assert "Residuals of buffer and batch are not tested: a filter that goes back for late measurements" in said

@@ -104,7 +104,7 @@ def test_a_filter_that_knows_the_latency_undoes_it(tmp_path):
 
 
 def test_the_reading_comes_late_by_the_latency():
-    """Noise apart, reading k is where the craft were: across an impulse too."""
+    """Noise apart, measurement k is where the craft were: across an impulse too."""
     parsed = campaign({"kf": {"kind": "kf"}}, radar={"latency_s": 2.0, "range_sigma_m": 1e-9, "angle_sigma_deg": 1e-9})
     run = simulate(parsed)
     distance = np.linalg.norm(run.relative[0, :, :3], axis=1)
@@ -114,7 +114,7 @@ def test_the_reading_comes_late_by_the_latency():
 
 
 def test_measured_thrust_falls_back_on_the_plan():
-    """For a craft without accelerometer, and where readings are missing."""
+    """For a craft without accelerometer, and where measurements are missing."""
     outage = {**ACCELEROMETER, "carrier": "deputy", "deadband_m_s2": 0.0}
     outage["noise"] = [{"kind": "gaussian"}, {"kind": "outage", "windows_s": [[95, 105]]}]
     config = campaign({"kf": {"kind": "kf"}}, accelerometer=outage).cases[0].config
@@ -149,7 +149,7 @@ REFUSED = [
     ),
     (
         {"radar": {"latency_s": 0.5}, "start": {"kind": "first_fix"}},
-        "the first reading comes 0.5 s after the start, so there is no fix to start from",
+        "the first measurement comes 0.5 s after the start, so there is no fix to start from",
     ),
     ({"manoeuvres": {"a b": {"time_s": 1, "delta_v_m_s": [0, 1, 0]}}}, "a b"),
 ]

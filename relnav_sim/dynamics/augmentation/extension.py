@@ -31,7 +31,7 @@ class Extension:
         noise: Covariance of u, (e, e).
         considered: Numbers of those that are accounted for but not estimated.
         channels: What they add to the channels of sensors: by sensor and channel, (e,).
-        turns: The turn of the host's body that each is, by sensor, about the nadir frame's axes, (3, e), rad.
+        turns: The turn of the host's body that each is, by sensor, about the LVLH frame's axes, (3, e), rad.
         acceleration: Their share in the relative acceleration, held over a step, RTN, (3, e).
         correlated: By their number, those that are accelerations which vary within a step.
     """

@@ -56,7 +56,7 @@ class AugmentedStateOptions(Options):
         raise NotImplementedError(f"{type(self).__name__} has no motion(step_s)")
 
     def turn(self) -> Array:
-        """Return the turn about the axes of the host's nadir frame that each of the states is, (3, e)."""
+        """Return the turn about the axes of the host's LVLH frame that each of the states is, (3, e)."""
         return np.zeros((3, len(self.names)))
 
     @property
@@ -163,7 +163,7 @@ class RangeBiasOptions(SeparateStateOptions):
 
 
 class AttitudeErrorOptions(SeparateStateOptions):
-    """Correlated error of the measured attitude: three small angles about the nadir frame's axes of the radar's craft.
+    """Correlated error of the measured attitude: three small angles about the LVLH frame's axes of the radar's craft.
 
     The measured line of sight s is off by s x angle; a turn about the line of sight itself does nothing.
     """
@@ -205,7 +205,7 @@ class DifferentialDragOptions(SeparateStateOptions):
 class AccelerometerBiasOptions(SeparateStateOptions):
     """Bias of the measured relative thrust, RTN: the deputy's accelerometer's less the chief's.
 
-    A filter that is told measured forces u moves by u - b while there is a reading.
+    A filter that is told measured forces u moves by u - b while there is a measurement.
     """
 
     names: ClassVar[tuple[str, ...]] = ("accelerometer_bias_x", "accelerometer_bias_y", "accelerometer_bias_z")

@@ -48,7 +48,7 @@ class GpOptions(DynamicsOptions):
     kind: Literal["gp"] = Field(default="gp", description="Dynamics learned by Gaussian-process regression")
     target: Target = Field(
         default="residual",
-        description="What is learned: residual (what the base dynamics leave over: an error of a micrometre a step), "
+        description="What is learned: residual (the residual dynamics of the base: an error of a micrometre a step), "
         "difference (next state less this one: centimetres) or absolute (the next state, as the paper does: half a "
         "metre and more)",
     )

@@ -1,4 +1,4 @@
-"""The page of a replay: what recorded readings say about each filter, the verdict first."""
+"""The page of a replay: what recorded measurements say about each filter, the verdict first."""
 
 from relnav_sim.report.replay.figures_of_filters import FilterFigures, figures_of
 from relnav_sim.report.replay.verdict import shared_findings, verdict

@@ -53,7 +53,7 @@ class ReplayPage:
         warnings: What the user should know: sentences.
         tables: The tables over all filters.
         sections: The filters.
-        files: Files of readings with their digests.
+        files: Files of measurements with their digests.
         reading: How to read it: sentences.
         footer: Where it came from.
         filter_names: Names of the filters.

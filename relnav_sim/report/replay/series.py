@@ -1,4 +1,4 @@
-"""What filters said of recorded readings, epoch by epoch, as CSV."""
+"""What filters said of recorded measurements, epoch by epoch, as CSV."""
 
 from __future__ import annotations
 

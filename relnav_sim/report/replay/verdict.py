@@ -29,7 +29,7 @@ def verdict(filter: FilterFigures, runs: int) -> str:
 def shared_findings(filters: Sequence[FilterFigures]) -> str:
     """Return a sentence on the channels that no filter that reads them finds white; empty without any.
 
-    Filters share the readings, so a chance in these is found by each of them, and is no verdict of so many.
+    Filters share the measurements, so a chance in these is found by each of them, and is no verdict of so many.
 
     Args:
         filters: The figures of all filters.

@@ -132,7 +132,7 @@ class Noise:
         parts: The sensor's noise parts.
         name: Name of the sensor, the stem of its stream names (``sensor.radar.white``).
         source: Seed and runs of the block.
-        channels: Components of the reading.
+        channels: Components of the measurement.
         step_s: Time between epochs, s.
     """
 

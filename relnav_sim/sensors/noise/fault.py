@@ -43,7 +43,7 @@ class FaultOptions(Options):
 
 
 class Fault(Protocol):
-    """A fault that does not add to the readings, over one block of runs; it remembers where the last chunk ended."""
+    """A fault that does not add to measurements, over one block of runs; it remembers where the last chunk ended."""
 
     def seen(self, truth: Sensed) -> Sensed:
         """Return the truth as the faulty sensor meets it."""

@@ -39,7 +39,7 @@ def has_white_part(parts: Sequence[Options]) -> bool:
 
 
 def has_outages(parts: Sequence[Options]) -> bool:
-    """Return whether there are times without a reading."""
+    """Return whether there are times without a measurement."""
     return any(isinstance(part, OutageNoise) for part in parts)
 
 

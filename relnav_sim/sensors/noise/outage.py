@@ -1,4 +1,4 @@
-"""Times without a reading."""
+"""Times without a measurement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DRAWN_AT_ONCE = 16
 
 
 class OutageNoise(Options):
-    """No reading in fixed windows, at random times, or both: blinding by the Sun, loss of lock.
+    """No measurement in fixed windows, at random times, or both: blinding by the Sun, loss of lock.
 
     Random outages are a renewal process: working times and outages alternate, each exponentially distributed,
     and every run starts working.
@@ -25,7 +25,7 @@ class OutageNoise(Options):
     stream: ClassVar[str] = "outage"
     effect: ClassVar[Effect] = Effect("outages", "absence")
 
-    kind: Literal["outage"] = Field(default="outage", description="Times without a reading")
+    kind: Literal["outage"] = Field(default="outage", description="Times without a measurement")
     windows_s: tuple[tuple[float, float], ...] = Field(
         default=(), description="Fixed outages [[from, to], ...], s; out from `from` up to, not including, `to`"
     )

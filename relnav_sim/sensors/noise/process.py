@@ -20,7 +20,7 @@ class NoiseProcess(Protocol):
 
 
 class Silent:
-    """A process that adds nothing: that of a fault which changes readings in another way."""
+    """A process that adds nothing: that of a fault which changes measurements in another way."""
 
     def sample(self, times_s: Array) -> Array:
         """Return zeros."""
@@ -34,7 +34,7 @@ class NoiseSetting:
     Attributes:
         name: The first part of its random streams' names, ``sensor.radar.white`` say.
         source: The block's seed and run numbers.
-        channels: Components of the sensor's reading.
+        channels: Components of the sensor's measurement.
         step_s: Time between epochs, s.
     """
 

@@ -17,7 +17,7 @@ from relnav_sim.sensors.noise.process import NoiseProcess, NoiseSetting
 class RampNoise(FaultOptions):
     """A fault: an error that grows linearly from nothing, the same in every run: a drift, a spoofed signal.
 
-    It is the hardest to edit: each reading fits the ones before it.
+    It is the hardest to edit: each measurement fits the ones before it.
     """
 
     stream: ClassVar[str] = "ramp"

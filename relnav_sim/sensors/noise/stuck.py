@@ -1,4 +1,4 @@
-"""Readings that repeat."""
+"""Measurements that repeat."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from relnav_sim.sensors.sensed import Sensed
 
 
 class StuckNoise(FaultOptions):
-    """A fault: every reading repeats the last one before it began: a frozen output, a buffer that is not renewed.
+    """A fault: every measurement repeats the last one before it began: a frozen output, a buffer that is not renewed.
 
-    The epochs of the readings stay as they are; a sensor that had read nothing yet repeats the first one.
+    The epochs of the measurements stay as they are; a sensor that had read nothing yet repeats the first one.
     """
 
     stream: ClassVar[str] = "stuck"
     effect: ClassVar[Effect] = Effect("fault: stuck", "never")
 
-    kind: Literal["stuck"] = Field(default="stuck", description="Readings that repeat the last sound one")
+    kind: Literal["stuck"] = Field(default="stuck", description="Measurements that repeat the last sound one")
 
     def process(self, setting: NoiseSetting) -> NoiseProcess:
         """Return a process that adds nothing."""
@@ -37,7 +37,7 @@ class StuckNoise(FaultOptions):
 class _Stuck:
     def __init__(self, options: StuckNoise) -> None:
         self._options = options
-        self._last: Array | None = None  # the last reading of each channel (runs, m), NaN where there was none
+        self._last: Array | None = None  # the last measurement of each channel (runs, m), NaN where there was none
 
     def seen(self, truth: Sensed) -> Sensed:
         return truth

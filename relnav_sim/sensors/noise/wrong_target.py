@@ -1,4 +1,4 @@
-"""Readings of another object."""
+"""Measurements of another object."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from relnav_sim.sensors.sensed import Sensed
 class WrongTargetNoise(FaultOptions):
     """A fault: the sensor follows another object, which keeps its place beside the other craft.
 
-    A piece of debris, a reflection, another satellite of the formation. Its readings are sound, but not of the target;
-    where the object is out of the sensor's limits it reads nothing.
+    A piece of debris, a reflection, another satellite of the formation. Its measurements are sound, but not of the
+    target; where the object is out of the sensor's limits it reads nothing.
     """
 
     stream: ClassVar[str] = "wrong_target"
     effect: ClassVar[Effect] = Effect("fault: wrong target", "never")
     needs_other: ClassVar[bool] = True
 
-    kind: Literal["wrong_target"] = Field(default="wrong_target", description="Readings of another object")
+    kind: Literal["wrong_target"] = Field(default="wrong_target", description="Measurements of another object")
     offset_m: tuple[float, float, float] = Field(
         description="Where that object is as seen from the true target, m, in the RTN axes of the sensor's host"
     )
