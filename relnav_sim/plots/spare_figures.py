@@ -18,7 +18,7 @@ _spare: dict[tuple[str, int, int], Figure] = {}
 
 
 def figure_with_panels(
-    kind: str, height_inch: float, rows: int = 1, columns: int = 1, **shared: bool
+    kind: str, height_inch: float, rows: int = 1, columns: int = 1, sharex: bool = False, sharey: bool = False
 ) -> tuple[Figure, NDArray[Any]]:
     """Return a figure with its empty panels (rows, columns): a spare one of the same kind, or a new one.
 
@@ -29,14 +29,15 @@ def figure_with_panels(
         height_inch: Its height.
         rows: Rows of panels.
         columns: Columns of panels.
-        **shared: ``sharex`` and ``sharey`` of ``matplotlib.figure.Figure.subplots``.
+        sharex: Whether all panels share their time axis.
+        sharey: Whether all panels share their other axis.
     """
     layout = (kind, rows, columns)
     figure = _spare.pop(layout, None)
     if figure is None:
         figure = new_figure(height_inch)
         figure.layout = layout
-        return figure, figure.subplots(rows, columns, squeeze=False, **shared)
+        return figure, figure.subplots(rows, columns, sharex=sharex, sharey=sharey, squeeze=False)
     figure.set_figheight(height_inch)
     for drawn in [*figure.legends, *figure.texts]:
         drawn.remove()
