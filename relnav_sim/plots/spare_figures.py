@@ -25,7 +25,7 @@ def figure_with_panels(
     Call inside ``house_style``.
 
     Args:
-        kind: What the figure shows; figures of a kind give their panels the same grid, ticks and places of headings.
+        kind: What the figure shows; figures of a kind give their panels the same ticks and headings.
         height_inch: Its height.
         rows: Rows of panels.
         columns: Columns of panels.
@@ -53,7 +53,7 @@ def draw_over(figure: Figure) -> None:
 
 
 def _empty(panel: Panel) -> None:
-    """Make a panel as a new one is, but for its ticks, grid and headings."""
+    """Make a panel as a new one is, but for its ticks and headings."""
     from matplotlib.transforms import Bbox
 
     for group in panel.containers.copy():
@@ -66,8 +66,9 @@ def _empty(panel: Panel) -> None:
     ):
         if scale != "linear" or not axis.isDefault_majloc:
             set_scale("linear")
+    panel.grid(visible=True)
+    panel.margins(0.05)  # before the limits, which they would stretch
     panel.set(xlim=(0, 1), ylim=(0, 1), xlabel="", ylabel="")
     panel.dataLim.set(Bbox.null())
     panel.ignore_existing_data_limits = True
-    panel.margins(0.05)
     panel.set_autoscale_on(True)
