@@ -12,7 +12,8 @@ from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, w
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, time_axis
-from relnav_sim.plots.style import INK, OUTAGE, house_style, margins, new_figure, shown_name
+from relnav_sim.plots.spare_figures import figure_with_panels
+from relnav_sim.plots.style import INK, OUTAGE, house_style, margins, shown_name
 from relnav_sim.plots.words import FigureWords, thinned
 from relnav_sim.wording import significant
 
@@ -50,8 +51,9 @@ def availability_over_time(
     if not shares:
         raise FigureError("the result does not distinguish sensors; relnav 0.1 did not")
     with house_style():
-        figure = new_figure(0.45 + (_PANEL_INCH + 0.24) * len(shares))
-        panels = figure.subplots(len(shares), 1, sharex=True, squeeze=False)[:, 0]
+        height = 0.45 + (_PANEL_INCH + 0.24) * len(shares)
+        figure, grid = figure_with_panels("availability", height, len(shares), sharex=True)
+        panels = grid[:, 0]
         for panel, (sensor, share) in zip(panels, shares.items(), strict=True):
             percent = 100 * share[view.rows]
             for begin, end in _spells(percent < 100 * _OUT_BELOW):

@@ -11,6 +11,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.plots.data import drawn_step
 from relnav_sim.plots.panels import log_axis, time_axis, time_unit
+from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.style import (
     FAINT,
     FORMAL,
@@ -21,7 +22,6 @@ from relnav_sim.plots.style import (
     legend_above,
     legend_height,
     margins,
-    new_figure,
     shown_name,
 )
 from relnav_sim.plots.words import FigureWords
@@ -89,8 +89,8 @@ def error_budget_over_time(curves: BudgetCurves) -> Figure:
     lines = ["budget", "formal"] + ["actual"] * (curves.actual is not None)
     keys: list[Any] = [key(INK, "-", 1.4), key(FORMAL, ":", 1.2), key(_ACTUAL, (0, (5, 1.5)), 1.0)][: len(lines)]
     with house_style():
-        figure = new_figure(2.9 + legend_height([*lines, *labels]))
-        sigma, share = figure.subplots(2, 1, sharex=True)
+        height = 2.9 + legend_height([*lines, *labels])
+        figure, ((sigma,), (share,)) = figure_with_panels("budget", height, 2, sharex=True)
         sigma.plot(times, np.sqrt(total), color=INK, linewidth=1.4)
         sigma.plot(times, np.sqrt(curves.formal[rows]), color=FORMAL, linestyle=":", linewidth=1.2)
         if curves.actual is not None:

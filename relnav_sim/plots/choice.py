@@ -20,6 +20,7 @@ from relnav_sim.plots.data import (
 )
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import log_axis, say, time_axis
+from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.style import (
     BOUND,
     FAINT,
@@ -69,8 +70,7 @@ def cost_against_accuracy(results: Results, case: Case = 0, filters: Sequence[st
     limit = settled_bound(results, facts, "position")
     labels = [shown_name(item.name) for item in items] + ([PERFECT_BOUND] if np.isfinite(limit) else [])
     with house_style():
-        figure = new_figure(2.2 + legend_height(labels))
-        panel = figure.subplots()
+        figure, ((panel,),) = figure_with_panels("cost", 2.2 + legend_height(labels))
         handles = []
         for item, cost, one in zip(items, costs, found, strict=True):
             ends = np.nan_to_num([[one.estimate - one.low], [one.high - one.estimate]])

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from relnav_sim.arrays import Array, Mask
 from relnav_sim.plots.axes import AXIS_COMPONENTS, Axes, axis_names, describe_axes
@@ -29,6 +28,7 @@ from relnav_sim.plots.data import (
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, say, time_axis
+from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
@@ -36,7 +36,6 @@ from relnav_sim.plots.style import (
     FORMAL,
     OWN_DASHES,
     PERFECT_DASHES,
-    emptied,
     house_style,
     legend_above,
     legend_height,
@@ -67,7 +66,6 @@ def errors_with_envelope(
     from_s: float | None = None,
     until_s: float | None = None,
     own_bound: bool = False,
-    over: Figure | None = None,
 ) -> Figure:
     """Draw the error of one filter against time, per axis, with the filter's own 3-sigma envelope and the bound.
 
@@ -86,8 +84,6 @@ def errors_with_envelope(
         from_s: Start of the time axis, s.
         until_s: Its end, s.
         own_bound: Whether to draw the bound of the filter's own model too.
-        over: A figure of this function that is no longer needed: it is drawn over and returned, which takes half the
-            time of a new one.
     """
     facts = facts_of(results, case, axes)
     item = facts.filter(filter or leading_filter(facts))
@@ -100,7 +96,7 @@ def errors_with_envelope(
     labels = _envelope_labels(item, row, bound is not None, own is not None)
     colour = line_styles(facts.all_filters)[item.name].colour
     with house_style():
-        figure, panels = _six_panels(3.45 + legend_height(labels), over)
+        figure, panels = figure_with_panels("errors", 3.45 + legend_height(labels), 3, 2, sharex=True)
         handles: list[Any] = []
         for index, name in enumerate(AXIS_COMPONENTS):
             panel, velocity = panels[index % 3, index // 3], index >= 3
@@ -125,16 +121,6 @@ def errors_with_envelope(
         if handles:
             legend_above(figure, handles, labels)
     return figure
-
-
-def _six_panels(height_inch: float, over: Figure | None) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure with its panels (3, 2), empty: a new one, or the one that is drawn over."""
-    if over is None:
-        figure = new_figure(height_inch)
-        return figure, figure.subplots(3, 2, sharex=True)
-    over.set_figheight(height_inch)
-    panels = np.array(emptied(over), dtype=object)
-    return over, panels.reshape(3, 2)
 
 
 def errors_words(case: CaseFacts, filter: str) -> FigureWords:

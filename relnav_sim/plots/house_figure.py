@@ -17,6 +17,8 @@ class HouseFigure(Figure):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         FigureCanvasAgg(self)
+        self.layout: tuple[str, int, int] | None = None
+        """Its kind, rows and columns of panels, where it may be drawn over; see `spare_figures`."""
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw in the house style."""

@@ -18,12 +18,15 @@ _FILE = "MATPLOTLIBRC"
 def isolated(settings: Mapping[str, Any]) -> Iterator[None]:
     """Draw and save with Matplotlib's own defaults and these settings, without a word of its to the terminal.
 
-    Where it is entered already, the settings are laid over the ones in force.
+    Where it is entered already, the settings are laid over the ones in force, if they are others.
 
     Args:
         settings: Matplotlib's ``rcParams`` that differ from its defaults.
     """
-    global _depth
+    global _depth, _in_force
+    if _depth and settings == _in_force:
+        yield
+        return
     with _quiet():
         _import_matplotlib()
         from matplotlib import rc_context, rcParamsDefault
@@ -31,14 +34,17 @@ def isolated(settings: Mapping[str, Any]) -> Iterator[None]:
         # The backend is left out: setting one may load a window system, and figures have their canvas.
         own = {} if _depth else {name: rcParamsDefault[name] for name in rcParamsDefault if name not in _BACKENDS}
         with rc_context(cast(Any, {**own, **settings})):  # newer stubs list every key
+            before, _in_force = _in_force, settings
             _depth += 1
             try:
                 yield
             finally:
                 _depth -= 1
+                _in_force = before
 
 
 _BACKENDS = ("backend", "backend_fallback")
+_in_force: Mapping[str, Any] = {}  # the settings of the innermost `isolated`
 _depth = 0  # how many `isolated` are open: rcParams are one for the process as well
 
 

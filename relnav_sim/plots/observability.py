@@ -9,6 +9,7 @@ from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, w
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import log_axis, time_axis
+from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.style import (
     FORMAL,
     INK,
@@ -18,7 +19,6 @@ from relnav_sim.plots.style import (
     legend_height,
     line_styles,
     margins,
-    new_figure,
     shown_name,
 )
 from relnav_sim.plots.words import FigureWords
@@ -62,8 +62,7 @@ def observability_over_time(
     styles = line_styles(facts.all_filters)
     with house_style():
         labels = [shown_name(", ".join(names), 30) for names, _ in groups]
-        figure = new_figure(1.9 + legend_height(labels))
-        panel = figure.subplots()
+        figure, ((panel,),) = figure_with_panels("observability", 1.9 + legend_height(labels))
         handles = []
         for names, found in groups:
             look = styles[names[0]]

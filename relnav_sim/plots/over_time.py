@@ -25,6 +25,7 @@ from relnav_sim.plots.data import (
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, log_axis, say, time_axis
+from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.start import start_span
 from relnav_sim.plots.style import (
     BAND,
@@ -96,8 +97,8 @@ def rms_over_time(
     bounds = perfect_bounds(results, facts, view.rows, items)
     with house_style():
         labels = [*map(shared_name, groups), "formal", *(label for label, _ in bounds)]
-        figure = new_figure(2.8 + legend_height(labels))
-        panels = figure.subplots(2, 1, sharex=True)
+        figure, grid = figure_with_panels("rms", 2.8 + legend_height(labels), 2, sharex=True)
+        panels = grid[:, 0]
         handles = [filter_key(facts.all_filters, item.name) for item in items]
         for place, item in enumerate(items):
             look = styles[item.name]
@@ -263,13 +264,13 @@ def consistency_over_time(
     sensors = _shown_sensors(items) if "nis" in which else ()
     drawn: list[tuple[Which, str]] = [*((quantity, "") for quantity in which), *(("nis", name) for name in sensors)]
     with house_style():
-        figure = new_figure(0.6 + 1.15 * len(drawn) + legend_height(labels))
-        panels = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
+        height = 0.6 + 1.15 * len(drawn) + legend_height(labels)
+        figure, grid = figure_with_panels("consistency", height, len(drawn), sharex=True)
+        panels = grid[:, 0]
         for panel, (quantity, sensor) in zip(panels, drawn, strict=True):
             divisor = str(_STATE) if quantity == "nees" else "dof" if sensor else str(facts.dimension or "dof")
             panel.set_ylabel(f"{quantity.upper()} / {divisor} [-]")
-            if sensor:
-                heading(panel, shown_name(sensor))
+            heading(panel, shown_name(sensor))
             counts = []
             for place, item in enumerate(items):
                 if sensor and sensor not in item.sensors:

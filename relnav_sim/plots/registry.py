@@ -70,7 +70,7 @@ class FigureKind:
 _SHI, _WEI = "Shi et al. 2025", "Wei, Song and Zhang 2012"
 _KINDS = (
     FigureKind("errors", "error of one filter per axis, with its ± 3 sigma, the spread of the runs and the bound",
-               errors.errors_with_envelope, {"over": None}, words=errors.errors_words),
+               errors.errors_with_envelope, words=errors.errors_words),
     FigureKind("position_error", "position error per axis of several filters in one run", errors.axis_errors,
                {"quantity": "position", "at_start": False}, f"{_SHI}, Figs. 3 and 10; {_WEI}, Fig. 3"),
     FigureKind("velocity_error", "velocity error per axis of several filters in one run", errors.axis_errors,

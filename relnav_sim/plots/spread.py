@@ -11,7 +11,8 @@ from relnav_sim.arrays import Array
 from relnav_sim.plots.data import Case, chosen_filters, facts_of, speed_unit
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.panels import boxes, violins
-from relnav_sim.plots.style import INK, house_style, line_styles, margins, new_figure, shown_name
+from relnav_sim.plots.spare_figures import figure_with_panels
+from relnav_sim.plots.style import INK, house_style, line_styles, margins, shown_name
 from relnav_sim.plots.words import FigureWords, left_out
 from relnav_sim.wording import counted, significant
 
@@ -82,8 +83,7 @@ def _spread(facts: CaseFacts, filters: Sequence[str] | None, paint: _Paint) -> F
     styles = line_styles(facts.all_filters)
     names = [shown_name(item.name, 14) for item in items]
     with house_style():
-        figure = new_figure(1.1 + 2 * max(0.45, 0.2 * len(names)))
-        panels = figure.subplots(2, 2, sharey=True)
+        figure, panels = figure_with_panels("spread", 1.1 + 2 * max(0.45, 0.2 * len(names)), 2, 2, sharey=True)
         for panel, (label, values) in zip(panels.flat, columns, strict=True):
             finite = [found[item.ok & np.isfinite(found)] for item, found in zip(items, values, strict=True)]
             if label.startswith("ANEES"):

@@ -18,8 +18,9 @@ from relnav_sim.plots.isolation import isolated
 from relnav_sim.printable import visible
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes as Panel
     from matplotlib.figure import Figure
+
+    from relnav_sim.plots.house_figure import HouseFigure
 
 WIDTH_INCH = 3.5
 PNG_DPI = 200
@@ -145,30 +146,11 @@ def house_style(more: Mapping[str, Any] | None = None) -> AbstractContextManager
     return isolated({**_SETTINGS, **(more or {})})
 
 
-def new_figure(height_inch: float, width_inch: float = WIDTH_INCH) -> Figure:
+def new_figure(height_inch: float, width_inch: float = WIDTH_INCH) -> HouseFigure:
     """Return an empty figure on the Agg canvas; call inside ``house_style``."""
     from relnav_sim.plots.house_figure import HouseFigure
 
     return HouseFigure(figsize=(width_inch, height_inch), facecolor="white")
-
-
-def emptied(figure: Figure) -> list[Panel]:
-    """Return the panels of a figure without what is drawn in them; their linear axes and ticks stay as they are.
-
-    Panels and ticks take most of the time of a new figure.
-    """
-    from matplotlib.transforms import Bbox
-
-    for drawn in [*figure.legends, *figure.texts]:
-        drawn.remove()
-    for panel in figure.axes:
-        for drawn in [*panel.lines, *panel.collections, *panel.patches, *panel.texts]:
-            drawn.remove()
-        panel.set(xlim=(0, 1), ylim=(0, 1))  # as of a new one
-        panel.dataLim.set(Bbox.null())
-        panel.ignore_existing_data_limits = True
-        panel.set_autoscale_on(True)
-    return figure.axes
 
 
 def margins(figure: Figure, left: float, right: float, top: float, bottom: float, hspace: float, wspace: float) -> None:

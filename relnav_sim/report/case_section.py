@@ -6,7 +6,6 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relnav_sim.plots.axes import Axes
@@ -20,6 +19,7 @@ from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.report.editing_table import editing_notes
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_section
 from relnav_sim.report.evidence import acceptable_first
+from relnav_sim.report.opened import Opened
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
 from relnav_sim.report.ranking import Ranking, rank
@@ -44,7 +44,7 @@ _STRESSED = "Flown under the stress {stress}, of which no filter is told; the se
 
 
 def compose_case(
-    result_path: Path,
+    opened: Opened,
     index: int,
     axes: Axes,
     figure_folder: FigureFolder,
@@ -56,7 +56,7 @@ def compose_case(
     """Return one case of a result: the order of its filters, and its section of the report.
 
     Args:
-        result_path: The results file.
+        opened: The result.
         index: The case's number from 0.
         axes: The axes of tables and figures.
         figure_folder: Where the figures' files go.
@@ -65,27 +65,25 @@ def compose_case(
         with_axes: Whether the chart shows errors per axis.
         budgeted: Whether to compute the error budget of its best filter.
     """
-    from relnav_sim.results.read import open_results
-
-    with open_results(result_path) as results:
-        ranking = rank(case_facts(results, index, axes))
-        section = _section(ranking, len(results.headers))
-        if stress := results.headers[index].stress:
-            section = replace(section, notes=(_STRESSED.format(stress=stress), *section.notes))
-        if not ranking.case.filters:
-            return ranking, section
-        asked = case_setting(results, index, "statistics.whiteness", False)
-        if asked and all(item.by_channel is None for item in ranking.case.filters):  # so there is no table to say it
-            section = replace(section, notes=(*section.notes, untested_residuals(ranking.case)))
-        missing = list(section.missing)
-        curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
-        section = replace(section, curves=curves, missing=tuple(missing))
-        section, budget_pictures = _with_budget(results, ranking, section, figure_folder, drawn, budgeted)
-        if not drawn:
-            note = _NOT_DRAWN.format(result=shlex.quote(result_path.name), case=results.headers[index].id)
-            return ranking, replace(section, notes=(*section.notes, note))
-        pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
-        return ranking, replace(section, pictures=(*pictures, *budget_pictures))
+    results = opened.results
+    ranking = rank(case_facts(results, index, axes))
+    section = _section(ranking, len(results.headers))
+    if stress := results.headers[index].stress:
+        section = replace(section, notes=(_STRESSED.format(stress=stress), *section.notes))
+    if not ranking.case.filters:
+        return ranking, section
+    asked = case_setting(results, index, "statistics.whiteness", False)
+    if asked and all(item.by_channel is None for item in ranking.case.filters):  # so there is no table to say it
+        section = replace(section, notes=(*section.notes, untested_residuals(ranking.case)))
+    missing = list(section.missing)
+    curves = attempted("The chart", partial(case_curves, results, ranking.case, points, with_axes), missing)
+    section = replace(section, curves=curves, missing=tuple(missing))
+    section, budget_pictures = _with_budget(results, ranking, section, figure_folder, drawn, budgeted)
+    if not drawn:
+        note = _NOT_DRAWN.format(result=shlex.quote(results.path.name), case=results.headers[index].id)
+        return ranking, replace(section, notes=(*section.notes, note))
+    pictures = case_pictures(results, ranking, figure_folder, closely=index == 0)
+    return ranking, replace(section, pictures=(*pictures, *budget_pictures))
 
 
 def _with_budget(
@@ -125,12 +123,9 @@ def budget_table(section: CaseSection) -> Table | None:
     return next((table for table in (*section.more_tables, *section.file_tables) if table.name == name), None)
 
 
-def rank_cases(result_path: Path, indices: Sequence[int], axes: Axes) -> list[Ranking]:
+def rank_cases(opened: Opened, indices: Sequence[int], axes: Axes) -> list[Ranking]:
     """Return the order of the filters in some cases of a result, by their numbers from 0."""
-    from relnav_sim.results.read import open_results
-
-    with open_results(result_path) as results:
-        return [rank(case_facts(results, index, axes)) for index in indices]
+    return [rank(case_facts(opened.results, index, axes)) for index in indices]
 
 
 def _section(ranking: Ranking, cases: int) -> CaseSection:

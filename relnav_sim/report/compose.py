@@ -18,6 +18,7 @@ from relnav_sim.report.decision import decision_section
 from relnav_sim.report.drawing import FigureFolder, within
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_title
 from relnav_sim.report.evidence import decided
+from relnav_sim.report.opened import Opened
 from relnav_sim.report.overview import over_in_words, overview_table
 from relnav_sim.report.page import CaseSection, DecisionSection, Page, RegretSection, ScenarioSection
 from relnav_sim.report.pictures import FIGURES_OF_A_CASE, overall_pictures
@@ -136,7 +137,8 @@ def _rankings(results: Results, known: Mapping[int, Ranking], axes: Axes, worker
     found = dict(known)
     if left:
         parts = [left[first : first + _RANKED_AT_ONCE] for first in range(0, len(left), _RANKED_AT_ONCE)]
-        made = shared_out(rank_cases, [(results.path, part, axes) for part in parts], workers)
+        opened = Opened(results)
+        made = shared_out(rank_cases, [(opened, part, axes) for part in parts], workers)
         found |= {ranking.case.index: ranking for part in made for ranking in part}
     return [found[index] for index in results.nominal]
 
@@ -151,8 +153,9 @@ def _cases(
         drawn.append(not drawn or (not results.headers[index].stress and figures_left >= 0 and drawn[-1]))
     chart = points_of(len(closely), len(results.filters))
     budgeted = len(closely) <= MOST_BUDGETS
+    opened = Opened(results)
     todo = [
-        (results.path, index, axes, figure_folder, draw_it, *chart, budgeted)
+        (opened, index, axes, figure_folder, draw_it, *chart, budgeted)
         for index, draw_it in zip(closely, drawn, strict=True)
     ]
     worth_it = len(todo) * len(results.filters) >= _WORTH_A_PROCESS

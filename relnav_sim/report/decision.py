@@ -19,7 +19,7 @@ from relnav_sim.report.requirements import margin, margin_in_words, requirement_
 from relnav_sim.report.reservations import Background, at_row, not_shown, or_zero, what_would_help
 from relnav_sim.report.sentences import Clause, Sentence, joined, plain
 from relnav_sim.report.tables import Table
-from relnav_sim.statistics.decision import CaseEvidence, Choice, Decision, Refusal
+from relnav_sim.statistics.decision import Candidate, CaseEvidence, Choice, Decision, Refusal
 from relnav_sim.statistics.equivalence import Difference
 from relnav_sim.statistics.regret import Regret
 from relnav_sim.statistics.requirements import overall
@@ -331,16 +331,23 @@ def _too_few(decision: Decision) -> str:
     if not found or any(one is not None and math.isfinite(one.percent.low) for one in found):
         return ""
     runs = max((one.percent.runs for one in found if one is not None), default=0)
-    sizes = [
-        f"{item.name} {significant(item.position.estimate)} m"
-        for item in decision.cases[0][0].candidates
-        if item.name in (best, *effects)
-    ]
+    compared = {best, *effects}
+    items = [item for item in decision.cases[0][0].candidates if item.name in compared]
+    left = max(0, len(items) - _MANY_FILTERS)
+    if left:
+        items = sorted(items, key=_by_position)[:_MANY_FILTERS]
+    sizes = [f"{item.name} {significant(item.position.estimate)} m" for item in items]
+    sizes += [f"{left} more, none of them smaller"] if left else []
     first = f"position RMS of case {decision.cases[0][0].index}" if len(decision.cases) > 1 else "position RMS"
     runs_said = counted(runs, "run")
     return (
         f"{runs_said} in common can't decide between {counted(len(effects) + 1, 'filter')} ({first}: {listed(sizes)})."
     )
+
+
+def _by_position(item: Candidate) -> tuple[bool, float]:
+    """Return what sorts filters by their position RMS, last those that have none."""
+    return not math.isfinite(item.position.estimate), item.position.estimate
 
 
 def _to_row(decision: Decision, name: str, words: str) -> Clause:

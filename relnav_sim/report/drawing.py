@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relnav_sim.plots import style
+from relnav_sim.plots.spare_figures import draw_over
 from relnav_sim.report.attempts import attempted
 
 if TYPE_CHECKING:
@@ -72,16 +73,18 @@ def draw(folder: FigureFolder, name: str, make: Callable[[], Drawing | None], fi
     """
 
     def picture() -> Picture | None:
-        drawing = make()
-        if drawing is None:
-            return None
-        png = style.png(drawing.figure)
-        files["png"].write_bytes(png)
-        if folder.vectors:
-            files["pdf"].write_bytes(style.pdf(drawing.figure))
-        else:
-            files["pdf"].unlink(missing_ok=True)
+        with style.house_style():
+            drawing = make()
+            if drawing is None:
+                return None
+            png = style.png(drawing.figure)
+            files["png"].write_bytes(png)
+            if folder.vectors:
+                files["pdf"].write_bytes(style.pdf(drawing.figure))
+            else:
+                files["pdf"].unlink(missing_ok=True)
         width, height = (round(size * _CSS_PIXELS_PER_INCH) for size in drawing.figure.get_size_inches())
+        draw_over(drawing.figure)
         uri = f"data:image/webp;base64,{base64.b64encode(style.webp(png)).decode('ascii')}"
         return Picture(name, drawing.caption, drawing.alt, width, height, uri, forms, filter)
 

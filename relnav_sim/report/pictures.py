@@ -28,7 +28,6 @@ _ELLIPSE_SIGMA = 3.0
 _WORTH_A_ZOOM = 0.6
 _WORTH_A_SWEEP = 3
 _WORTH_A_RANGE = 1.3
-_drawn_over: list[Figure] = []  # the figure of the errors, which the next filter and case is drawn over
 
 
 def overall_pictures(results: Results, rankings: Sequence[Ranking], folder: FigureFolder) -> Iterator[Picture]:
@@ -92,8 +91,7 @@ def case_pictures(results: Results, ranking: Ranking, folder: FigureFolder, clos
         return _described("cost", figure, case)
 
     def errors(name: str) -> Drawing:
-        figure = plots.errors_with_envelope(results, case, name, over=_drawn_over.pop() if _drawn_over else None)
-        _drawn_over[:] = [figure]
+        figure = plots.errors_with_envelope(results, case, name)
         return _described("errors", figure, case, name)
 
     pieces: dict[str, Callable[[], Drawing | None]] = {"rms": rms}

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+_SUMMARY = {spec.name: spec for spec in layout.SUMMARY}
 _SERIES = {spec.name: spec for spec in layout.SERIES}
 _BY_SENSOR = {spec.name: spec for spec in layout.BY_SENSOR}
 
@@ -96,10 +97,9 @@ class Results(HeldResult):
 
     def statistic(self, case: int | str, filter: str, name: str) -> NDArray[Any]:
         """Return one dataset of `layout.SUMMARY` as stored, for example ``rms`` (runs, 2 spans, 8 quantities)."""
-        specs = {spec.name: spec for spec in layout.SUMMARY}
-        if name not in specs:
-            raise ResultsError(f"no statistic {name!r}; there are {', '.join(specs)}")
-        return self._filter_data(self._check(case, filter), filter, specs[name])
+        if name not in _SUMMARY:
+            raise ResultsError(f"no statistic {name!r}; there are {', '.join(_SUMMARY)}")
+        return self._filter_data(self._check(case, filter), filter, _SUMMARY[name])
 
     def diagnostics(self, case: int | str, filter: str) -> dict[str, Array]:
         """Return what a filter reports of its own working, by name: mean over updates of each run (runs,).
@@ -155,25 +155,34 @@ class Results(HeldResult):
 
     def nis_sum(self, case: int | str, filter: str) -> Array:
         """Return the sum of the NIS over the updates of the whole run and settled, (runs, 2)."""
-        by_sensor, updates = self.by_sensor(case, filter), self.statistic(case, filter, "updates")
+        dof, nis = (self._of_sensors(case, filter, name) for name in ("sensor_dof_sum", "sensor_nis_sum"))
+        updates = self.statistic(case, filter, "updates")
         former = np.where(updates > 0, self.statistic(case, filter, "nis_mean") * updates, 0.0)
-        if by_sensor is None:
+        if dof is None or nis is None:
             return former
-        return np.where(by_sensor.dof_sum.sum(axis=-1) > 0, np.nansum(by_sensor.nis_sum, axis=-1), former)
+        return np.where(dof.sum(axis=-1) > 0, np.nansum(nis, axis=-1), former)
 
     def dof_sum(self, case: int | str, filter: str) -> Integers:
         """Return the degrees of freedom of `nis_sum`, the channels that were present, (runs, 2)."""
-        by_sensor, updates = self.by_sensor(case, filter), self.statistic(case, filter, "updates")
-        told = np.zeros_like(updates) if by_sensor is None else by_sensor.dof_sum.sum(axis=-1)
+        by_sensor = self._of_sensors(case, filter, "sensor_dof_sum")
+        updates = self.statistic(case, filter, "updates")
+        told = np.zeros_like(updates) if by_sensor is None else by_sensor.sum(axis=-1)
         return np.where(told > 0, told, layout.FORMER_DOF * updates)
 
     def dof(self, case: int | str, filter: str) -> Integers:
         """Return the degrees of freedom of `nis`, the channels present, (runs, K); 0 without a measurement."""
-        by_sensor, measured = self.by_sensor(case, filter), np.isfinite(self.nis(case, filter))
+        by_sensor, measured = self._of_sensors(case, filter, "sensor_dof"), np.isfinite(self.nis(case, filter))
         told = np.zeros(measured.shape, dtype=np.int64)
         if by_sensor is not None:
-            told = by_sensor.dof.sum(axis=-1, dtype=np.int64)
+            told = by_sensor.sum(axis=-1, dtype=np.int64)
         return np.where(measured & (told == 0), layout.FORMER_DOF, told)
+
+    def _of_sensors(self, case: int | str, filter: str, name: str) -> NDArray[Any] | None:
+        """Return one dataset by sensor; None where the file does not tell them apart."""
+        index = self._check(case, filter)
+        if not self._filter_part(index, filter).columns().sensors:
+            return None
+        return self._filter_data(index, filter, _BY_SENSOR[name])
 
     def time_s(self, case: int | str) -> Array:
         """Return the stored epochs of a case, (K,), s."""

@@ -257,24 +257,29 @@ def checked(group: h5py.Group, spec: Dataset | Dimension) -> h5py.Dataset:
     Raises:
         ResultsError: It is missing, of another type or number of dimensions, stored elsewhere, or damaged.
     """
-    where = f"{group.file.filename}: {group.name}/{spec.name}"
-    dataset = _own_object(group, spec.name)
+    if odd := _odd_dataset(group, spec, dataset := _own_object(group, spec.name)):
+        raise ResultsError(f"{group.file.filename}: {group.name}/{spec.name} {odd}")
+    return dataset
+
+
+def _odd_dataset(group: h5py.Group, spec: Dataset | Dimension, dataset: Any) -> str:
+    """Return in words why what a group holds under the name of a dataset is none as the layout says; empty: it is."""
     if not isinstance(dataset, h5py.Dataset):
-        raise ResultsError(f"{where} is missing")
+        return "is missing"
     dims = spec.dims if isinstance(spec, Dataset) else (spec.name,)
     try:
         dtype, shape = dataset.dtype, dataset.shape or ()
     except _UNREADABLE as error:
-        raise ResultsError(f"{where} can't be read ({error})") from None
+        return f"can't be read ({error})"
     fits = h5py.check_string_dtype(dtype) is not None if spec.dtype in layout.TEXTS else dtype == np.dtype(spec.dtype)
     if not fits or len(shape) != len(dims) or not _lengths_fit(group, dims, shape):
-        raise ResultsError(f"{where} has type {dtype} and shape {shape}; the layout differs")
+        return f"has type {dtype} and shape {shape}; the layout differs"
     if dataset.external or dataset.is_virtual:
-        raise ResultsError(f"{where} takes its data from other files; this is refused")
-    claimed, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
-    if claimed > stored and (stored == 0 or dataset.chunks is None or claimed > _most_bytes(dataset)):
-        raise ResultsError(f"{where} declares more data than the file holds")
-    return dataset
+        return "takes its data from other files; this is refused"
+    declared, stored = dataset.size * dataset.dtype.itemsize, dataset.id.get_storage_size()
+    if declared > stored and (stored == 0 or dataset.chunks is None or declared > _most_bytes(dataset)):
+        return "declares more data than the file holds"
+    return ""
 
 
 def _most_bytes(dataset: h5py.Dataset) -> int:
@@ -368,12 +373,12 @@ def _check_format(file: h5py.File, path: Path, expected: str) -> None:
 def _own_object(group: h5py.Group | h5py.File, name: str) -> Any:
     """Return what the file itself holds under a name, and under no other; None where there is nothing."""
     try:
-        link = group.get(name, getlink=True)
-        found = group[name] if isinstance(link, h5py.HardLink) else None
-        single = found is None or h5py.h5o.get_info(found.id).rc == 1
+        own = group.id.links.get_info(name.encode()).type == h5py.h5l.TYPE_HARD
+        found: Any = group[name] if own else None
+        single = own and h5py.h5o.get_info(found.id).rc == 1
     except _UNREADABLE:
         return None
-    if not single or not isinstance(link, h5py.HardLink | None):
+    if not single:
         raise ResultsError(f"{group.file.filename}: {group.name}/{name} is a link to something else; this is refused")
     return found
 

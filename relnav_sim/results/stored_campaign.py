@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 from relnav_sim.campaign import Campaign
 from relnav_sim.campaign.load import parse_content
@@ -12,14 +13,23 @@ from relnav_sim.results.block import RefusedError
 from relnav_sim.results.read import Results
 
 _NAMES_A_FILE = re.compile(r"truth\.(.+\.(file|name)|forces\.gravity\.model|ephemeris\.(chief|deputy))")
+_read: WeakKeyDictionary[Results, Campaign] = WeakKeyDictionary()
 
 
 def stored_campaign(results: Results) -> Campaign:
     """Return the campaign of a result as it was run, what the command line set included.
 
+    Of an opened result it is parsed once.
+
     Raises:
         RefusedError: This version of relnav, or a package of the user's that is not here, reads it otherwise.
     """
+    if results not in _read:
+        _read[results] = _parsed(results)
+    return _read[results]
+
+
+def _parsed(results: Results) -> Campaign:
     try:
         campaign = parse_content(results.campaign_content)
     except CampaignError as error:

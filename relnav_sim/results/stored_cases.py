@@ -5,7 +5,10 @@ Who reads a case asks here for a dataset by its name in the layout, and gets wha
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import h5py
@@ -19,6 +22,8 @@ from relnav_sim.results.read_ahead import ReadAhead
 from relnav_sim.results.sound import odd_coordinate
 
 _NO_ROWS = slice(0, 0)
+_MOST_PARTS = 64
+"""Cases and filters whose groups and datasets are kept open."""
 _OWN_AXES = ("run", "trajectory", "failure")
 """Along which a stack has rows of many cases."""
 
@@ -37,21 +42,30 @@ class StoredCases:
             self._stacks = store.read(store.subgroup(file, stacks.CASES), stacks.STACK)
         self._groups: dict[str, _Stack] = {}
         self._ahead = ReadAhead()
-        self._filters: dict[tuple[int, str], StoredPart | None] = {}
+        self._parts: OrderedDict[tuple[int, str], StoredPart | None] = OrderedDict()
 
     def case(self, index: int) -> StoredPart | None:
         """Return what the file holds of a case beside its filters; None where nothing has been computed yet."""
+        return self._kept((index, ""), lambda: self._case(index))
+
+    def filter(self, index: int, name: str) -> StoredPart | None:
+        """Return what the file holds of a filter of a case; None where no run has been computed yet."""
+        return self._kept((index, name), lambda: self._filter(index, name))
+
+    def _kept(self, key: tuple[int, str], find: Callable[[], StoredPart | None]) -> StoredPart | None:
+        """Return a part that has been found; the last ones are kept, with the datasets that were checked."""
+        if key not in self._parts:
+            self._parts[key] = find()
+            if len(self._parts) > _MOST_PARTS:
+                self._parts.popitem(last=False)
+        return self._parts[key]
+
+    def _case(self, index: int) -> StoredPart | None:
         if self._stacks is None:
             group = store.subgroup(self._file, layout.case_group(index))
             return StoredPart(group) if "failures" in store.names(group) else None
         number = int(self._stacks[index])
         return None if number < 0 else StoredPart(*self._stack(stacks.stack_group(number), index))
-
-    def filter(self, index: int, name: str) -> StoredPart | None:
-        """Return what the file holds of a filter of a case; None where no run has been computed yet."""
-        if (index, name) not in self._filters:
-            self._filters[index, name] = self._filter(index, name)
-        return self._filters[index, name]
 
     def _filter(self, index: int, name: str) -> StoredPart | None:
         case = self.case(index)
@@ -108,7 +122,12 @@ class StoredPart:
     @property
     def names(self) -> tuple[str, ...]:
         """The names inside the group."""
-        return store.names(self.group) if self.stack is None else self.stack.names
+        return (self.stack or self._alone).names
+
+    @cached_property
+    def _alone(self) -> _Stack:
+        """What has been read and checked of a group that is all of the case."""
+        return _Stack(self.group, ReadAhead())
 
     def rows(self, axis: str) -> slice:
         """Return the rows of the case along one of the axes that cases share in a stack."""
@@ -127,7 +146,7 @@ class StoredPart:
         """
         axis = spec.dims[0] if isinstance(spec, Dataset) else spec.name
         if self.stack is None:
-            return store.read(self.group, spec, index)
+            return store.values_of(self._alone.checked(spec), spec, index)
         if axis not in _OWN_AXES:
             return np.asarray(self.stack.column(spec)[index])
         return self.stack.read(spec, _within(self.rows(axis), index))
@@ -179,7 +198,7 @@ class StoredPart:
         Raises:
             ResultsError: The names are damaged.
         """
-        return columns_of(self.group) if self.stack is None else self.stack.columns
+        return (self.stack or self._alone).columns
 
 
 def columns_of(group: h5py.Group) -> layout.Columns:
@@ -248,14 +267,19 @@ class _Stack:
         row = int(np.searchsorted(owners, case))
         return row if row < len(owners) and owners[row] == case else None
 
+    def checked(self, spec: Dataset | Dimension) -> h5py.Dataset:
+        """Return a dataset, checked when it is asked for first."""
+        dataset = self._checked.get(spec)
+        if dataset is None:
+            dataset = self._checked[spec] = store.checked(self.group, spec)
+        return dataset
+
     def read(self, spec: Dataset | Dimension, index: Any) -> AnyArray:
         if isinstance(spec, Dimension):
             return self._coordinate(spec, index)
         if spec.dtype in layout.TEXTS:
             return np.asarray(self.column(spec)[index])
-        dataset = self._checked.get(spec)
-        if dataset is None:
-            dataset = self._checked[spec] = store.checked(self.group, spec)
+        dataset = self.checked(spec)
         if isinstance(index, slice) and index.step in (None, 1):
             return self.ahead.rows(dataset, spec, index)
         if isinstance(index, int):

@@ -1,5 +1,6 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from relnav_sim import plots as figures
 from relnav_sim.plots.coinciding import coinciding
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.plots.spare_figures import draw_over
 from relnav_sim.plots.style import WIDTH_INCH, pdf, png, shown_name
 from relnav_sim.results import open_results, seal
 from relnav_sim.results.read import Results
@@ -107,10 +109,37 @@ def test_a_figure_drawn_over_another_has_the_pixels_of_a_new_one(make_result: Re
     )
     with open_results(path) as results:
         over = figures.errors_with_envelope(results, 0, "ekf", own_bound=True)
-        png(over)
         for name in ("u$k$f_with_a_long_name", "lost", "ekf"):
-            assert figures.errors_with_envelope(results, 0, name, over=over) is over
-            assert png(over) == png(figures.errors_with_envelope(results, 0, name)), name
+            new = png(figures.errors_with_envelope(results, 0, name))
+            assert new != png(over)
+            draw_over(over)
+            drawn = figures.errors_with_envelope(results, 0, name)
+            assert drawn is over and png(drawn) == new, name
+
+
+_OVER_TIME_AND_RUNS = (
+    figures.rms_over_time,
+    figures.consistency_over_time,
+    figures.box_plots,
+    figures.cost_against_accuracy,
+)
+
+
+@pytest.mark.parametrize("draw", _OVER_TIME_AND_RUNS)
+def test_every_kind_drawn_over_has_the_pixels_of_a_new_one(make_result: ResultMaker, draw: Any) -> None:
+    """Filters of one size leave axes linear, those of very different sizes make them logarithmic, and lost ones say so.
+
+    A panel keeps nothing of what it showed before.
+    """
+    path = make_result(filters={"a": 1.0, "b": 1.1, "far": 90.0, "lost": 1.0}, runs=4, failed={"lost": [0, 1, 2, 3]})
+    with open_results(path) as results:
+        over = draw(results, 0, ["a", "b"])
+        png(over)
+        for names in (["a", "far"], ["lost"], ["a", "b", "far"], ["b"]):
+            new = png(draw(results, 0, names))
+            draw_over(over)
+            drawn = draw(results, 0, names)
+            assert drawn is over and png(drawn) == new, names
 
 
 def test_nothing_to_draw_is_said(make_result: ResultMaker) -> None:
