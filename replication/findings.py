@@ -27,12 +27,16 @@ def read_findings(path: Path = FINDINGS) -> Mapping[str, Any]:
 
 
 def possible(findings: Mapping[str, Any], claim: str) -> str:
-    """Return a claim's sentence with its probability, or nothing where the inference does not speak of it."""
+    """Return what a claim can't do without and its share of the settings; nothing where the inference has no word on it.
+
+    A finding's sentence tells after a semicolon where the claim mostly holds: that stands on the page of the settings.
+    """
     for paper in findings.values():
         found = paper.get("claims", {}).get(claim)
         if found:
-            low, high = found["interval"]
-            return f"{found['sentence']} (probability {found['probability']:.2f} [{low:.2f}, {high:.2f}])"
+            condition = found["sentence"].partition(";")[0]
+            share, low, high = (f"{100 * part:.2g}" for part in (found["probability"], *found["interval"]))
+            return f"{condition} ({share} % of settings [{low}, {high}])"
     return ""
 
 
@@ -47,6 +51,6 @@ def paper_lines(paper: Mapping[str, Any]) -> list[str]:
         )
     for sentence in paper.get("sentences", ()):
         value = sentence.get("p_value")
-        shown = f" (p = {value:.3g})" if isinstance(value, (int, float)) else ""
+        shown = f" (p = {value:.2g})" if value else ""
         lines.append(f"“{sentence['text']}”: {sentence['verdict']}{shown}.")
     return lines

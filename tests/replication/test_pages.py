@@ -103,7 +103,7 @@ def test_the_page_of_evidence():
 def test_findings_of_the_inference_are_shown():
     summary = small_summary(findings=FINDINGS)
     page = markdown_page(summary)
-    assert "possible only if e &gt; 0.01 (probability 0.02 \\[0.01, 0.04\\])" in page
+    assert "possible only if e &gt; 0.01 (2 % of settings \\[1, 4\\])" in page
     assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
     assert "20000 short campaigns" in page and "(replication-settings.md)" in page
     assert possible(FINDINGS, "B1") == ""
