@@ -38,11 +38,19 @@ class Stretch:
     log_likelihood: Array
 
     def filled(
-        self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
+        self,
+        mean: Array,
+        covariance: Array,
+        F: Array,
+        Q: Array,
+        converted: bool,
+        model: tuple[Array, Array, Array, float],
     ) -> int:
-        """Fill it by one of `kernels.epochs` for a model of the reading; return for how many epochs."""
-        given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
-        return kernel(*given, *model, self.mean, self.covariance, self.nis, self.log_likelihood)
+        """Fill it by `kernels.epochs.filtered` with a radar's M, A, c and r_scale; return for how many epochs."""
+        in_order = np.ascontiguousarray
+        given = in_order(mean), in_order(covariance), in_order(F), in_order(Q), in_order(self.z), in_order(self.read)
+        filled = self.mean, self.covariance, self.nis, self.log_likelihood
+        return kernels.epochs.filtered(*given, converted, *model, *filled)
 
 
 @dataclass(frozen=True)
