@@ -100,7 +100,7 @@ def linearise(x: Array, used: int, M: Array, T: Array, coefficients: Array, w: A
     )
     seen(x.T, 0, used, M, s)
     _of_attitude(x, T, used, products, attitude)
-    _of_component(x, s, M[2], coefficients[0], used, entries)
+    _of_component(x, s, M[2], coefficients, used, entries)
     for i in range(3):
         for b in range(used):
             w[i, b] -= x[i, b]

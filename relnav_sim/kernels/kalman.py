@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inner, kernel, kernel_like, single
 from relnav_sim.kernels.lanes import (
     LANES,
+    add_image,
     factor,
     forward,
     forward_vectors,
@@ -51,7 +52,10 @@ def predict_linear(m: Array, P: Array, F: Array, Q: Array) -> tuple[Array, Array
         load_vectors(m, first, used, x)
         if len(F) > 1:
             load(F, first, used, f)
-        carry_mean(x, F, f, used, y)
+            y[:] = 0.0
+            add_image(f, x, used, y)
+        else:
+            carry_mean_by_one(x, F[0], used, y)
         store_vectors(y, first, used, mean)
     _carry(P, F, Q, predicted)
     return mean, predicted
@@ -75,60 +79,64 @@ def _carry(P: Array, F: Array, Q: Array, out: Array) -> None:
     runs, n, _ = P.shape
     m = F.shape[1]
     p, q = np.empty((n, n, LANES), P.dtype), np.empty((m, m, LANES), P.dtype)
-    f, fp = np.empty((m, n, LANES), P.dtype), np.empty((m, n, LANES), P.dtype)
+    fp, f = np.empty((m, n, LANES), P.dtype), np.empty((m, n, LANES), P.dtype)
     for first in range(0, runs, LANES):
         used = min(LANES, runs - first)
         load(P, first, used, p)
+        load(Q, first, used, q)
+        for i in range(m):
+            for j in range(i + 1):
+                for b in range(used):
+                    q[i, j, b] += 0.0  # not -0, as no sum with it is
         if len(F) > 1:
             load(F, first, used, f)
-        carry(p, F, Q, first, used, f, fp, q)
+            product(f, p, used, fp)
+            for i in range(m):
+                for j in range(i + 1):
+                    for k in range(n):
+                        for b in range(used):
+                            q[i, j, b] += fp[i, k, b] * f[j, k, b]
+        else:
+            multiply_by_one(F[0], p, used, fp)
+            multiply_by_transpose_of_one(fp, F[0], used, q)
         store_symmetric(q, first, used, out)
 
 
 @inner
-def carry_mean(x: Array, F: Array, f: Array, used: int, y: Array) -> None:
-    """Set y to F x, (n, LANES) both, by F (1, n, n), or by its lanes f (n, n, LANES) where each run has its own."""
+def carry_mean_by_one(x: Array, F: Array, used: int, y: Array) -> None:
+    """Set y to F x, (n, LANES) both, by one F (n, n) for all."""
     for i in range(len(x)):
         for b in range(used):
             y[i, b] = 0.0
         for j in range(len(x)):
-            if len(F) > 1:
-                for b in range(used):
-                    y[i, b] += f[i, j, b] * x[j, b]
-            else:
-                for b in range(used):
-                    y[i, b] += F[0, i, j] * x[j, b]
+            for b in range(used):
+                y[i, b] += F[i, j] * x[j, b]
 
 
 @inner
-def carry(p: Array, F: Array, Q: Array, first: int, used: int, f: Array, fp: Array, q: Array) -> None:
-    """Set the lower triangle of q (m, m, LANES) to that of F p F^T + Q, p (n, n, LANES); fp (m, n, LANES) is room.
+def multiply_by_one(F: Array, p: Array, used: int, fp: Array) -> None:
+    """Set fp (m, n, LANES) to F p by one F (m, n) for all, whose zeros, often half of it, are passed over."""
+    m, n = F.shape
+    for i in range(m):
+        for j in range(n):
+            for b in range(used):
+                fp[i, j, b] = 0.0
+            for k in range(n):
+                if F[i, k] != 0:
+                    for b in range(used):
+                        fp[i, j, b] += F[i, k] * p[k, j, b]
 
-    Zeros of one F for all, often half of it, are passed over. Where each run has its own, f has their lanes.
-    """
-    m, n, _ = fp.shape
-    if len(F) > 1:
-        product(f, p, used, fp)
-    else:
-        for i in range(m):
-            for j in range(n):
-                for b in range(used):
-                    fp[i, j, b] = 0.0
-                for k in range(n):
-                    if F[0, i, k] != 0:
-                        for b in range(used):
-                            fp[i, j, b] += F[0, i, k] * p[k, j, b]
+
+@inner
+def multiply_by_transpose_of_one(fp: Array, F: Array, used: int, q: Array) -> None:
+    """Add to the lower triangle of q (m, m, LANES) that of fp F^T, as `multiply_by_one`."""
+    m, n = F.shape
     for i in range(m):
         for j in range(i + 1):
-            for b in range(used):
-                q[i, j, b] = Q[0 if len(Q) == 1 else first + b, i, j] + 0.0  # not -0, as no sum with it is
             for k in range(n):
-                if len(F) > 1:
+                if F[j, k] != 0:
                     for b in range(used):
-                        q[i, j, b] += fp[i, k, b] * f[j, k, b]
-                elif F[0, j, k] != 0:
-                    for b in range(used):
-                        q[i, j, b] += fp[i, k, b] * F[0, j, k]
+                        q[i, j, b] += fp[i, k, b] * F[j, k]
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3))
@@ -161,7 +169,13 @@ def update(m: Array, P: Array, nu: Array, H: Array, R: Array) -> tuple[Array, Ar
         load(H, first, used, h)
         load(R, first, used, r)
         load_vectors(nu, first, used, w)
-        correct(x, p, w, h, r, used, S, L, W, short, first, nis, log_likelihood, lost)
+        correct(x, p, w, h, r, used, S, L, W, short, first, nis, log_likelihood)
+        if doubtful(S, r, L, used):
+            for b in range(used):
+                if singular(S, L, b) or exceeds(S, r, b, WIDEST):
+                    lost[first + b] = True
+                elif exceeds(S, r, b, WIDE):
+                    lost[first + b] = _joseph(b, p, h, r, L, W, short)
         store_vectors(x, first, used, mean)
         store_symmetric(short, first, used, covariance)
     return mean, covariance, nis, log_likelihood, places(lost)
@@ -182,9 +196,8 @@ def correct(
     first: int,
     nis: Array,
     log_likelihood: Array,
-    lost: Mask,
 ) -> None:
-    """Update the lanes of the runs from `first` on, as `update` does.
+    """Update the lanes of the runs from `first` on, as `update` does, by the short form of the covariance.
 
     Args:
         x: Means (n, LANES), replaced.
@@ -193,14 +206,13 @@ def correct(
         h: Jacobians (k, n, LANES).
         r: Measurement noise (k, k, LANES).
         used: How many lanes there are.
-        S: Room (k, k, LANES).
-        L: Room (k, k, LANES).
-        W: Room (k, n, LANES).
+        S: Gets the covariances of the residuals (k, k, LANES).
+        L: Gets their factors (k, k, LANES).
+        W: Gets L^-1 H P, (k, n, LANES).
         short: Gets the lower triangles of the covariances (n, n, LANES).
         first: Number of the first run.
-        nis: Gets the NIS of these runs, (runs,), as do the others.
-        log_likelihood: (runs,).
-        lost: (runs,); set where a run is lost and else left.
+        nis: Gets the NIS of these runs, (runs,).
+        log_likelihood: Gets their log-likelihoods, (runs,).
     """
     k = len(w)
     product(h, p, used, W)
@@ -215,12 +227,6 @@ def correct(
     move(W, w, used, x)
     score(w, L, first, used, nis, log_likelihood)
     subtract_square(p, W, used, short)
-    if doubtful(S, r, L, used):
-        for b in range(used):
-            if singular(S, L, b) or exceeds(S, r, b, WIDEST):
-                lost[first + b] = True
-            elif exceeds(S, r, b, WIDE):
-                lost[first + b] = _joseph(b, p, h, r, L, W, short)
 
 
 @kernel(given(2), given(3), given(2), given(3), given(3), given(3))

@@ -200,7 +200,7 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
         used: How many lanes there are.
         M: Rotation (3, 3) from the states' axes to the radar's.
         P: Covariance (3, 3) of the attitude error.
-        variances: (1, 3).
+        variances: (3,).
         w: Measurements (3, LANES), which residuals take the place of.
         h: Gets the Jacobians (3, n, LANES), of which the columns behind the third are left.
         r: Gets the noise (3, 3, LANES).
@@ -210,13 +210,13 @@ def linearise(x: Array, used: int, M: Array, P: Array, variances: Array, w: Arra
     subtract_spherical(s, used, room, w)
     derivatives(s, used, M, h)
     if P.any():
-        covariance(s, used, P, variances[0], r)
+        covariance(s, used, P, variances, r)
         mirror(r, used, r)
     else:
         for i in range(3):
             for j in range(3):
                 for b in range(used):
-                    r[i, j, b] = variances[0, i] if i == j else 0.0
+                    r[i, j, b] = variances[i] if i == j else 0.0
 
 
 @inner

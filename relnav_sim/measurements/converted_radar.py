@@ -110,7 +110,7 @@ class ConvertedRadar(ConvertedPosition):
     ) -> int | None:
         """Fill a stretch by the Kalman filter."""
         model = self._radar_from_rtn, self._attitude, self._one, r_scale
-        return stretch.filled(kernels.epochs.converted, mean, covariance, F, Q, *model)
+        return stretch.filled(mean, covariance, F, Q, True, model)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (runs, k, 3, 3), where the filter is told of a mixture."""

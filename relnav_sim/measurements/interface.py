@@ -38,11 +38,18 @@ class Stretch:
     log_likelihood: Array
 
     def filled(
-        self, kernel: Callable[..., int], mean: Array, covariance: Array, F: Array, Q: Array, *model: Any
+        self,
+        mean: Array,
+        covariance: Array,
+        F: Array,
+        Q: Array,
+        converted: bool,
+        model: tuple[Array, Array, Array, float],
     ) -> int:
-        """Fill it by one of `kernels.epochs` for a model of the measurement; return for how many epochs."""
+        """Fill it by `kernels.epochs.filtered` with a radar's M, A, c and r_scale; return for how many epochs."""
         given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
-        return kernel(*given, *model, self.mean, self.covariance, self.nis, self.log_likelihood)
+        filled = self.mean, self.covariance, self.nis, self.log_likelihood
+        return kernels.epochs.filtered(*given, converted, *model, *filled)
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ class SphericalRadar(MeasurementDefaults):
         if self.depends_on is None:
             return None
         model = self._rotation, self._attitude, self._variances[None], r_scale
-        return stretch.filled(kernels.epochs.spherical, mean, covariance, F, Q, *model)
+        return stretch.filled(mean, covariance, F, Q, False, model)
 
     def squared_errors(self, z: Array, W: Array, centre: Array, root: Array, e: Array, epoch: int) -> Array:
         """Return |W (z - h(x))|^2 of the samples x = centre + root e, (runs, N)."""

@@ -37,7 +37,7 @@ def room(runs, n, epochs):
 def in_one_go(given, attitude=P):
     m, z = given[0], given[4]
     out = room(*m.shape, len(z))
-    return kernels.epochs.spherical(*given, M, attitude, VARIANCES[None], 1.0, *out), out
+    return kernels.epochs.filtered(*given, False, M, attitude, VARIANCES[None], 1.0, *out), out
 
 
 def step_by_step(given, attitude=P):
@@ -78,7 +78,7 @@ def test_bits_of_converted_readings_are_those_of_single_steps(n, runs, missing, 
 
     out = room(runs, n, 12)
     given = m, C, F, Q, z, read
-    taken = kernels.epochs.converted(*given, M, T, coefficients, r_scale, *out)
+    taken = kernels.epochs.filtered(*given, True, M, T, coefficients, r_scale, *out)
     stopped, expected = stepped(given, linearised)
     assert taken == stopped == 12
     for one, other in zip(out, expected, strict=True):
@@ -125,6 +125,11 @@ def test_it_stops_before_an_epoch_in_which_a_run_is_lost():
     assert taken == stopped == 4
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one[:4], other[:4])
+    joseph = given[3].copy()
+    joseph[4] += 1e10 * np.eye(6)  # S is WIDE: single steps go on by Joseph's form
+    spoilt = *given[:3], joseph, *given[4:]
+    assert in_one_go(spoilt)[0] == 4
+    assert step_by_step(spoilt)[0] == 8
     unread = given[5].copy()
     unread[4] = False
     assert in_one_go((*given[:3], wide, given[4], unread))[0] == 5  # an epoch without readings loses nobody
