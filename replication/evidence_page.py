@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from relnav_sim.report.tables import Table, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
 from replication.evidence import OUTCOMES
-from replication.listed import deviation_table
-from replication.pages import verdict_in_words
+from replication.listed import deviation_table, entries, pipe_table
+from replication.pages import INTERVALS, verdict_in_words
 from replication.papers import papers
 from replication.summary import Claim, Experiment, PaperPart, Plot, Summary
 
@@ -33,6 +33,8 @@ def evidence_page(summary: Summary, figures: str, literal: str = "") -> str:
         claims = [claim for claim in summary.claims if claim.number in papers()[part.key].claims]
         parts += _paper(part, claims, figures)
     parts += ["## Where relnav deviates from the papers", deviation_table(literal)]
+    parts += ["## What intervals decide", INTERVALS]
+    parts += ["## History of the rules", history_table()]
     parts += ["## Campaigns", _table(summary.campaigns)]
     return "\n\n".join(item.strip("\n") for item in parts if item) + "\n"
 
@@ -81,3 +83,9 @@ def _folded(words: str, table: Table) -> str:
     if not table.rows:
         return ""
     return f'<details markdown="1"><summary>{words}</summary>\n\n{_table(table)}\n\n</details>'
+
+
+def history_table() -> str:
+    """Return how the rules changed, and why, as a Markdown table."""
+    rows = [(item["rules"], item["change"], item["reason"]) for item in entries("history.yaml")]
+    return pipe_table(("rules", "change", "reason"), rows)

@@ -27,7 +27,7 @@ def read_findings(path: Path = FINDINGS) -> Mapping[str, Any]:
 
 
 def possible(findings: Mapping[str, Any], claim: str) -> str:
-    """Return what a claim can't do without and its share of the settings; nothing where the inference has no word on it.
+    """Return what a claim can't do without and its share of the settings; nothing where no finding speaks of it.
 
     A finding's sentence tells after a semicolon where the claim mostly holds: that stands on the page of the settings.
     """

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from replication.findings import possible
-from replication.pages import PRINCIPLES, SIZES, TITLE, causes, verdict_in_words
+from replication.pages import INTERVALS, SIZES, THRESHOLDS, TITLE, causes, verdict_in_words
 from replication.papers import papers
 from replication.summary import Claim, Summary
 
@@ -34,7 +34,7 @@ def html_page(summary: Summary, figures: Path) -> str:
     return _template().render(
         title=TITLE,
         size=SIZES[summary.size].replace("`", ""),
-        principles=[text.replace("`", "") for text in PRINCIPLES],
+        principles=[text.replace("`", "") for text in (THRESHOLDS, INTERVALS)],
         causes=[text.replace("**", "") for text in causes(summary)],
         contradictions=[f"{paper.short}: {text}" for paper in papers().values() for text in paper.contradictions],
         summary=summary,

@@ -7,7 +7,6 @@ from typing import Any
 
 from relnav_sim.report.tables import plain_markdown
 from replication.findings import paper_lines, possible
-from replication.listed import entries, pipe_table
 from replication.papers import papers
 from replication.summary import Claim, Summary
 
@@ -21,18 +20,20 @@ SIZES = {
     "full": "Campaigns at full size, of which `replication/full/` holds a summary each. `make reproduce` computes some "
     "of their runs again and compares; `make reproduce-full` computes all.",
 }
-PRINCIPLES = (
+THRESHOLDS = (
     "Thresholds follow from principles, so that none is chosen for a claim: half of an improvement; a size within a "
     "factor of two; a limit as printed; a period within a tenth; a number printed of one run within two standard "
     "deviations of our single runs. Every rule is applied to the paper's own printed numbers first: a rule that the "
-    "paper fails is restated.",
+    "paper fails is restated."
+)
+INTERVALS = (
     "Intervals decide, at 95 % over runs: an effect holds when its whole interval is in the rule's range, fails when "
     "none of it is, and is undecided in between. A claim is reproduced when all its effects hold in all main "
     "interpretations, and “reproduced only …” when they hold in some; “not reproduced as stated, only …” when they "
     "hold in other interpretations of what the paper leaves open, which share 5 % of error. For Shi et al. the main "
     "interpretations are one process noise for all filters, and the process noise of each filter tuned by `relnav "
     "tune` on other random numbers: twelve values between 1e-11 and 1e-3 m²/s³, ten runs of a whole revolution, three "
-    "seeds, whose variance is part of the interval.",
+    "seeds, whose variance is part of the interval."
 )
 
 
@@ -42,8 +43,11 @@ def markdown_page(summary: Summary) -> str:
     parts += ["## Which settings could do it", *_inference(summary.findings)]
     parts += ["## Contradictions inside the papers", _bullets(_contradictions())]
     parts += ["## Causes", _bullets(causes(summary))]
-    parts += ["## How a claim is judged", *PRINCIPLES]
-    parts += ["## History of the rules", history_table()]
+    parts += ["## How a claim is judged", THRESHOLDS]
+    parts.append(
+        f"[What intervals decide]({EVIDENCE_PAGE}#what-intervals-decide); "
+        f"[how the rules have changed, and why]({EVIDENCE_PAGE}#history-of-the-rules)."
+    )
     return "\n\n".join(item.strip("\n") for item in parts if item) + "\n"
 
 
@@ -121,9 +125,3 @@ def _marked(line: str) -> str:
         return plain_markdown(line)
     bold, rest = line.removeprefix("**").split("**", 1)
     return f"**{plain_markdown(bold)}** {plain_markdown(rest.strip())}"
-
-
-def history_table() -> str:
-    """Return how the rules changed, and why, as a Markdown table."""
-    rows = [(item["rules"], item["change"], item["reason"]) for item in entries("history.yaml")]
-    return pipe_table(("rules", "change", "reason"), rows)

@@ -348,7 +348,7 @@ RULES = (
         "The three mean position errors printed in Table 2 lie within two standard deviations of the mean errors of "
         "our single runs (t >= 500 s).",
         tuple(
-            among_single_runs(role, R_MEAN, printed, f"printed {printed:g} m, off the mean of our runs by")
+            among_single_runs(role, R_MEAN, printed, f"printed {printed:g} m, from our mean")
             for role, printed in (("ekf", 2.623), ("ukf", 1.541), ("alpha_kf", 0.667))
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_gaussian", _SAME),),
@@ -358,7 +358,7 @@ RULES = (
         "A9",
         "As A8, for the two numbers of the abstract, with mixture noise.",
         tuple(
-            among_single_runs("alpha_kf", column, printed, f"printed {printed:g} {unit}, off the mean of our runs by")
+            among_single_runs("alpha_kf", column, printed, f"printed {printed:g} {unit}, from our mean")
             for column, printed, unit in ((R_MEAN, 1.813, "m"), (V_MEAN, 0.022, "m/s"))
         ),
         (Interpretation("common", _COMMON_WORDS, "alpha_kf_mixture", _SAME),),
