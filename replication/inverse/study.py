@@ -12,6 +12,7 @@ from replication.inverse.checks import PAPERS, coverage, power
 from replication.inverse.consistency import Consistency
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.local import like_papers
+from replication.inverse.pairs import pulling
 
 HELD_OUT = 0.09
 """Share of papers that nothing is learned from."""
@@ -28,10 +29,10 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
         each: How many papers a round flies.
         say: Told how far it is.
     """
-    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
+    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), PAPERS)
     say(f"{paper.name}: learning settings from numbers")
     inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
-    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)  # of as many blocks as can be
+    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)
     covered = coverage(paper, inference, paper.effective(bank.u)[held], bank.numbers[held])
     if not len(paper.printed):
         return {"checks": {"coverage": covered}}
@@ -39,8 +40,12 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     alike = alike[np.random.default_rng([bank.seed, 7]).permutation(len(alike))]
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), bank.seed)
+    say(f"{paper.name}: pairs of numbers")
+    seen, printed = features(paper, bank.numbers), features(paper, paper.printed[None])[0]
+    pairs = pulling(paper.numbers, seen[:taught], printed, seen[held])
     say(f"{paper.name}: checking on synthetic papers")
     return {
+        "pairs": pairs,
         "inferred": {"settings": _inferred(paper, inference), **_columns(paper, nearby)},
         "checks": {
             "coverage": covered,

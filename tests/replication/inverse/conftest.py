@@ -18,6 +18,7 @@ class Linear:
     """Two unknowns and a choice; a column of three numbers for each unknown, one of which sees the other too."""
 
     name = "linear"
+    block = 100
     unknowns: Sequence[Unknown] = (
         Unknown("a", "m", "first", uniform(0, 10)),
         Unknown("b", "m", "second", uniform(0, 10)),

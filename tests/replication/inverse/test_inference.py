@@ -7,7 +7,7 @@ from scipy.stats import binom
 from relnav_sim.arrays import Array
 from replication.inverse.bank import settings
 from replication.inverse.checks import coverage, power
-from replication.inverse.claims import Quantity, independent, judged, roughly_met, wilson
+from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.consistency import Consistency
 from replication.inverse.inference import Inference, features, interval
 
@@ -63,15 +63,6 @@ def test_a_claims_condition_is_found(linear: Any) -> None:
 def test_shares_have_wilsons_interval() -> None:
     assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)  # Brown, Cai and DasGupta 2001
     assert wilson(0, 0) == (0, 1)
-
-
-def test_settings_that_share_values_tell_less() -> None:
-    rng = np.random.default_rng(4)
-    shared = np.repeat(rng.random(200) < 0.3, 100)  # a block holds as one
-    assert independent(shared, 100) == pytest.approx(200, rel=0.02)
-    alone = rng.random(20_000) < 0.3
-    assert 14_000 < independent(alone, 100) <= 20_000  # the variance of 200 blocks is known to a tenth
-    assert independent(np.zeros(2000, dtype=bool), 100) == 20
 
 
 def test_numbers_are_met_within_a_factor_of_two(linear: Any) -> None:
