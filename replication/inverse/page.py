@@ -36,7 +36,8 @@ half of the RMS of 1000 to 2000 s or more; B6 for 1 m RMS from 1000 s on, within
     "mf_upf_learned": """### With learned dynamics
 
 Both filters of the comparison in one setting, for B1, B2 and B5. An unscented Kalman filter over the learned dynamics
-stands for the published filter; one process serves all outputs, fitted to 75 of the 500 pairs.
+stands for the published filter; one process serves all outputs, fitted to 75 of the 500 pairs. These settings are too
+few to infer any from numbers: only probabilities are given.
 """,
     "two_step_kf": """No scenario of the paper is accessible, so that every scenario is admissible. Each setting flies
 eight runs of 40 readings, with Clohessy-Wiltshire motion for truth and filters.

@@ -16,7 +16,7 @@ NEAREST = 200
 ALONE = 0.05
 """A number is acceptable alone where at least this share of papers is as far out on one of the two sides."""
 UNLIKELY = 0.02
-ROWS = 10
+ROWS, WORST = 10, 500
 
 
 def pair_p_values(seen: Array, paper: Array) -> tuple[Array, Array]:
@@ -63,10 +63,10 @@ def pulling(numbers: Sequence[Number], seen: Array, paper: Array, honest: Array)
     """
     p, off = pair_p_values(seen, paper)
     found: dict[tuple[str, ...], dict[str, Any]] = {}
-    pairs = sorted(combinations(range(len(paper)), 2), key=lambda pair: (p[pair], -off[pair]))
+    pairs = sorted(combinations(range(len(paper)), 2), key=lambda pair: (p[pair], -off[pair]))[:WORST]
     for first, second in pairs:
         columns = tuple(sorted(f"{numbers[k].table} {numbers[k].column}" for k in (first, second)))
-        if p[first, second] <= UNLIKELY and columns not in found:
+        if columns not in found:
             names = {"first": numbers[first].name, "second": numbers[second].name}
             found[columns] = names | {"p_value": float(p[first, second]), "deviations": float(off[first, second])}
     others = [_unlikely(pair_p_values(seen, each)[0]) for each in honest]
