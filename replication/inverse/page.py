@@ -68,13 +68,15 @@ Intervals of {level:.0%} contain the known settings of {papers} papers that were
 bound is {least_allowed}. The width is that of the interval over the prior's.
 """
 _FORGED = """Share of {papers} synthetic papers like the printed one that are called inconsistent when the errors of one
-column are multiplied by a factor. Of those without a forged column {false_alarm:.1%} are; nominal are
-{nominal_false_alarm:.0%}.
+column are multiplied by a factor, or are those of another such paper. Of those without a forged column
+{false_alarm:.1%} are; nominal are {nominal_false_alarm:.0%}. The test is a classifier that has been shown other papers
+with one column multiplied by up to 3, but none with another paper's column.
 """
 _COLUMNS = """### Columns that go with the others
 
 The probability that a column of an honest paper like this one is as improbable given the other columns, and the numbers
-that are furthest from what the others imply, in standard deviations. Taken together: {p_value:.2g}.
+that are furthest from what the others imply, in standard deviations. The probability that an honest paper looks as
+forged as a whole: {p_value:.2g}.
 """
 
 
@@ -199,8 +201,15 @@ def _checks(checks: Mapping[str, Any]) -> list[str]:
 
 def _powers(columns: Sequence[Mapping[str, Any]]) -> str:
     factors = list(columns[0]["called_inconsistent"])
-    rows = ((each["column"], *(f"{each['called_inconsistent'][factor]:.2f}" for factor in factors)) for each in columns)
-    return _table(("column", *factors), rows)
+    rows = (
+        (
+            each["column"],
+            *(f"{each['called_inconsistent'][factor]:.2f}" for factor in factors),
+            f"{each['of_another_paper']:.2f}",
+        )
+        for each in columns
+    )
+    return _table(("column", *factors, "another paper's"), rows)
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -9,7 +9,9 @@ from replication.inverse.bank import settings
 from replication.inverse.checks import coverage, power
 from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.consistency import Consistency
+from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
+from replication.inverse.prior import kinds
 
 SEED, BANK, PAPERS = 5, 4000, 300
 
@@ -35,12 +37,24 @@ def test_intervals_contain_known_settings_and_are_as_narrow_as_can_be(linear: An
 
 def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, flown: tuple[Array, Array]) -> None:
     _, numbers = flown
-    consistency = Consistency.learned(linear.numbers, features(linear, numbers[:BANK]), SEED)
-    found = power(linear, consistency, numbers[BANK:])
+    test = ForgeryTest.learned(linear.numbers, numbers[:BANK], SEED)
+    found = power(test, numbers[BANK:])
     assert found["false_alarm"] <= binom.ppf(0.999, PAPERS, 0.05) / PAPERS
     by_column = {row["column"]: row["called_inconsistent"] for row in found["columns"]}
     assert by_column["table_1 one"]["3"] > 0.8  # the other column has a as well
     assert by_column["table_1 one"]["1.25"] < by_column["table_1 one"]["3"]
+
+
+def test_a_column_that_does_not_go_with_the_other_is_improbable(linear: Any, flown: tuple[Array, Array]) -> None:
+    u, numbers = flown
+    kind = kinds(linear.unknowns, u)
+    np.testing.assert_array_equal(kind, u[:, 2] >= 0.5)
+    consistency = Consistency.learned(linear.numbers, features(linear, numbers[:BANK]), kind[:BANK], SEED)
+    honest = consistency.p_values(features(linear, numbers[BANK:]))
+    assert binom.ppf(0.001, PAPERS, 0.05) <= (honest[:, 0] <= 0.05).sum() <= binom.ppf(0.999, PAPERS, 0.05)
+    moved = numbers[BANK:].copy()
+    moved[:, 5] += 1.0  # ten standard deviations from the three numbers of the other column
+    assert (consistency.p_values(features(linear, moved))[:, 0] <= 0.05).mean() > 0.9
 
 
 def test_a_claims_condition_is_found(linear: Any) -> None:
