@@ -8,6 +8,7 @@ best statistic there is. How forged an honest paper may look is calibrated on pa
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -43,6 +44,7 @@ class ForgeryTest:
     @classmethod
     def learned(cls, numbers: Sequence[Number], papers: Array, seed: int) -> ForgeryTest:
         """Return what honest papers (n, numbers) teach."""
+        from sklearn.exceptions import ConvergenceWarning
         from sklearn.neural_network import MLPClassifier
 
         taught = papers[: int(TAUGHT * len(papers))]
@@ -57,7 +59,9 @@ class ForgeryTest:
         network = MLPClassifier(
             WIDTHS, batch_size=256, max_iter=EPOCHS, alpha=1e-3, random_state=seed, early_stopping=True
         )
-        network.fit(scale.scaled(np.concatenate(shown)), np.concatenate(kind))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # a limit on its time, not an error
+            network.fit(scale.scaled(np.concatenate(shown)), np.concatenate(kind))
         bare = cls(numbers, scale, network, np.empty(0))
         return replace(bare, calibration=np.sort(bare.scores(papers[len(taught) :])))
 

@@ -75,8 +75,9 @@ with one column multiplied by up to 3, but none with another paper's column.
 _COLUMNS = """### Columns that go with the others
 
 The probability that a column of an honest paper like this one is as improbable given the other columns, and the numbers
-that are furthest from what the others imply, in standard deviations. The probability that an honest paper looks as
-forged as a whole: {p_value:.2g}.
+that are furthest from what the others imply, in standard deviations. The probability that a paper flown in one setting
+looks as inconsistent as a whole is {p_value:.2g}: a small one tells that no setting of the prior gives all columns, not
+why.
 """
 
 
