@@ -9,7 +9,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from replication.inverse.bank import Paper
 from replication.inverse.consistency import columns_of
-from replication.inverse.forgery import ForgeryTest, forged
+from replication.inverse.forgery import ForgeryTest, forged, mixed
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.prior import Unknown
 
@@ -70,7 +70,7 @@ def _credible(unknown: Unknown, draws: Array, known: float) -> tuple[bool, float
 def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
     """Return how often a synthetic paper with one forged column is called inconsistent, and one without.
 
-    A column is forged by a factor, or by another paper's column, which the test has not been taught.
+    A column is forged by a factor, or is that of another paper.
 
     Args:
         test: What honest papers have taught.
@@ -84,8 +84,7 @@ def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
     for name, places in columns_of(test.numbers).items():
         each = [places] * len(numbers)
         found = {f"{by:g}": called(forged(numbers, each, np.full(len(numbers), by))) for by in FORGERIES}
-        other = numbers.copy()
-        other[:, places] = np.roll(numbers[:, places], 1, axis=0)
+        other = mixed(numbers, each, np.roll(numbers, 1, axis=0))
         rows.append({"column": name, "called_inconsistent": found, "of_another_paper": called(other)})
     return {
         "papers": len(numbers),

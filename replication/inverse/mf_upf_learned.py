@@ -35,7 +35,7 @@ UNKNOWNS: tuple[Unknown, ...] = (
     *PARTICLE_UNKNOWNS,
     Unknown("target", "", "what is learned", choice((2, 1, 1)), choices=LEARNED),
     Unknown("trained_on", "", "learned from", choice((1, 1)), choices=("another revolution", "the flight itself")),
-    Unknown("selection", "", "the 500 pairs", choice((1, 1)), choices=("spread over a revolution", "one on the other")),
+    Unknown("selection", "", "the 500 pairs", choice((1, 1)), choices=("spread over a revolution", "consecutive")),
     Unknown("training_error_m", "m", "the error of training positions", or_else(0.5, 0.0, log_uniform(1e-4, 1)), True),
     Unknown("lengths", "", "length scales", choice((1, 1)), choices=("one for all inputs", "one for each")),
     Unknown("standardised", "", "inputs and outputs", choice((1, 1)), choices=("in metres", "standardised")),

@@ -27,7 +27,8 @@ with the claim meet.
 _HOW = {
     "alpha_kf": """EKF and UKF are flown as one Kalman filter on the converted reading, the alpha filter as that with
 R / alpha and the scatter of its samples: at 12 km they are the same ([why](replication.md)). Steps are 0.2 s long at
-first and 5 s from 960 s on, with readings that much better, which leaves white noise as it is. Drag is left out.
+first and 5 s from 960 s on, with readings that much better, which leaves white noise as it is. Drag is left out. A8 to
+A12, of scatter over runs, outliers, periods and covariances, are not judged here.
 """,
     "mf_upf": """The particle filter over Clohessy-Wiltshire dynamics: 50 to 500 particles, 2 to 20 s between readings.
 B3 asks for a largest position error of 5 m from 4000 s on, B4 for 0.01 m/s RMS, both within a factor of two and with
@@ -52,8 +53,8 @@ _PAIRS = """### Printed numbers that pull against each other
 
 Each number alone is as far out as in a twentieth of the bank's papers or more. Of the papers that have nearly the first
 number, p is twice the share in which the second is as far out on its side, or the same the other way round if that is
-more; deviations are from the median of these papers. One pair is listed for each pair of columns. In all {count} pairs
-have p of {limit:.0%} or less; papers held out of the bank have {middle:.0f} (95 % of them at most {high:.0f}).
+more; deviations are from the median of these papers. One pair is listed for each pair of columns. Pairs with p of
+{limit:.0%} or less: {count}; papers held out of the bank have {middle:.0f} (95 % of them at most {high:.0f}).
 """
 _FITTED = """### The best joint setting
 
@@ -70,7 +71,7 @@ bound is {least_allowed}. The width is that of the interval over the prior's.
 _FORGED = """Share of {papers} synthetic papers like the printed one that are called inconsistent when the errors of one
 column are multiplied by a factor, or are those of another such paper. Of those without a forged column
 {false_alarm:.1%} are; nominal are {nominal_false_alarm:.0%}. The test is a classifier that has been shown other papers
-with one column multiplied by up to 3, but none with another paper's column.
+forged in these two ways.
 """
 _COLUMNS = """### Columns that go with the others
 
