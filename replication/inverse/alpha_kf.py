@@ -20,6 +20,7 @@ class AlphaKf:
     """Tables 2, 3 and 4, flown together."""
 
     name = "alpha_kf"
+    block = 100
     unknowns: Sequence[Unknown] = UNKNOWNS
     numbers: Sequence[Number] = NUMBERS
 

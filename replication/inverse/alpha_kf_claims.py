@@ -18,6 +18,7 @@ from replication.inverse.alpha_kf_numbers import NUMBERS
 from replication.inverse.alpha_kf_unknowns import COLUMNS, SHARING, UNKNOWNS
 from replication.inverse.bank import Bank
 from replication.inverse.claims import Quantity, judged, roughly_met, wilson
+from replication.inverse.pairs import claims_together
 from replication.inverse.prior import values
 from replication.inverse.sentences import Sentence, tested
 from replication.inverse.table import rounded
@@ -150,8 +151,10 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
     return {
         "claims": claims,
         "all_claims": {
+            "words": "All claims but the one on cost",
             "probability": float(together.mean()),
             "interval": list(wilson(int(together.sum()), len(together))),
         },
+        "together": claims_together(by_claim),
         "sentences": [tested(sentence, setting, bank.numbers) for sentence in SENTENCES],
     }

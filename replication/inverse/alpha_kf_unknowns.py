@@ -64,7 +64,7 @@ FILTERS = (
     ),
     Unknown("start_velocity_m_s", "m/s", "the first standard deviation of velocities", log_uniform(1e-3, 30), True),
     Unknown("draws", "", "the alpha filter's samples", choice((3, 1)), choices=("10000 drawn", "no scatter")),
-    Unknown("sharing", "", "the process noise", choice((1, 1, 1)), choices=SHARING),
+    Unknown("sharing", "", "the process noise", choice((1, 1, 1)), choices=SHARING, divides=True),
     Unknown("position_noise", "", "a part of Q for positions", choice((1, 1)), choices=("no", "yes")),
     Unknown(
         "radial_noise",

@@ -18,8 +18,6 @@ from relnav_sim.cli.failures import UserError
 from replication.inverse.prior import Unknown
 from replication.inverse.table import Number
 
-BLOCK = 100
-
 
 class Paper(Protocol):
     """A paper whose numbers can be made anew in any setting of what it leaves open."""
@@ -27,6 +25,10 @@ class Paper(Protocol):
     @property
     def name(self) -> str:
         """Its name in papers.yaml."""
+
+    @property
+    def block(self) -> int:
+        """How many settings are flown at a time and kept in one file."""
 
     @property
     def unknowns(self) -> Sequence[Unknown]:
@@ -93,17 +95,19 @@ def fill(paper: Paper, folder: Path, size: int, seed: int, workers: int, say: Ca
     """Fill what a bank lacks and return it; the same numbers whatever the workers and however often it was interrupted.
 
     Raises:
-        UserError: The folder holds a bank of another seed or other unknowns.
+        UserError: The size is no multiple of the block, or the folder holds a bank of another seed or other unknowns.
     """
     from joblib import Parallel, delayed
 
+    if size % paper.block:
+        raise UserError(f"--size is {size}; {paper.name} is flown in blocks: give a multiple of {paper.block}")
     _claim(paper, folder, seed)
-    missing = [first for first in range(0, size, BLOCK) if not _file(folder, first).exists()]
+    missing = [first for first in range(0, size, paper.block) if not _file(folder, first).exists()]
     pending = (delayed(_fill_block)(paper, folder, seed, first) for first in missing)
     done = Parallel(n_jobs=workers, return_as="generator_unordered")(pending)
     for count, _ in enumerate(done, 1):
         if count % 10 == 0 or count == len(missing):
-            say(f"{paper.name}: {count} of {len(missing)} blocks of {BLOCK} settings")
+            say(f"{paper.name}: {count} of {len(missing)} blocks of {paper.block} settings")
     return read(paper, folder, size)
 
 
@@ -116,7 +120,7 @@ def read(paper: Paper, folder: Path, size: int | None = None) -> Bank:
     if not (folder / "bank.json").exists():
         raise UserError(f"{folder} holds no bank; make one with: python -m replication.inverse bank {paper.name}")
     seed = int(json.loads((folder / "bank.json").read_text())["seed"])
-    blocks = list(_blocks(folder, size))
+    blocks = list(_blocks(folder, size, paper.block))
     if not blocks:
         raise UserError(
             f"the bank in {folder} is empty; continue it with: python -m replication.inverse bank {paper.name}"
@@ -125,12 +129,12 @@ def read(paper: Paper, folder: Path, size: int | None = None) -> Bank:
     return Bank(seed, settings(paper, seed, 0, len(numbers)), numbers, sum(cpu for _, cpu in blocks))
 
 
-def _blocks(folder: Path, size: int | None) -> Iterator[tuple[Array, float]]:
+def _blocks(folder: Path, size: int | None, block: int) -> Iterator[tuple[Array, float]]:
     first = 0
     while _file(folder, first).exists() and (size is None or first < size):
         with np.load(_file(folder, first)) as kept:
             yield kept["numbers"].astype(float), float(kept["cpu_s"])
-        first += BLOCK
+        first += block
 
 
 def _claim(paper: Paper, folder: Path, seed: int) -> None:
@@ -147,8 +151,8 @@ def _claim(paper: Paper, folder: Path, seed: int) -> None:
 
 def _fill_block(paper: Paper, folder: Path, seed: int, first: int) -> None:
     before = time.process_time()
-    seeds = [[seed, n, 1] for n in range(first, first + BLOCK)]
-    numbers = paper.flown(settings(paper, seed, first, BLOCK), seeds, 1)[:, 0]
+    seeds = [[seed, n, 1] for n in range(first, first + paper.block)]
+    numbers = paper.flown(settings(paper, seed, first, paper.block), seeds, 1)[:, 0]
     temporary = folder / f"{first:07d}.{os.getpid()}.npz"
     np.savez(temporary, numbers=numbers.astype(np.float32), cpu_s=time.process_time() - before)
     os.replace(temporary, _file(folder, first))

@@ -8,7 +8,8 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from replication.inverse.bank import Paper
-from replication.inverse.consistency import Consistency
+from replication.inverse.consistency import columns_of
+from replication.inverse.forgery import ForgeryTest, forged, mixed
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.prior import Unknown
 
@@ -66,29 +67,28 @@ def _credible(unknown: Unknown, draws: Array, known: float) -> tuple[bool, float
     return own in order[:needed], needed / len(unknown.choices)
 
 
-def power(paper: Paper, consistency: Consistency, numbers: Array) -> dict[str, Any]:
+def power(test: ForgeryTest, numbers: Array) -> dict[str, Any]:
     """Return how often a synthetic paper with one forged column is called inconsistent, and one without.
 
-    A column is forged by multiplying all its sizes by a factor, which keeps mean, deviation and norm in step.
+    A column is forged by a factor, or is that of another paper.
 
     Args:
-        paper: Whose tables they are.
-        consistency: What honest papers have taught.
+        test: What honest papers have taught.
         numbers: Numbers of papers held out of the bank, (papers, numbers).
     """
-    alarms = consistency.paper_p_values(features(paper, numbers)) <= FALSE_ALARM
+
+    def called(papers: Array) -> float:
+        return float(np.mean(test.p_values(papers) <= FALSE_ALARM))
+
     rows = []
-    for name, places in consistency.columns.items():
-        found = {}
-        for factor in FORGERIES:
-            forged = numbers.copy()
-            forged[:, places] *= factor
-            seen = features(paper, forged)
-            found[f"{factor:g}"] = float(np.mean(consistency.paper_p_values(seen) <= FALSE_ALARM))
-        rows.append({"column": name, "called_inconsistent": found})
+    for name, places in columns_of(test.numbers).items():
+        each = [places] * len(numbers)
+        found = {f"{by:g}": called(forged(numbers, each, np.full(len(numbers), by))) for by in FORGERIES}
+        other = mixed(numbers, each, np.roll(numbers, 1, axis=0))
+        rows.append({"column": name, "called_inconsistent": found, "of_another_paper": called(other)})
     return {
         "papers": len(numbers),
         "nominal_false_alarm": FALSE_ALARM,
-        "false_alarm": float(alarms.mean()),
+        "false_alarm": called(numbers),
         "columns": rows,
     }

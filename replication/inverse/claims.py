@@ -46,23 +46,7 @@ def wilson(hits: float, count: float) -> tuple[float, float]:
     return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
-def independent(holds: Mask, block: int) -> float:
-    """Return how many independent settings tell as much as these do where those of a block share values.
-
-    That is their number over the design effect (Kish, Survey Sampling, 1965, section 5.4): the variance of the blocks'
-    shares over that of as many independent settings.
-    """
-    share, blocks = float(holds.mean()), len(holds) // block
-    if blocks < 2 or share in (0.0, 1.0):
-        return float(max(blocks, 1))
-    by_block = holds[: blocks * block].reshape(blocks, block).mean(axis=1)
-    effect = float(by_block.var(ddof=1)) * block / (share * (1 - share))
-    return len(holds) / max(effect, 1.0)
-
-
-def judged(
-    holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number], met: Mask, block: int = 1
-) -> dict[str, Any]:
+def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number], met: Mask) -> dict[str, Any]:
     """Return what is told of a claim.
 
     Args:
@@ -70,11 +54,9 @@ def judged(
         quantities: What conditions are told of.
         numbers: The printed numbers.
         met: Whether each setting gives each printed number roughly, (n, numbers).
-        block: How many settings on end share some values.
     """
     hits, count = int(holds.sum()), len(holds)
-    effective = independent(holds, block) if block > 1 else count
-    low, high = wilson(hits / count * effective, effective)
+    low, high = wilson(hits, count)
     found: dict[str, Any] = {"probability": hits / count, "interval": [low, high]}
     found |= {"settings": [], "choices": [], "conflicts": []}
     if hits < ENOUGH:
@@ -85,7 +67,7 @@ def judged(
     telling = [
         each
         for each in sorted(tried, key=lambda each: float(each["prior"]))
-        if each["prior"] <= TELLING and chance * _by_chance(each, hits * effective / count) < 0.001
+        if each["prior"] <= TELLING and chance * _by_chance(each, hits) < 0.001
     ]
     found["settings"] = [each for each in telling if "interval" in each][:5]
     found["choices"] = [each for each in telling if "choices" in each]
@@ -102,12 +84,12 @@ def judged(
     return found
 
 
-def _by_chance(condition: Mapping[str, Any], hits: float) -> float:
+def _by_chance(condition: Mapping[str, Any], hits: int) -> float:
     """Return how probable it is that as many settings meet a condition that has nothing to do with the claim."""
     from scipy.stats import binom
 
     level = 0.99 if "choices" in condition else LEVEL
-    return float(binom.sf(np.ceil(level * hits) - 1, max(np.ceil(hits), 1), condition["prior"]))
+    return float(binom.sf(np.ceil(level * hits) - 1, hits, condition["prior"]))
 
 
 def _condition(quantity: Quantity, holds: Mask) -> dict[str, Any]:

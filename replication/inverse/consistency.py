@@ -1,15 +1,16 @@
 """Whether a column of printed numbers goes with all the others.
 
 The density of papers is a mixture of normal ones (Dempster, Laird and Rubin, J. Royal Statistical Society B 39(1),
-1977), which gives the density of a column when the others are known. How improbable a column may be is calibrated on
-papers that the density was not learned from (split conformal prediction: Vovk, Gammerman and Shafer, Algorithmic
-Learning in a Random World, 2005), so that the rate of false alarms does not rest on the mixture.
+1977), fitted to each kind of paper for itself, which gives the density of a column when the others are known. How
+improbable a column may be is calibrated on papers that the density was not learned from (split conformal prediction:
+Vovk, Gammerman and Shafer, Algorithmic Learning in a Random World, 2005), so that the rate of false alarms does not
+rest on the mixture.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from relnav_sim.arrays import Array, Indices
 from replication.inverse.learned import Scale
 from replication.inverse.table import Number
 
-COMPONENTS = 6
+COMPONENTS, EACH = 2, 250
+"""Components for a kind of paper, one for so many papers at most."""
 RIDGE = 1e-3
 """What is added to variances: the square of three hundredths of the spread among papers."""
 TAUGHT = 0.75
@@ -52,19 +54,26 @@ class Consistency:
     calibration: Array
 
     @classmethod
-    def learned(cls, numbers: Sequence[Number], seen: Array, seed: int) -> Consistency:
-        """Return what papers teach, from their features (n, numbers)."""
+    def learned(cls, numbers: Sequence[Number], seen: Array, kinds: Indices, seed: int) -> Consistency:
+        """Return what papers teach, from their features (n, numbers) and kinds (n,)."""
         from sklearn.mixture import GaussianMixture
 
         taught = int(TAUGHT * len(seen))
         scale = Scale.of(seen[:taught])
-        components = min(COMPONENTS, max(taught // (5 * seen.shape[1]), 1))
-        mixture = GaussianMixture(components, reg_covar=RIDGE, max_iter=60, random_state=seed, init_params="k-means++")
-        mixture.fit(scale.scaled(seen[:taught]))
+        scaled = scale.scaled(seen[:taught])
+        weights, means, covariances = [], [], []
+        for kind in np.unique(kinds[:taught]):
+            own = scaled[kinds[:taught] == kind]
+            count = int(np.clip(len(own) // EACH, 1, COMPONENTS))
+            mixture = GaussianMixture(count, reg_covar=RIDGE, max_iter=60, random_state=seed, init_params="k-means++")
+            mixture.fit(own)
+            weights.append(mixture.weights_ * len(own) / taught)
+            means.append(mixture.means_)
+            covariances.append(mixture.covariances_)
+        weight, mean, covariance = map(np.concatenate, (weights, means, covariances))
         columns = columns_of(numbers)
-        bare = cls(columns, scale, mixture.weights_, mixture.means_, mixture.covariances_, np.empty((0, len(columns))))
-        calibration = np.sort(bare.scores(seen[taught:]), axis=0)
-        return cls(columns, scale, bare.weights, bare.means, bare.covariances, calibration)
+        bare = cls(columns, scale, weight, mean, covariance, np.empty((0, len(columns))))
+        return replace(bare, calibration=np.sort(bare.scores(seen[taught:]), axis=0))
 
     def scores(self, seen: Array) -> Array:
         """Return how improbable each column is when the others are known, (n, columns), from features (n, numbers)."""
@@ -82,10 +91,6 @@ class Consistency:
             [np.searchsorted(self.calibration[:, c], scores[:, c], side="left") for c in range(scores.shape[1])], axis=1
         )
         return np.asarray((count - below + 1) / (count + 1), dtype=float)
-
-    def paper_p_values(self, seen: Array) -> Array:
-        """Return the p-value of whole papers, (n,): the smallest of their columns', times their number."""
-        return np.minimum(self.p_values(seen).min(axis=1) * len(self.columns), 1.0)
 
     def expected(self, seen: Array, places: Indices) -> tuple[Array, Array]:
         """Return mean and standard deviation of some numbers of one paper (numbers,) when the others are known.

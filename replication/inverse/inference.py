@@ -60,10 +60,11 @@ class Inference:
         Each column is for itself: a row is not a joint draw.
         """
         own = self.summary(seen[None])[0]
-        draws = np.empty((NEAREST, len(self.unknowns)))
+        count = min(NEAREST, len(self.effective))
+        draws = np.empty((count, len(self.unknowns)))
         for place, unknown in enumerate(self.unknowns):
             distance = self.summaries[:, place] - own[place]
-            nearest = np.argsort(np.abs(distance), kind="stable")[:NEAREST]
+            nearest = np.argsort(np.abs(distance), kind="stable")[:count]
             value, x = self.effective[nearest, place], distance[nearest]
             if not unknown.choices:
                 spread = np.var(x)

@@ -7,14 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from replication.inverse import alpha_kf_claims, mf_upf, two_step
+from replication.inverse import alpha_kf_claims, mf_upf, mf_upf_learned, two_step
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.findings import table_rows
 from replication.inverse.prior import Unknown, values
 from replication.inverse.refinement import Fit, best_fit
 
 FAR = 4.0
-CLAIMS = {"alpha_kf": alpha_kf_claims.findings, "mf_upf": mf_upf.findings, "two_step_kf": two_step.findings}
+CLAIMS = {
+    "alpha_kf": alpha_kf_claims.findings,
+    "mf_upf": mf_upf.findings,
+    "mf_upf_learned": mf_upf_learned.findings,
+    "two_step_kf": two_step.findings,
+}
 
 
 def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,7 @@ class Unknown:
         law: Inverse of its distribution function: uniform numbers to values, any shape.
         logarithmic: Whether its size, not its value, is what counts.
         choices: Names of its values, which then count from 0; () for a number.
+        divides: Whether papers with different choices are so unlike that their density is learned for each choice.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Unknown:
     law: Callable[[Array], Array]
     logarithmic: bool = False
     choices: tuple[str, ...] = ()
+    divides: bool = False
 
 
 def uniform(low: float, high: float) -> Callable[[Array], Array]:
@@ -55,3 +57,11 @@ def choice(weights: Sequence[float]) -> Callable[[Array], Array]:
 def values(unknowns: Sequence[Unknown], u: Array) -> dict[str, Array]:
     """Return the value of each unknown, (n,), by its name, from uniform numbers (n, unknowns)."""
     return {unknown.name: unknown.law(u[:, place]) for place, unknown in enumerate(unknowns)}
+
+
+def kinds(unknowns: Sequence[Unknown], u: Array) -> Indices:
+    """Return a number for each setting, (n,), that differs where choices that divide papers do."""
+    dividing = [unknown.law(u[:, place]) for place, unknown in enumerate(unknowns) if unknown.divides]
+    if not dividing:
+        return np.zeros(len(u), dtype=np.int64)
+    return np.unique(np.stack(dividing, axis=1), axis=0, return_inverse=True)[1].reshape(-1)

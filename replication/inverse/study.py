@@ -10,8 +10,11 @@ import numpy as np
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.checks import PAPERS, coverage, power
 from replication.inverse.consistency import Consistency
+from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.local import like_papers
+from replication.inverse.pairs import pulling
+from replication.inverse.prior import kinds
 
 HELD_OUT = 0.09
 """Share of papers that nothing is learned from."""
@@ -28,23 +31,33 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
         each: How many papers a round flies.
         say: Told how far it is.
     """
-    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), 1)
+    taught = len(bank.u) - max(int(HELD_OUT * len(bank.u)), PAPERS)
     say(f"{paper.name}: learning settings from numbers")
     inference = Inference.learned(paper, bank.u[:taught], bank.numbers[:taught], bank.seed)
-    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)  # of as many blocks as can be
+    held = np.linspace(taught, len(bank.u) - 1, PAPERS).astype(int)
     covered = coverage(paper, inference, paper.effective(bank.u)[held], bank.numbers[held])
     if not len(paper.printed):
         return {"checks": {"coverage": covered}}
-    _, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
-    alike = alike[np.random.default_rng([bank.seed, 7]).permutation(len(alike))]
+    u, alike = like_papers(paper, bank, rounds, each, bank.seed, say)
+    order = np.random.default_rng([bank.seed, 7]).permutation(len(alike))
+    alike, kind = alike[order], kinds(paper.unknowns, u[order])
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
-    nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), bank.seed)
+    nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), kind[:kept], bank.seed)
+    test = ForgeryTest.learned(paper.numbers, alike[:kept], bank.seed)
+    say(f"{paper.name}: pairs of numbers")
+    seen, printed = features(paper, bank.numbers), features(paper, paper.printed[None])[0]
+    pairs = pulling(paper.numbers, seen[:taught], printed, seen[held])
     say(f"{paper.name}: checking on synthetic papers")
     return {
-        "inferred": {"settings": _inferred(paper, inference), **_columns(paper, nearby)},
+        "pairs": pairs,
+        "inferred": {
+            "settings": _inferred(paper, inference),
+            "p_value": float(test.p_values(paper.printed[None])[0]),
+            "columns": _columns(paper, nearby),
+        },
         "checks": {
             "coverage": covered,
-            "forged": power(paper, nearby, alike[kept:]),
+            "forged": power(test, alike[kept:]),
         },
     }
 
@@ -65,7 +78,7 @@ def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:
     return inferred
 
 
-def _columns(paper: Paper, consistency: Consistency) -> dict[str, Any]:
+def _columns(paper: Paper, consistency: Consistency) -> list[dict[str, Any]]:
     """Return how the printed columns go together, and which of their numbers are furthest from what others imply."""
     seen = features(paper, paper.printed[None])
     pulls = []
@@ -76,4 +89,4 @@ def _columns(paper: Paper, consistency: Consistency) -> dict[str, Any]:
             {"number": paper.numbers[places[k]].name, "deviations": float(off[k])} for k in np.argsort(-np.abs(off))[:3]
         ]
         pulls.append({"column": name, "p_value": float(p), "furthest": furthest})
-    return {"p_value": float(consistency.paper_p_values(seen)[0]), "columns": pulls}
+    return pulls

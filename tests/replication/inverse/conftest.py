@@ -18,10 +18,11 @@ class Linear:
     """Two unknowns and a choice; a column of three numbers for each unknown, one of which sees the other too."""
 
     name = "linear"
+    block = 100
     unknowns: Sequence[Unknown] = (
         Unknown("a", "m", "first", uniform(0, 10)),
         Unknown("b", "m", "second", uniform(0, 10)),
-        Unknown("kind", "", "of both", choice((1, 1)), choices=("plain", "shifted")),
+        Unknown("kind", "", "of both", choice((1, 1)), choices=("plain", "shifted"), divides=True),
     )
     numbers: Sequence[Number] = tuple(
         Number("table_1", column, f"row {row}", "m", signed=True) for column in ("one", "two") for row in range(3)

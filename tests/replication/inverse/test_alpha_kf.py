@@ -29,7 +29,8 @@ def test_printed_norms_go_with_printed_axes(table: int, name: str) -> None:
 def test_rules_hold_on_the_papers_own_numbers() -> None:
     held = {claim: bool(mask[0]) for claim, mask in holds(PRINTED[None]).items()}
     assert held == {**dict.fromkeys(("A1", "A2", "A3", "A4", "A5", "A6"), True), "A7": False}
-    assert held.keys() == papers()["alpha_kf"].claims.keys()
+    not_judged = {"A8", "A9", "A10", "A11", "A12"}  # of scatter over runs, outliers, periods and covariances
+    assert held.keys() == papers()["alpha_kf"].claims.keys() - not_judged
 
 
 def test_rules_fail_on_equal_filters() -> None:

@@ -16,8 +16,9 @@ def test_the_page_is_the_committed_one() -> None:
 
 
 def test_findings_have_what_their_readers_take() -> None:
-    for found in read_findings()["papers"].values():
-        assert {"bank", "claims", "sentences", "tables", "checks"} <= found.keys()
+    for name, found in read_findings()["papers"].items():
+        assert {"bank", "claims", "sentences", "tables", "together"} <= found.keys()
+        assert ("checks" in found) == (name != "mf_upf_learned")  # too few settings
         for claim in found["claims"].values():
             low, high = claim["interval"]
             assert 0 <= low <= claim["probability"] <= high <= 1

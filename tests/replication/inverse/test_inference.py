@@ -7,9 +7,11 @@ from scipy.stats import binom
 from relnav_sim.arrays import Array
 from replication.inverse.bank import settings
 from replication.inverse.checks import coverage, power
-from replication.inverse.claims import Quantity, independent, judged, roughly_met, wilson
+from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.consistency import Consistency
+from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
+from replication.inverse.prior import kinds
 
 SEED, BANK, PAPERS = 5, 4000, 300
 
@@ -35,12 +37,24 @@ def test_intervals_contain_known_settings_and_are_as_narrow_as_can_be(linear: An
 
 def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, flown: tuple[Array, Array]) -> None:
     _, numbers = flown
-    consistency = Consistency.learned(linear.numbers, features(linear, numbers[:BANK]), SEED)
-    found = power(linear, consistency, numbers[BANK:])
+    test = ForgeryTest.learned(linear.numbers, numbers[:1200], SEED)
+    found = power(test, numbers[BANK:])
     assert found["false_alarm"] <= binom.ppf(0.999, PAPERS, 0.05) / PAPERS
     by_column = {row["column"]: row["called_inconsistent"] for row in found["columns"]}
     assert by_column["table_1 one"]["3"] > 0.8  # the other column has a as well
     assert by_column["table_1 one"]["1.25"] < by_column["table_1 one"]["3"]
+
+
+def test_a_column_that_does_not_go_with_the_other_is_improbable(linear: Any, flown: tuple[Array, Array]) -> None:
+    u, numbers = flown
+    kind = kinds(linear.unknowns, u)
+    np.testing.assert_array_equal(kind, u[:, 2] >= 0.5)
+    consistency = Consistency.learned(linear.numbers, features(linear, numbers[:BANK]), kind[:BANK], SEED)
+    honest = consistency.p_values(features(linear, numbers[BANK:]))
+    assert binom.ppf(0.001, PAPERS, 0.05) <= (honest[:, 0] <= 0.05).sum() <= binom.ppf(0.999, PAPERS, 0.05)
+    moved = numbers[BANK:].copy()
+    moved[:, 5] += 3.0  # thirty standard deviations from the three numbers of the other column
+    assert (consistency.p_values(features(linear, moved))[:, 1] <= 0.05).mean() > 0.9
 
 
 def test_a_claims_condition_is_found(linear: Any) -> None:
@@ -63,15 +77,6 @@ def test_a_claims_condition_is_found(linear: Any) -> None:
 def test_shares_have_wilsons_interval() -> None:
     assert wilson(10, 100) == pytest.approx((0.0552, 0.1744), abs=1e-4)  # Brown, Cai and DasGupta 2001
     assert wilson(0, 0) == (0, 1)
-
-
-def test_settings_that_share_values_tell_less() -> None:
-    rng = np.random.default_rng(4)
-    shared = np.repeat(rng.random(200) < 0.3, 100)  # a block holds as one
-    assert independent(shared, 100) == pytest.approx(200, rel=0.02)
-    alone = rng.random(20_000) < 0.3
-    assert 14_000 < independent(alone, 100) <= 20_000  # the variance of 200 blocks is known to a tenth
-    assert independent(np.zeros(2000, dtype=bool), 100) == 20
 
 
 def test_numbers_are_met_within_a_factor_of_two(linear: Any) -> None:

@@ -1,0 +1,112 @@
+"""Whether one column of a paper has been forged: a classifier that has seen honest papers and forged ones.
+
+Where a classifier tells two kinds of papers apart by their probabilities, their ratio estimates the ratio of their
+densities (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, 2009, section 14.2.4), which is the
+best statistic there is. How forged an honest paper may look is calibrated on papers that the classifier has not seen
+(split conformal prediction: Vovk, Gammerman and Shafer, 2005), so that the rate of false alarms does not rest on it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from relnav_sim.arrays import Array, Indices
+from replication.inverse.consistency import TAUGHT, columns_of
+from replication.inverse.learned import WIDTHS, Scale
+from replication.inverse.table import Number, compared, rounded
+
+SHOWN, LARGEST, HONEST, EPOCHS = 6, 3.0, 6, 15
+"""How often a paper is shown forged in each way, by which factor or its inverse, how often as it is, how often all."""
+
+
+@dataclass(frozen=True)
+class ForgeryTest:
+    """A test that a paper is honest.
+
+    Attributes:
+        numbers: What is printed.
+        scale: Scale of the inputs.
+        network: Tells honest papers, class 0, from those with a forged column.
+        calibration: Scores of honest papers that it has not seen, in increasing order.
+    """
+
+    numbers: Sequence[Number]
+    scale: Scale
+    network: Any
+    calibration: Array
+
+    @classmethod
+    def learned(cls, numbers: Sequence[Number], papers: Array, seed: int) -> ForgeryTest:
+        """Return what honest papers (n, numbers) teach."""
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.neural_network import MLPClassifier
+
+        taught = papers[: int(TAUGHT * len(papers))]
+        generator, columns = np.random.default_rng([seed, 8]), list(columns_of(numbers).values())
+        shown, kind = [inputs(numbers, taught)] * HONEST, [np.zeros(len(taught))] * HONEST
+        for _ in range(SHOWN):
+            which = generator.integers(len(columns), size=len(taught))
+            places = [columns[k] for k in which]
+            factors = LARGEST ** generator.uniform(-1, 1, len(taught))
+            others = taught[generator.permutation(len(taught))]
+            shown += [inputs(numbers, forged(taught, places, factors)), inputs(numbers, mixed(taught, places, others))]
+            kind += [1.0 + which.astype(float)] * 2
+        scale = Scale.of(shown[0])
+        network = MLPClassifier(
+            WIDTHS, batch_size=256, max_iter=EPOCHS, alpha=1e-3, random_state=seed, early_stopping=True
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # a limit on its time, not an error
+            network.fit(scale.scaled(np.concatenate(shown)), np.concatenate(kind))
+        bare = cls(numbers, scale, network, np.empty(0))
+        return replace(bare, calibration=np.sort(bare.scores(papers[len(taught) :])))
+
+    def scores(self, papers: Array) -> Array:
+        """Return how unlike an honest paper each is, (n,)."""
+        honest = self.network.predict_proba(self.scale.scaled(inputs(self.numbers, papers)))[:, 0]
+        return np.asarray(-np.log(np.maximum(honest, 1e-300)), dtype=float)
+
+    def p_values(self, papers: Array) -> Array:
+        """Return the share of honest papers that look as forged or more, (n,)."""
+        count = len(self.calibration)
+        below = np.searchsorted(self.calibration, self.scores(papers), side="left")
+        return np.asarray((count - below + 1) / (count + 1), dtype=float)
+
+
+def forged(papers: Array, columns: Sequence[Indices], factors: Array) -> Array:
+    """Return papers (n, numbers) with the sizes in a column of each multiplied, mean, deviation and norm in step."""
+    changed = papers.copy()
+    for row, (places, factor) in enumerate(zip(columns, factors, strict=True)):
+        changed[row, places] *= factor
+    return changed
+
+
+def mixed(papers: Array, columns: Sequence[Indices], others: Array) -> Array:
+    """Return papers (n, numbers) with a column of each taken from another paper."""
+    changed = papers.copy()
+    for row, places in enumerate(columns):
+        changed[row, places] = others[row, places]
+    return changed
+
+
+def inputs(numbers: Sequence[Number], papers: Array) -> Array:
+    """Return what a network sees of papers: their numbers as they are compared, and how alike columns differ.
+
+    Those are neighbours in a table, and columns of the same name in two tables.
+    """
+    seen = compared(rounded(papers, numbers), numbers)
+    columns = list(columns_of(numbers).values())
+    parts = [seen]
+    for first, second in combinations(range(len(columns)), 2):
+        one, other = numbers[columns[first][0]], numbers[columns[second][0]]
+        if (one.table == other.table and second == first + 1) or one.column == other.column:
+            labels = {numbers[place].label: place for place in columns[second]}
+            both = [(place, labels[numbers[place].label]) for place in columns[first] if numbers[place].label in labels]
+            parts.append(seen[:, [a for a, _ in both]] - seen[:, [b for _, b in both]])
+    return np.concatenate(parts, axis=1)

@@ -1,0 +1,183 @@
+"""Wei, Song and Zhang (2012): filters over learned dynamics beside the particle filter, for B1, B2 and B5.
+
+An unscented Kalman filter over the learned dynamics stands for their filter: it has no number of particles and no
+resampling, and costs a hundredth. `agreement` measures how far the two differ. The revolution after the flight stands
+for the one before, as far from it; one process serves all outputs.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from relnav_sim import Step, create_filter, dynamics, fit_gp_dynamics, run_filter
+from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim.dynamics.gp.dynamics import GpDynamics
+from replication.inverse.bank import Bank
+from replication.inverse.claims import Quantity, judged, wilson
+from replication.inverse.mf_upf import OUTCOMES as PARTICLE_OUTCOMES
+from replication.inverse.mf_upf import UNKNOWNS as PARTICLE_UNKNOWNS
+from replication.inverse.mf_upf import holds as particle_holds
+from replication.inverse.mf_upf import particle_outcomes
+from replication.inverse.mf_upf_scenario import DURATION_S, MEAN_MOTION, SETTLED_S, STEPS_S, flight, rms, sizes, truth
+from replication.inverse.pairs import claims_together
+from replication.inverse.prior import Unknown, choice, log_uniform, or_else, values
+from replication.inverse.table import Number
+
+POINTS, FITTED = 500, 75
+TARGETS = ("absolute", "difference", "residual")
+LEARNED = ("the next state", "the difference", "what the Clohessy-Wiltshire equations leave over")
+
+UNKNOWNS: tuple[Unknown, ...] = (
+    *PARTICLE_UNKNOWNS,
+    Unknown("target", "", "what is learned", choice((2, 1, 1)), choices=LEARNED),
+    Unknown("trained_on", "", "learned from", choice((1, 1)), choices=("another revolution", "the flight itself")),
+    Unknown("selection", "", "the 500 pairs", choice((1, 1)), choices=("spread over a revolution", "consecutive")),
+    Unknown("training_error_m", "m", "the error of training positions", or_else(0.5, 0.0, log_uniform(1e-4, 1)), True),
+    Unknown("lengths", "", "length scales", choice((1, 1)), choices=("one for all inputs", "one for each")),
+    Unknown("standardised", "", "inputs and outputs", choice((1, 1)), choices=("in metres", "standardised")),
+    Unknown("calibrated", "", "the learned variance", choice((1, 1)), choices=("as it is", "calibrated")),
+    Unknown("added_psd", "m^2/s^3", "the process noise added", or_else(0.5, 0.0, log_uniform(1e-14, 1e-6)), True),
+)
+OUTCOMES = (
+    ("95 % of r from 1000 s", "m"),
+    ("95 % of v from 1000 s", "m/s"),
+    ("RMS r from 1000 s", "m"),
+)
+LEARNED_R, PARTICLE_R = 2, len(OUTCOMES) + [name for name, _ in PARTICLE_OUTCOMES].index("RMS r from 1000 s")
+
+
+class MfUpfLearned:
+    """Both filters of the comparison in one setting."""
+
+    name = "mf_upf_learned"
+    block = 200
+    unknowns: Sequence[Unknown] = UNKNOWNS
+    numbers: Sequence[Number] = tuple(
+        Number("outcomes", column, what, unit, digit=1e-5)
+        for column, each in (("learned", OUTCOMES), ("pf", PARTICLE_OUTCOMES))
+        for what, unit in each
+    )
+    printed = np.empty(0)
+    groups: Sequence[tuple[Indices, Indices]] = ()
+
+    def effective(self, u: Array) -> Array:
+        """Return the settings as they are: nothing is shared."""
+        return u
+
+    def apart(self, u: Array) -> Array:
+        """Return the settings as they are: there are no groups."""
+        return u
+
+    def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
+        """Return the outcomes of one run, (n, 1, outcomes); arguments as for `bank.Paper`."""
+        setting = values(UNKNOWNS, u)
+        learned = [learned_outcomes(setting, row, seeds) for row in range(len(u))]
+        return np.concatenate([learned, particle_outcomes(setting, seeds)], axis=1)[:, None]
+
+
+def learned_outcomes(
+    setting: Mapping[str, Array], row: int, seeds: Sequence[Sequence[int]], filter: str = "gp_ukf", **options: object
+) -> Array:
+    """Return the outcomes of a filter over learned dynamics in the setting of a row, (outcomes,)."""
+    flown = flight(setting, np.array([row]), seeds)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # runs that fail have no estimate
+        made = create_filter(filter, _learned(setting, row, seeds[row]), flown.radar, **options)
+        seed, number = seeds[row][:2]
+        h = STEPS_S[int(setting["step"][row])]
+        mean = run_filter(made, flown.z, flown.m0, flown.P0, seed=seed, runs=[number], step_s=h).mean
+    r, v = sizes(flown, mean)
+    settled = flown.times_s > SETTLED_S
+    return np.array([np.quantile(r[:, settled], 0.95), np.quantile(v[:, settled], 0.95), rms(r, settled)[0]])
+
+
+def _learned(setting: Mapping[str, Array], row: int, seed: Sequence[int]) -> GpDynamics:
+    own = {name: float(value[row]) for name, value in setting.items()}
+    h = STEPS_S[int(own["step"])]
+    generator = np.random.default_rng([*seed, 1])
+    begins = h * np.arange(POINTS)
+    if own["selection"] == 0:
+        begins = np.sort(generator.uniform(0, DURATION_S - h, POINTS))
+    begins = begins + (DURATION_S if own["trained_on"] == 0 else 0.0)
+    times, place = np.unique(np.concatenate([begins, begins + h]), return_inverse=True)
+    states = truth(setting["ballistic_m2_kg"][[row]], times)[0]
+    scale = own["training_error_m"] * np.array([1.0] * 3 + [MEAN_MOTION] * 3)
+    now, after = (states + scale * generator.standard_normal(states.shape))[place].reshape(2, POINTS, 6)
+    target = TARGETS[int(own["target"])]
+    motion = dynamics.cw(mean_motion_rad_s=MEAN_MOTION, step_s=h, acceleration_psd_m2_s3=own["added_psd"])
+    return fit_gp_dynamics(
+        now,
+        after,
+        h,
+        motion if target == "residual" else None,
+        target,
+        added_noise=motion.process_noise(now, Step(0)),
+        restarts=0,
+        regression={
+            "length_scales": ("common", "one_per_input")[int(own["lengths"])],
+            "standardised": own["standardised"] == 1,
+            "fitted_points": FITTED,
+            "calibrated": own["calibrated"] == 1,
+        },
+    )
+
+
+def holds(found: Array) -> dict[str, Mask]:
+    """Return in which settings, by their outcomes (n, outcomes), a claim holds; the rules of docs/replication.md.
+
+    B1: 95 % of the position errors after 1000 s are below 0.5 m. B2: the same of velocity errors and 0.001 m/s. B5: the
+    RMS position error is at least 45 % below the particle filter's.
+    """
+    shared = particle_holds(found[:, len(OUTCOMES) :])
+    own = {
+        "B1": found[:, 0] < 0.5,
+        "B2": found[:, 1] < 0.001,
+        "B5": found[:, LEARNED_R] <= 0.55 * found[:, PARTICLE_R],
+    }
+    return own | shared
+
+
+def findings(bank: Bank, printed: Array) -> dict[str, Any]:
+    """Return what the bank says of the claims on learned dynamics, of all claims together, and of the stand-in."""
+    setting = values(UNKNOWNS, bank.u)
+    told = [Quantity(each.words, each.unit, setting[each.name], each.choices) for each in UNKNOWNS]
+    none = np.empty((len(bank.u), 0), dtype=bool)
+    by_claim = holds(bank.numbers)
+    together = np.all(list(by_claim.values()), axis=0)
+    return {
+        "claims": {name: judged(by_claim[name], told, (), none) for name in ("B1", "B2", "B5")},
+        "all_claims": {
+            "words": "B1 to B6",
+            "probability": float(together.mean()),
+            "interval": list(wilson(int(together.sum()), len(together))),
+        },
+        "together": claims_together(by_claim),
+        "stand_in": agreement(bank, 20, 100),
+        "sentences": [],
+    }
+
+
+def agreement(bank: Bank, count: int, particles: int) -> dict[str, Any]:
+    """Return how the filter of the paper does in some settings of the bank, those with the fewest readings.
+
+    Args:
+        bank: The bank.
+        count: How many settings.
+        particles: The number of particles of their filter.
+    """
+    setting = values(UNKNOWNS, bank.u)
+    rows = np.flatnonzero(setting["step"] == len(STEPS_S) - 1)[:count]
+    seeds = [[bank.seed, n, 1] for n in range(len(bank.u))]
+    theirs = np.array([learned_outcomes(setting, row, seeds, "mf_upf", particles=particles) for row in rows])
+    ours, seen = holds(bank.numbers[rows]), theirs < [0.5, 0.001, np.inf]
+    ratio = theirs[:, LEARNED_R] / bank.numbers[rows, LEARNED_R]
+    return {
+        "settings": len(rows),
+        "particles": particles,
+        "same": {name: int(np.sum(ours[name] == seen[:, k])) for k, name in enumerate(("B1", "B2"))},
+        "ratio": [float(each) for each in np.quantile(ratio, (0.1, 0.5, 0.9))],
+    }
