@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from relnav_sim.report.tables import plain_markdown
-from replication.findings import paper_lines, possible
+from replication.findings import PAPER_OF, possible, sentence_lines
 from replication.papers import papers
 from replication.summary import Claim, Summary
 
@@ -105,9 +105,14 @@ def causes(summary: Summary) -> list[str]:
 def _inference(findings: Mapping[str, Any]) -> list[str]:
     if not findings:
         return ["The inference of unreported settings from all printed numbers has not been run."]
-    lines = []
+    banks = [
+        f"{paper['bank']['campaigns']} ({papers()[PAPER_OF[key]].short})"
+        for key, paper in findings.items()
+        if "bank" in paper
+    ]
+    lines = [f"Short campaigns, each drawn from a prior over what the paper leaves open: {', '.join(banks)}."]
     for key, paper in findings.items():
-        lines += [f"{papers()[key].short}: {line}" for line in paper_lines(paper)]
+        lines += [f"{papers()[PAPER_OF[key]].short}: {line}" for line in sentence_lines(paper)]
     return [_bullets(lines), f"Settings, best joint fits and checks: [the inference]({SETTINGS_PAGE})."]
 
 

@@ -101,7 +101,8 @@ def _condition(quantity: Quantity, holds: Mask) -> dict[str, Any]:
     if quantity.choices:
         kept = [c for c in range(len(quantity.choices)) if np.mean(own == c) > 0.01]
         share = float(np.isin(quantity.values, kept).mean())
-        return told | {"choices": [quantity.choices[c] for c in kept], "prior": share}
+        excluded = [choice for c, choice in enumerate(quantity.choices) if c not in kept]
+        return told | {"choices": [quantity.choices[c] for c in kept], "excluded": excluded, "prior": share}
     tail = (1 - LEVEL) / 2
     intervals = [np.quantile(own, pair) for pair in ((tail, 1 - tail), (0.0, LEVEL), (1 - LEVEL, 1.0))]
     shares = [float(np.mean((quantity.values >= low) & (quantity.values <= high))) for low, high in intervals]
@@ -112,11 +113,15 @@ def _condition(quantity: Quantity, holds: Mask) -> dict[str, Any]:
 
 def _sentence(choices: Sequence[Mapping[str, Any]], settings: Sequence[Mapping[str, Any]]) -> str:
     """Return what a claim takes: all choices that it excludes, and the interval that excludes the most."""
-    needed = [f"{each['name']} is {' or '.join(each['choices'])}" for each in choices]
+    needed = [f"{each['name']} is {_choice_words(each['choices'], each['excluded'])}" for each in choices]
     mostly = [_interval_words(each) for each in settings[:1]]
     if needed:
         return "possible only if " + " and ".join(needed) + "".join(f"; mostly where {words}" for words in mostly)
-    return f"possible mostly where {mostly[0]}" if mostly else "possible in settings of every kind of the prior"
+    return f"possible mostly where {mostly[0]}" if mostly else "possible in settings of every kind"
+
+
+def _choice_words(kept: Sequence[str], excluded: Sequence[str]) -> str:
+    return " or ".join(kept) if len(kept) <= len(excluded) else "not " + " or ".join(excluded)
 
 
 def _interval_words(condition: Mapping[str, Any]) -> str:

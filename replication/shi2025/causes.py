@@ -110,7 +110,7 @@ def equal_gain(measured: Measured) -> Experiment:
         f"At equal gain KF(R/0.5) and KF(R) differ by at most {worst:.2f} %. What two tuned filters differ by is "
         "how far the tuner stopped from the same optimum.",
     )
-    return Experiment("Tuned filters differ by the tuner", ("A1", "A2", "A4", "A5"), text, table)
+    return Experiment("Tuned filters differ by the tuner", ("A1", "A2", "A4", "A5"), text, table, detail=True)
 
 
 def process_noise_orders_the_filters(measured: Measured) -> Experiment:
@@ -282,4 +282,4 @@ def counted_operations() -> Experiment:
         f"no more than the UKF with {operations.break_even_samples('ukf')} samples or fewer, than the EKF with "
         f"{operations.break_even_samples('ekf')}.",
     )
-    return Experiment("Counted operations", ("A7",), text, table)
+    return Experiment("Counted operations", ("A7",), text, table, detail=True)

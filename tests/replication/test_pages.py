@@ -61,8 +61,9 @@ FINDINGS = {
             "A1": {
                 "probability": 0.02,
                 "interval": [0.01, 0.04],
-                "sentence": "possible only if e > 0.01",
+                "sentence": "possible only if e > 0.01; mostly where i is at least 90 deg",
                 "settings": [],
+                "choices": [{"name": "e", "choices": ["> 0.01"], "excluded": ["0"]}],
                 "conflicts": ["z mean of the EKF against r mean of the UKF"],
             }
         },
@@ -112,8 +113,11 @@ def test_findings_of_the_inference_are_shown():
     page = markdown_page(summary)
     assert "possible only if e &gt; 0.01 (2 % of settings \\[1, 4\\])" in page
     assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
-    assert "20000 short campaigns" in page and "(replication-settings.md)" in page
+    assert "20000 (Shi et al. 2025)" in page and "(replication-settings.md)" in page
+    assert "mostly where" not in page
     assert possible(FINDINGS, "B1") == ""
+    anywhere = {"claims": {"B1": {"probability": 0.5, "interval": [0.4, 0.6], "sentence": "possible", "choices": []}}}
+    assert possible({"mf_upf": anywhere}, "B1") == "in 50 % of settings [40, 60]"
 
 
 def test_findings_may_be_missing_or_damaged(tmp_path):
