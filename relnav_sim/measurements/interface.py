@@ -47,7 +47,8 @@ class Stretch:
         model: tuple[Array, Array, Array, float],
     ) -> int:
         """Fill it by `kernels.epochs.filtered` with a radar's M, A, c and r_scale; return for how many epochs."""
-        given = map(np.ascontiguousarray, (mean, covariance, F, Q, self.z, self.read))
+        in_order = np.ascontiguousarray
+        given = in_order(mean), in_order(covariance), in_order(F), in_order(Q), in_order(self.z), in_order(self.read)
         filled = self.mean, self.covariance, self.nis, self.log_likelihood
         return kernels.epochs.filtered(*given, converted, *model, *filled)
 
