@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from relnav_sim.plots.house_figure import HouseFigure
 from relnav_sim.plots.style import new_figure
 
 if TYPE_CHECKING:
@@ -48,6 +47,8 @@ def figure_with_panels(
 
 def draw_over(figure: Figure) -> None:
     """Say that nobody needs a figure any more: the next of its kind is drawn over it."""
+    from relnav_sim.plots.house_figure import HouseFigure  # with it comes Matplotlib, and only as `isolated` starts it
+
     if isinstance(figure, HouseFigure) and figure.layout is not None:
         _spare[figure.layout] = figure
 

@@ -142,7 +142,7 @@ def test_tdm_with_a_csv_file_for_the_rest(here, campaign):
 def test_what_is_refused(here):
     readings = ["export", "small.h5", "--part", "readings"]
     assert "holds no run 3; its runs go from 0 to 2" in fails(*readings, "--run", 3)
-    assert "no case 7" in fails(*readings, "--case", 7)
+    assert "no case '7'" in fails(*readings, "--case", 7)
     assert "2 runs go to 2 files; give --out a folder" in fails(*readings, "--run", 0, "--run", 1, "--out", "one.csv")
     assert "give --part readings" in fails("export", "small.h5", "--run", 1)
     assert "give --part readings" in fails("export", "small.h5", "--to", "tdm")

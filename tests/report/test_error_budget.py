@@ -9,6 +9,7 @@ from relnav_sim.plots.facts import case_facts
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.drawing import FigureFolder
 from relnav_sim.report.error_budget import budget_section
+from relnav_sim.report.opened import Opened
 from relnav_sim.results import open_results
 
 TEXT = """
@@ -65,7 +66,9 @@ def test_a_case_has_its_tables_without_figures_too_and_names_the_command_where_t
     result, tmp_path
 ):
     def section(budgeted):
-        return compose_case(result, 0, "rtn", FigureFolder(tmp_path, vectors=False), False, 50, False, budgeted)[1]
+        return compose_case(
+            Opened(open_results(result)), 0, "rtn", FigureFolder(tmp_path, vectors=False), False, 50, False, budgeted
+        )[1]
 
     with_budget, without = section(True), section(False)
     titles = [table.title for table in with_budget.more_tables]

@@ -131,5 +131,5 @@ def test_a_preview_names_the_kernels_from_the_last_to_the_first_without_a_compil
     )
     *named, compiler = done.stdout.split()
     assert compiler == "False" and len(named) == len(set(named)) and set(named) <= set(folder.kernel_names())
-    order = ["statistics.normalised_errors", "kalman.update", "kalman.predict_linear", "orbits.fly"]
+    order = ["statistics.normalised_errors", "epochs.filtered", "orbits.fly"]
     assert [name for name in named if name in order] == order

@@ -14,6 +14,7 @@ from relnav_sim.report import figure
 from relnav_sim.report.case_section import compose_case
 from relnav_sim.report.case_tables import case_table_makers
 from relnav_sim.report.drawing import FigureFolder
+from relnav_sim.report.opened import Opened
 from relnav_sim.report.ranking import rank
 from relnav_sim.results import open_results
 from relnav_sim.simulation.block import simulate_block
@@ -133,7 +134,9 @@ def test_filters_that_go_back_are_said_not_to_be_tested(tmp_path, others) -> Non
     with open_results(path) as results:
         kept = [name for name in results.filters if results.by_channel(0, name) is not None]
     assert kept == (["ekf"] if others else [])
-    ranking, section = compose_case(path, 0, "rtn", FigureFolder(tmp_path, vectors=False), False, 10, False, False)
+    ranking, section = compose_case(
+        Opened(open_results(path)), 0, "rtn", FigureFolder(tmp_path, vectors=False), False, 10, False, False
+    )
     table = case_table_makers(ranking)["residuals by channel"]()
     said = " ".join(section.notes) if table is None else table.caption
     assert (table is None) == (not others)
