@@ -62,6 +62,21 @@ class Paper(Protocol):
         """
 
 
+class WithoutTables:
+    """What papers share that print no tables: nothing to compare with, and settings that share nothing."""
+
+    printed = np.empty(0)
+    groups: Sequence[tuple[Indices, Indices]] = ()
+
+    def effective(self, u: Array) -> Array:
+        """Return the settings as they are: nothing is shared."""
+        return u
+
+    def apart(self, u: Array) -> Array:
+        """Return the settings as they are: there are no groups."""
+        return u
+
+
 @dataclass(frozen=True)
 class Bank:
     """Settings and the numbers that one run of each gave.

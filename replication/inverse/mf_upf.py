@@ -11,7 +11,7 @@ import numpy as np
 from relnav_sim import LinearDynamics, create_filter, run_filter
 from relnav_sim.arrays import Array, Indices, Mask
 from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
-from replication.inverse.bank import Bank
+from replication.inverse.bank import Bank, WithoutTables
 from replication.inverse.claims import Quantity, judged
 from replication.inverse.each_run import DynamicsOfEachRun
 from replication.inverse.mf_upf_scenario import LATE_S, MEAN_MOTION, SETTLED_S, STEPS_S, flight, rms, sizes
@@ -41,23 +41,13 @@ OUTCOMES = (
 )
 
 
-class MfUpf:
+class MfUpf(WithoutTables):
     """The particle filter of the comparison."""
 
     name = "mf_upf"
     block = 1000
     unknowns: Sequence[Unknown] = UNKNOWNS
     numbers: Sequence[Number] = tuple(Number("outcomes", "pf", what, unit, digit=1e-4) for what, unit in OUTCOMES)
-    printed = np.empty(0)
-    groups: Sequence[tuple[Indices, Indices]] = ()
-
-    def effective(self, u: Array) -> Array:
-        """Return the settings as they are: nothing is shared."""
-        return u
-
-    def apart(self, u: Array) -> Array:
-        """Return the settings as they are: there are no groups."""
-        return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the outcomes of one run, (n, 1, outcomes); arguments as for `bank.Paper`."""

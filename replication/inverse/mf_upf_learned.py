@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from relnav_sim import Step, create_filter, dynamics, fit_gp_dynamics, run_filter
-from relnav_sim.arrays import Array, Indices, Mask
+from relnav_sim.arrays import Array, Mask
 from relnav_sim.dynamics.gp.dynamics import GpDynamics
-from replication.inverse.bank import Bank
+from replication.inverse.bank import Bank, WithoutTables
 from replication.inverse.claims import Quantity, judged, wilson
 from replication.inverse.mf_upf import OUTCOMES as PARTICLE_OUTCOMES
 from replication.inverse.mf_upf import UNKNOWNS as PARTICLE_UNKNOWNS
@@ -50,7 +50,7 @@ OUTCOMES = (
 LEARNED_R, PARTICLE_R = 2, len(OUTCOMES) + [name for name, _ in PARTICLE_OUTCOMES].index("RMS r from 1000 s")
 
 
-class MfUpfLearned:
+class MfUpfLearned(WithoutTables):
     """Both filters of the comparison in one setting."""
 
     name = "mf_upf_learned"
@@ -61,16 +61,6 @@ class MfUpfLearned:
         for column, each in (("learned", OUTCOMES), ("pf", PARTICLE_OUTCOMES))
         for what, unit in each
     )
-    printed = np.empty(0)
-    groups: Sequence[tuple[Indices, Indices]] = ()
-
-    def effective(self, u: Array) -> Array:
-        """Return the settings as they are: nothing is shared."""
-        return u
-
-    def apart(self, u: Array) -> Array:
-        """Return the settings as they are: there are no groups."""
-        return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return the outcomes of one run, (n, 1, outcomes); arguments as for `bank.Paper`."""

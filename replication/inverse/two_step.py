@@ -14,7 +14,7 @@ import numpy as np
 
 from relnav_sim import create_filter, dynamics, run_filter
 from relnav_sim.arrays import Array, Indices, Mask
-from replication.inverse.bank import Bank
+from replication.inverse.bank import Bank, WithoutTables
 from replication.inverse.claims import Quantity, judged
 from replication.inverse.each_run import DynamicsOfEachRun, RadarOfEachRun
 from replication.inverse.pairs import claims_together
@@ -63,23 +63,13 @@ FILTERS: Mapping[str, Mapping[str, object]] = {
 }
 
 
-class TwoStep:
+class TwoStep(WithoutTables):
     """The two-step filter's start."""
 
     name = "two_step_kf"
     block = 250
     unknowns: Sequence[Unknown] = UNKNOWNS
     numbers: Sequence[Number] = tuple(Number("outcomes", "two_step", outcome, "", digit=1e-3) for outcome in OUTCOMES)
-    printed = np.empty(0)
-    groups: Sequence[tuple[Indices, Indices]] = ()
-
-    def effective(self, u: Array) -> Array:
-        """Return the settings as they are: nothing is shared."""
-        return u
-
-    def apart(self, u: Array) -> Array:
-        """Return the settings as they are: there are no groups."""
-        return u
 
     def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
         """Return what the claims are about, (n, 1, outcomes); arguments as for `bank.Paper`."""
