@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import marshal
 import os
 import platform
 import re
@@ -20,6 +21,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 VARIABLE = "RELNAV_CACHE_DIR"
 KEPT = 8
@@ -98,6 +100,21 @@ def kernel_names() -> list[str]:
         for name, source in _sources().items()
         for function in found.findall(source.decode())
     ]
+
+
+def name_of_code(function: Callable[..., Any]) -> str:
+    """Return the name under which the code of a kernel is kept: `theme.function`.
+
+    The folder is that of this package's sources. The code of a kernel from elsewhere has a hash of its own module in
+    its name, so that another version of that module, or another module of the same name, has code of its own.
+    """
+    package, _, theme = function.__module__.rpartition(".")
+    name = f"{theme}.{function.__name__}"
+    if package == __package__:
+        return name
+    source = getattr(sys.modules[function.__module__], "__file__", None)
+    content = Path(source).read_bytes() if source else marshal.dumps(function.__code__)
+    return f"{name}.{hashlib.sha256(content).hexdigest()[:20]}"
 
 
 def is_kept(name: str) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from relnav_sim.kernels import CompilerError
-from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, read_code, warn_not_kept
+from relnav_sim.kernels.code_folder import alone, is_kept, keep_code, name_of_code, read_code, warn_not_kept
 from relnav_sim.kernels.compiling import PARTS, Instruction, Kind, in_terms_of
 
 
@@ -53,7 +53,7 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Calla
     """Return a kernel, compiled for arguments of these types and no others; it is kept, or was already."""
     if numba.config.DISABLE_JIT:
         return function
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+    name = name_of_code(function)
     kernel = _jit(function, **_through(_KernelCompiler))
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)

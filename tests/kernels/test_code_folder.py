@@ -36,6 +36,13 @@ def double(x: float) -> float:
 def fourfold(x: float) -> float:
     return times(times(x))
 """
+OTHERS = """
+from relnav_sim.kernels.compiling import kernel, number
+
+@kernel(number)
+def enlarged(x: float) -> float:
+    return FACTOR * x
+"""
 DOUBLES = """
 import json
 from relnav_sim import kernels
@@ -110,6 +117,16 @@ def test_a_changed_function_of_another_file_is_noticed(copy):
     assert copy.doubles() == (7.5, 0)
     copy.write(FACTOR)
     assert copy.doubles() == (6.0, 0)
+
+
+def test_a_changed_kernel_of_another_package_is_noticed(copy):
+    """Its source is no part of the folder's name."""
+    module = copy.kernels.parents[1] / "others.py"
+    program = "import others\nprint(others.enlarged(3.0), sum(others.enlarged.stats.cache_misses.values()))"
+    for factor, said in (("4.0", "12.0 1"), ("5.0", "15.0 1"), ("4.0", "12.0 0")):
+        module.write_text(OTHERS.replace("FACTOR", factor))
+        code, stdout, stderr = copy.run("-c", program)
+        assert (code, stdout.strip()) == (0, said), stderr
 
 
 @pytest.mark.slow
