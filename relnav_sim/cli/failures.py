@@ -38,7 +38,7 @@ EXIT_CODES = {
     "3": "a file can't be read or written, no worker can start or the scheduler is gone, numba can't be imported, or "
     "there is too little memory",
     "4, 5": "only of relnav report --check: a requirement is missed, or undecided",
-    "6": "only of relnav status: nobody is at work, and the campaign is not finished",
+    "6": "only of relnav status, where nobody is at work, and of relnav merge --missing: the campaign is not finished",
     "70": "an error of relnav itself; please report it",
     "129, 130, 143": "ended by a closed terminal, Ctrl-C or SIGTERM; the same command continues",
 }

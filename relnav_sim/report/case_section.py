@@ -19,6 +19,7 @@ from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
 from relnav_sim.report.editing_table import editing_notes
 from relnav_sim.report.error_budget import MOST_BUDGETS, budget_section
 from relnav_sim.report.evidence import acceptable_first
+from relnav_sim.report.garbage import collected_rarely
 from relnav_sim.report.opened import Opened
 from relnav_sim.report.page import CaseSection
 from relnav_sim.report.pictures import case_pictures
@@ -43,6 +44,7 @@ _NO_BUDGET = (
 _STRESSED = "Flown under the stress {stress}, of which no filter is told; the section on regret compares its cases."
 
 
+@collected_rarely()
 def compose_case(
     opened: Opened,
     index: int,

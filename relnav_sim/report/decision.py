@@ -77,7 +77,8 @@ def _lead(decision: Decision, known: Background) -> Sentence:
         ]
     if undecided:
         fly += [Clause(f" (undecided against {listed(undecided)}, see below)")]
-    return (*fly, Clause(": "), *_achieves(decision, known, name), *_requirements(known, name), Clause("."))
+    met = _requirements(known, name, choice.set_aside)
+    return (*fly, Clause(": "), *_achieves(decision, known, name), *met, Clause("."))
 
 
 def _achieves(decision: Decision, known: Background, name: str) -> Iterator[Clause]:
@@ -111,8 +112,14 @@ def _runs(decision: Decision) -> str:
     return runs if len(decision.cases) == 1 else f"{counted(len(decision.cases), 'case')} of {runs}"
 
 
-def _requirements(known: Background, name: str) -> Iterator[Clause]:
-    """Yield a clause for each requirement: met with its smallest margin, or undecided at how many runs."""
+def _requirements(known: Background, name: str, set_aside: Sequence[str]) -> Iterator[Clause]:
+    """Yield a clause for each requirement: met with its smallest margin, or undecided at how many runs.
+
+    Args:
+        known: What the decision rests on.
+        name: The chosen filter.
+        set_aside: Filters that are not compared with it, because a requirement is undecided for them.
+    """
     for wanted in dict.fromkeys(item.name for item in known.judged):
         mine = [(place, item) for place, item in enumerate(known.judged) if item.name == wanted and item.filter == name]
         if not mine:
@@ -130,6 +137,18 @@ def _requirements(known: Background, name: str) -> Iterator[Clause]:
             words = f"requirement {wanted} met{' in every case' if where else ''}{least}"
         yield Clause("; ")
         yield Clause(words, "requirements", requirement_anchor(place))
+        if doubtful := [other for other in set_aside if wanted in _undecided(known, other)]:
+            many = len(doubtful) > _MANY_FILTERS
+            yield Clause(f", undecided for {counted(len(doubtful), 'filter') if many else listed(doubtful)}")
+
+
+def _undecided(known: Background, name: str) -> dict[str, int]:
+    """Return the requirements that are undecided for a filter, each with its first place among all that is judged."""
+    found: dict[str, int] = {}
+    for place, item in enumerate(known.judged):
+        if item.filter == name and item.verdict == "undecided":
+            found.setdefault(item.name, place)
+    return found
 
 
 def _others(decision: Decision, known: Background) -> Iterator[Sentence]:
@@ -152,11 +171,22 @@ def _others(decision: Decision, known: Background) -> Iterator[Sentence]:
         end = f"; about {float(f'{more:.2g}'):.0f} runs would decide" if runs < more < _MANY_RUNS else ""
         yield (Clause(f"Undecided at {counted(runs, 'run')}: "), *joined(parts, ", "), Clause(f"{end}."))
     if choice.set_aside:
-        yield (
-            Clause(f"Not compared: {listed(choice.set_aside)}, for which a "),
-            Clause("requirement is undecided", "requirements"),
-            Clause(" that others meet."),
-        )
+        yield (Clause("Not compared: "), *joined(_set_aside(choice.set_aside, known), ", "), Clause("."))
+
+
+def _set_aside(names: Sequence[str], known: Background) -> Iterator[list[Clause]]:
+    """Yield filters that are not compared with the requirements that are undecided for them, those alike together."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        groups.setdefault(tuple(_undecided(known, name)), []).append(name)
+    for wanted, alike in groups.items():
+        words = f"requirement{'s' if len(wanted) > 1 else ''} {listed(wanted)} undecided"
+        place = _undecided(known, alike[0])[wanted[0]]
+        yield [
+            Clause(f"{listed(alike)} ("),
+            Clause(words, "requirements", requirement_anchor(place)),
+            Clause(")"),
+        ]
 
 
 def _loss(decision: Decision, known: Background, name: str) -> Clause:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from relnav_sim.plots.axes import checked_axes
@@ -10,16 +11,19 @@ from relnav_sim.printable import visible
 from relnav_sim.report import html, markdown
 from relnav_sim.report.compose import MOST_FIGURES, compose
 from relnav_sim.report.drawing import FigureFolder
+from relnav_sim.report.garbage import collected_rarely
 from relnav_sim.report.latex import latex, latex_sentences
-from relnav_sim.report.page import page_tables
+from relnav_sim.report.page import Page, page_tables
 from relnav_sim.report.sentences import plain
 from relnav_sim.report.tables import comma_separated
 from relnav_sim.results.atomic import written_whole
 
 FORMATS = ("html", "md", "csv", "latex")
 USUAL = ("html", "md", "csv")
+_WRITTEN_AT_ONCE = 16  # files
 
 
+@collected_rarely()
 def write_report(
     result_path: str | Path,
     out_dir: str | Path | None = None,
@@ -76,22 +80,28 @@ def write_report(
             say(sentence)
     if tell is not None and page.decision is not None:
         tell(plain(page.decision.lead))
-    written: dict[str, Path] = {}
-    if "html" in wanted:
-        written["html"] = _write(folder / "index.html", html.render(page))
-    if "md" in wanted:
-        written["md"] = _write(folder / "report.md", markdown.render(page))
+    return _written(folder, wanted, page)
+
+
+def _written(folder: Path, formats: Sequence[str], page: Page) -> Path:
+    """Write a page in some formats; return the file or folder of the first."""
+    first: list[Path] = []
+    texts: dict[Path, str] = {}
+    if "html" in formats:
+        first.append(folder / "index.html")
+        texts[first[-1]] = html.render(page)
+    if "md" in formats:
+        first.append(folder / "report.md")
+        texts[first[-1]] = markdown.render(page)
     for form, suffix, made in (("csv", "csv", comma_separated), ("latex", "tex", latex)):
-        if form not in wanted:
-            continue
-        written[form] = folder / "tables"
-        written[form].mkdir(exist_ok=True)
-        for table in page_tables(page):
-            _write(written[form] / f"{table.name}.{suffix}", made(table))
-    if "latex" in wanted and page.decision is not None:
-        sentences = (page.decision.lead, *page.decision.others)
-        _write(folder / "decision.tex", latex_sentences(sentences))
-    return next(iter(written.values()))
+        if form in formats:
+            first.append(folder / "tables")
+            first[-1].mkdir(exist_ok=True)
+            texts |= {first[-1] / f"{table.name}.{suffix}": made(table) for table in page_tables(page)}
+    if "latex" in formats and page.decision is not None:
+        texts[folder / "decision.tex"] = latex_sentences((page.decision.lead, *page.decision.others))
+    _write(texts)
+    return first[0]
 
 
 def _checked_formats(formats: Iterable[str]) -> tuple[str, ...]:
@@ -102,7 +112,12 @@ def _checked_formats(formats: Iterable[str]) -> tuple[str, ...]:
     return tuple(form for form in FORMATS if form in wanted)
 
 
-def _write(path: Path, text: str) -> Path:
-    with written_whole(path) as temporary:
-        temporary.write_text(visible(text), encoding="utf-8", newline="\n")
-    return path
+def _write(texts: Mapping[Path, str]) -> None:
+    """Write files, each whole or not at all; the disk takes what several wait for faster than one after the other."""
+
+    def write(path: Path) -> None:
+        with written_whole(path) as temporary:
+            temporary.write_text(visible(texts[path]), encoding="utf-8", newline="\n")
+
+    with ThreadPoolExecutor(_WRITTEN_AT_ONCE) as threads:
+        list(threads.map(write, texts))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from relnav_sim.results.bound import BoundResult, bound_digest, bounds_of
 from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.case_rows import CaseRows, groups_alike
 from relnav_sim.results.header import write_header
+from relnav_sim.results.missing_runs import missing_in_words, missing_runs
 from relnav_sim.results.pieces import Piece, shard_piece
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.stack_writer import StackWriter
@@ -69,7 +70,7 @@ def merge_pieces(
     by_case = pieces_by_case(pieces, header)
     limits = bounds_of(header, bounds)
     if complete and (missing := missing_runs(by_case, header)):
-        raise RefusedError("runs are missing: " + "; ".join(missing))
+        raise RefusedError(missing_in_words(missing))
     cases = [
         CaseRows(index, case, by_case[case.id], limits[case.id], header.runs)
         for index, case in enumerate(header.cases)
@@ -125,31 +126,6 @@ def _write_stacks(file: h5py.File, cases: int, held: Sequence[CaseRows]) -> None
         for rows in alike:
             of_case[rows.index] = number
     store.write(file[stacks.CASES], stacks.STACK, of_case)
-
-
-def missing_runs(by_case: Mapping[str, Sequence[Piece]], header: ResultHeader) -> list[str]:
-    """Return a sentence per case and filter that names the runs no piece holds."""
-    sentences = []
-    for case in header.cases:
-        infos = [piece.info for piece in by_case.get(case.id, ()) if not piece.info.retry]
-        for name in case.filters:
-            held = {run for info in infos if name in info.filters for run in info.runs}
-            if absent := [run for run in header.planned if run not in held]:
-                sentences.append(f"case {case.label}, filter {name}: {run_ranges(absent)}")
-    return sentences
-
-
-def run_ranges(runs: Iterable[int]) -> str:
-    """Return run numbers in words: ``run 3``, ``runs 0-7, 9``."""
-    ordered = sorted(runs)
-    spans: list[list[int]] = []
-    for run in ordered:
-        if spans and run == spans[-1][1] + 1:
-            spans[-1][1] = run
-        else:
-            spans.append([run, run])
-    words = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in spans)
-    return f"run{'s' if len(ordered) > 1 else ''} {words}"
 
 
 def pieces_by_case(pieces: Iterable[Piece], header: ResultHeader) -> dict[str, list[Piece]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.changes import changed_keys, in_words
 from relnav_sim.results.header import read_header
-from relnav_sim.results.merge import merge_pieces, missing_runs, pieces_by_case
+from relnav_sim.results.merge import merge_pieces, pieces_by_case
+from relnav_sim.results.missing_runs import MissingRuns, missing_in_words, missing_runs
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.provenance import Provenance, collect_provenance
 from relnav_sim.results.shard_files import held_shards
@@ -25,9 +27,22 @@ from relnav_sim.runner.sessions import past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
 
 _ALL_PARTS = (
-    "Name every part, its result file or its .shards folder; a part that nobody has computed is: "
-    "relnav run FILE --shard I/N --out PATH"
+    "The same command with --missing lists them all. Name every part, its result file or its .shards folder; a part "
+    "that nobody has computed is: relnav run FILE --shard I/N --out PATH"
 )
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What parts of one campaign hold together."""
+
+    header: ResultHeader
+    pieces: list[Piece]
+    bounds: list[BoundResult]
+    histories: list[Provenance]
+
+    def missing(self) -> list[MissingRuns]:
+        return missing_runs(pieces_by_case(self.pieces, self.header), self.header)
 
 
 def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike[str]]) -> Path:
@@ -46,6 +61,29 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
     if out.exists() or shard_folder(out).exists():
         raise RefusedError(f"{out} exists; give the merged result another name")
     remove_temporaries(target(out).parent, target(out).name)
+    held = _read_all(parts)
+    if missing := held.missing():
+        raise RefusedError(f"{missing_in_words(missing)}. {_ALL_PARTS}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    merge_pieces(held.pieces, held.header, _united(held.histories), out, bounds=held.bounds)
+    return out
+
+
+def missing_of_parts(parts: Sequence[str | os.PathLike[str]]) -> list[MissingRuns]:
+    """Return the runs of a campaign that none of its parts holds.
+
+    Args:
+        parts: Results files or folders of shards, as for `merge_results`.
+
+    Raises:
+        RefusedError: The parts belong to different campaigns.
+        ResultsError: A part is damaged.
+        OSError: A file can't be read.
+    """
+    return _read_all(parts).missing()
+
+
+def _read_all(parts: Sequence[str | os.PathLike[str]]) -> _Parts:
     headers: list[ResultHeader] = []
     pieces: list[Piece] = []
     bounds: list[BoundResult] = []
@@ -58,11 +96,7 @@ def merge_results(out: str | os.PathLike[str], parts: Sequence[str | os.PathLike
         pieces += found
         bounds += limits
         histories.append(history)
-    if missing := missing_runs(pieces_by_case(pieces, headers[0]), headers[0]):
-        raise RefusedError(f"runs are missing: {'; '.join(missing)}. {_ALL_PARTS}")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    merge_pieces(pieces, headers[0], _united(histories), out, bounds=bounds)
-    return out
+    return _Parts(headers[0], pieces, bounds, histories)
 
 
 def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Provenance]:

@@ -22,7 +22,8 @@ from relnav_sim.recorded.readings import Readings
 from relnav_sim.recorded.readings_files import load_readings
 from relnav_sim.results.campaign_header import ReplayHeader
 from relnav_sim.results.failure_kinds import kind_of
-from relnav_sim.results.merge import merge_shards, run_ranges
+from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.missing_runs import run_ranges
 from relnav_sim.results.provenance import collect_provenance
 from relnav_sim.results.shards import write_shard
 from relnav_sim.runner.compute import Outcome
@@ -44,6 +45,7 @@ from relnav_sim.truth import EphemerisTruthOptions
 TruthChoice = Literal["auto", "campaign", "none"]
 _MOST_NUMBERS = 30_000_000
 """Numbers that are kept for the smoother at a time; runs are replayed so many together."""
+_RANGES_NAMED = 6  # of runs
 
 
 def replay_campaign(
@@ -174,9 +176,8 @@ def _of_runs(recorded: Sequence[Readings], runs: Sequence[int]) -> list[Readings
     """Return the recorded runs asked for."""
     known = {one.run: one for one in recorded}
     if missing := [run for run in runs if run not in known]:
-        raise ReplayError(
-            f"the files hold no run {missing[0]}; they hold {run_ranges(known)}; leave --run out to replay all"
-        )
+        held = run_ranges(known, _RANGES_NAMED)
+        raise ReplayError(f"the files hold no run {missing[0]}; they hold {held}; leave --run out to replay all")
     return [known[run] for run in sorted(set(runs) or known)]
 
 

@@ -18,7 +18,8 @@ from relnav_sim.results.bundle import Bundle
 from relnav_sim.results.campaign_header import ResultHeader
 from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
-from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from, missing_runs
+from relnav_sim.results.merge import MERGED_FROM, merge_pieces, merged_from
+from relnav_sim.results.missing_runs import missing_runs
 from relnav_sim.results.pieces import Piece, bundle_piece, result_pieces
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.shard_files import held_bounds, held_shards, holds_shards

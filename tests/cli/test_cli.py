@@ -218,6 +218,20 @@ class TestResults:
         succeeds("export", result, "--part", "series", "--out", "series.csv")
         assert len(Path("series.csv").read_text(encoding="utf-8").splitlines()) == 1 + 2 * 4 * 4 * 5
 
+    def test_missing_runs_of_parts_are_listed(self, result):
+        assert succeeds("merge", "--missing", "all.h5", result) == "no run is missing\n"
+        for shard in Path("results/demo.h5.shards").glob("*_*.h5"):
+            shard.unlink()
+        listed = invoke("merge", "all.h5", "results/demo.h5.shards", "--missing")
+        assert listed.exit_code == 6
+        assert [line.split()[-2:] for line in listed.stdout.splitlines()[1:]] == [["runs", "0-3"]] * 8
+        refused = fails(2, "merge", "all.h5", "results/demo.h5.shards")
+        assert refused.startswith(
+            "relnav: 32 runs are missing: case sensors.radar.noise.kind=gaussian, filter kf: runs"
+        )
+        assert "and 4 more filters and cases. The same command with --missing lists them all." in refused
+        assert not Path("all.h5").exists()
+
     def test_a_result_of_another_campaign_is_left_alone(self, demo, result):
         before = result.read_bytes()
         words = fails(2, "run", demo, *TINY, "--set", "seed=2")

@@ -11,7 +11,7 @@ from relnav_sim.report.sentences import plain
 from relnav_sim.report.tables import Column, Row, Table, Words
 from relnav_sim.statistics.decision import Candidate, CaseEvidence, decide
 from relnav_sim.statistics.equivalence import Difference
-from relnav_sim.statistics.findings import Finding
+from relnav_sim.statistics.findings import Finding, Verdict
 from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.regret import Regret
 from relnav_sim.statistics.requirements import Judgement
@@ -83,6 +83,27 @@ def test_the_smallest_margin_of_a_requirement_names_its_case() -> None:
     assert "requirement small met in every case (smallest margin 25 % of the limit, case 1: name1)" in said[0]
     alone = _said([_case(0, a=1.0, b=2.0)], judged=judged[:1])
     assert "over 20 runs" in alone[0] and "requirement small met (margin 75 % of the limit)" in alone[0]
+
+
+def test_the_lead_names_the_requirement_that_sets_filters_aside() -> None:
+    judged = [_judged("small", name, "pass" if name == "a" else "undecided") for name in "abc"]
+    judged += [_judged("rare", name, "undecided" if name == "c" else "pass") for name in "abc"]
+    candidates = tuple(
+        Candidate(
+            name, _exactly(1.0), _exactly(1.0), RUNS, 0, 0, _exactly(1.0),
+            verdicts={one.name: one.verdict for one in judged if one.filter == name},
+        )
+        for name in "abc"
+    )  # fmt: skip
+    said = _said([CaseEvidence(0, candidates, {})], judged=tuple(judged))
+    assert "requirement small met (margin 75 % of the limit), undecided for b and c" in said[0]
+    assert said[0].endswith("requirement rare met (margin 75 % of the limit), undecided for c.")
+    assert "Not compared: b (requirement small undecided), c (requirements small and rare undecided)." in said
+
+
+def _judged(name: str, filter: str, verdict: Verdict) -> Judgement:
+    wanted = RmsRequirement(kind="rms", below_m=4.0)
+    return Judgement(name, wanted, 0, filter, Finding(_exactly(1.0), verdict, 1.0, None), "")
 
 
 def _regret(*rows: tuple[float, ...]) -> Regret:

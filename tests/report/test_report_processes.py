@@ -29,6 +29,19 @@ os._exit(0)  # as a command ends that has waited too long: nothing is tidied up 
 """
 
 
+GROWING = """
+import os, sys, time
+from relnav_sim.report.processes import shared_out
+
+def work(number):
+    sys.__dict__.setdefault("held", []).append(b"1" * (160 << 20))
+    time.sleep(1.2)  # Loky looks a second after it looked last
+    return os.getpid()
+
+assert len(set(shared_out(work, [(x,) for x in range(8)], 2))) == 2
+"""
+
+
 def within(seconds, holds):
     until = time.monotonic() + seconds
     while not holds() and time.monotonic() < until:
@@ -72,3 +85,9 @@ def test_results_come_back_in_order(processes):
 def test_an_error_ends_them_and_is_told(processes):
     with pytest.raises(ZeroDivisionError):
         shared_out(divmod, [(1, 0)] * 4, processes)
+
+
+def test_a_process_that_needs_much_memory_is_not_replaced():
+    pytest.importorskip("psutil", reason="without it Loky does not look at the memory")
+    done = subprocess.run([sys.executable, "-c", GROWING], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -101,7 +101,7 @@ def test_every_figure_is_inside_with_words_for_those_who_cannot_see_it(page: Pag
         4 + 3
     )  # of all cases and the scenario, of the first with a closer look, of the second
     for image in page.images:
-        assert (image["src"] or "").startswith("data:image/webp;base64,")
+        assert (image["src"] or "").startswith("data:image/png;base64,")
         assert len(image["alt"] or "") > 30
 
 
@@ -177,7 +177,7 @@ def test_many_cases_stay_small(make_result: ResultMaker, tmp_path: Path, monkeyp
     page = Page(index.read_text(encoding="utf-8"))
     assert len(page.images) == 1 + 2 + 6 + 1  # the scenario, over all cases, and the first case
     assert {f"case-{n}" for n in range(25)} <= set(page.ids)
-    assert " ".join(page.text).count("figures of this case were left out") == 24
+    assert " ".join(page.text).count("figures of this case are omitted") == 24
     assert "relnav figure invented.h5 errors --case case0024" in " ".join(page.text)
     assert (tmp_path / "out" / "tables" / "case_024_whole.csv").is_file()
 

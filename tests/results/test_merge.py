@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from relnav_sim.results.block import Failure, RefusedError, ResultsError
-from relnav_sim.results.merge import merge_shards, run_ranges
+from relnav_sim.results.merge import merge_shards
+from relnav_sim.results.missing_runs import MissingRuns, missing_in_words, run_ranges
 from relnav_sim.results.read import open_results
 
 
@@ -190,3 +191,11 @@ def test_a_run_that_failed_twice_need_not_say_it_in_the_same_words(
 def test_run_ranges() -> None:
     assert run_ranges([3]) == "run 3"
     assert run_ranges([9, 0, 1, 2, 7, 8]) == "runs 0-2, 7-9"
+    assert run_ranges([9, 0, 1, 2, 7, 8, 11], 1) == "runs 0-2 and 4 more"
+
+
+def test_of_very_many_missing_runs_the_first_are_named() -> None:
+    missing = [MissingRuns(f"a={n}", name, tuple(range(0, 20_000, 2))) for n in range(1000) for name in ("ekf", "ukf")]
+    said = missing_in_words(missing)
+    assert said.startswith("20000000 runs are missing: case a=0, filter ekf: runs 0, 2, 4, 6 and 9996 more; case a=0,")
+    assert said.endswith("; and 1996 more filters and cases") and len(said) < 400

@@ -11,7 +11,7 @@ from small_campaign import assert_same_bits
 from relnav_sim import run_campaign
 from relnav_sim.results import seal
 from relnav_sim.results.block import RefusedError, ResultsError
-from relnav_sim.runner.merging import merge_results
+from relnav_sim.runner.merging import merge_results, missing_of_parts
 from relnav_sim.runner.shard_folder import shard_folder
 from relnav_sim.runner.single import run_single
 
@@ -89,6 +89,9 @@ def test_any_order_repetition_and_form_gives_the_same_or_names_what_is_missing(p
 def test_missing_runs_are_named(parts, tmp_path):
     with pytest.raises(RefusedError, match="filter ekf: runs 1, 4"):
         merge_results(tmp_path / "merged.h5", [parts[1][0], parts[1][2]])
+    missing = missing_of_parts([parts[1][0], parts[1][2]])
+    assert {one.runs for one in missing} == {(1, 4)} and {one.filter for one in missing} == {"kf", "ekf"}
+    assert missing_of_parts(parts[1]) == []
 
 
 def test_conflicts_are_named(parts, tmp_path):

@@ -11,7 +11,7 @@ from relnav_sim.report.replay.figures_of_filters import FilterFigures
 from relnav_sim.report.replay.tables import channels_table, scores_table, sensors_table
 from relnav_sim.report.replay.verdict import shared_findings, verdict
 from relnav_sim.report.tables import Table
-from relnav_sim.results.merge import run_ranges
+from relnav_sim.results.missing_runs import run_ranges
 from relnav_sim.simulation.replayed import Replay
 from relnav_sim.wording import counted
 
