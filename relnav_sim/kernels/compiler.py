@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import pickle
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import cache
@@ -54,7 +55,7 @@ def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Calla
     if numba.config.DISABLE_JIT:
         return function
     name = name_of_code(function)
-    kernel = _jit(function, **_through(_KernelCompiler))
+    kernel = _jit(function, **_where_known(pipeline_class=_KernelCompiler))
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)
     with nullcontext() if is_kept(name) else alone(name), _no_search_for_garbage():
@@ -92,12 +93,36 @@ def part(function: Callable[..., Any]) -> Any:
         return _intrinsic(function, how)
     # It is not called from Python; what lets it be called takes a tenth of the time of compiling.
     unwrapped = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return _jit(function, **how, **unwrapped, **_through(_PartCompiler))
+    return _jit(function, **how, **unwrapped, **_where_known(_nrt=owns_arrays(function), pipeline_class=_PartCompiler))
 
 
-def _through(compiler: type) -> dict[str, Any]:
-    """Return what makes numba compile by a class of this module, where it is known to work."""
-    return {"pipeline_class": compiler} if numba.version_info.short <= LATEST_KNOWN else {}
+def owns_arrays(function: Callable[..., Any]) -> bool:
+    """Return whether a part of kernels makes arrays, returns some, or gets some from another part.
+
+    numba counts who refers to an array, with an instruction that locks memory, for each array of each call. That is
+    necessary in these parts only: what others are given their callers keep.
+    """
+    names: dict[str, Any] = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    called: list[Callable[..., Any]] = [
+        value for value in names.values() if isinstance(value, FunctionType) and value in PARTS
+    ]
+    return not _MAKERS.isdisjoint(names) or any(_returns_arrays(each) for each in [function, *called])
+
+
+_MAKERS = {"empty", "zeros", "full"}
+"""Of NumPy; numba refuses to compile a part that uses another one and does not own arrays."""
+_NUMBERS = re.compile(r"None|(tuple\[)?(float|int|bool)(, (float|int|bool))*\]?")
+
+
+def _returns_arrays(function: Callable[..., Any]) -> bool:
+    """Return whether a part may; one that does not say what it returns may."""
+    returned = function.__annotations__.get("return", "")
+    return not isinstance(PARTS[function], Instruction) and not _NUMBERS.fullmatch(str(returned))
+
+
+def _where_known(**options: Any) -> dict[str, Any]:
+    """Return options of numba that are not for everybody, where they are known to work."""
+    return options if numba.version_info.short <= LATEST_KNOWN else {}
 
 
 class _KernelCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # numba has no types

@@ -121,16 +121,19 @@ def interpolant(y: Array, ends: Array, h: Array, stages: Array, terms: Array) ->
 
 
 @inner
-def evaluate(terms: Array, start: float, h: float, times: Array, first: int, last: int, out: Array) -> None:
+def evaluate(
+    terms: Array, start: float, h: float, times: Array, first: int, last: int, room: Array, out: Array
+) -> None:
     """Write the states at times first to last, within a step of h from `start` on, into out (T, 6); terms (8, 6).
 
-    Side by side lie times here, so that one orbit alone is as fast.
+    Side by side lie times here, in room (7, LANES), so that one orbit alone is as fast.
     """
-    s, states = np.zeros(LANES), np.empty((6, LANES))
+    states, s = room[:6], room[6]
     for begin in range(first, last, LANES):
         used = min(LANES, last - begin)
+        when, part = times[begin : begin + used], out[begin : begin + used]
         for k in range(used):
-            s[k] = (times[begin + k] - start) / h
+            s[k] = (when[k] - start) / h
         for c in range(6):
             t0, t1, t2, t3 = terms[0, c], terms[1, c], terms[2, c], terms[3, c]
             t4, t5, t6, t7 = terms[4, c], terms[5, c], terms[6, c], terms[7, c]
@@ -140,11 +143,13 @@ def evaluate(terms: Array, start: float, h: float, times: Array, first: int, las
                 states[c, k] = t0 + s[k] * (t1 + q * (t2 + s[k] * (t3 + q * high)))
         for k in range(used):
             for c in range(6):
-                out[begin + k, c] = states[c, k]
+                part[k, c] = states[c, k]
 
 
 @short_for(evaluate)
-def _evaluate(terms: Array, start: float, h: float, times: Array, first: int, last: int, out: Array) -> None:
+def _evaluate(
+    terms: Array, start: float, h: float, times: Array, first: int, last: int, room: Array, out: Array
+) -> None:
     s = (times[first:last, None] - start) / h
     q = 1 - s
     high = terms[4] + s * (terms[5] + q * (terms[6] + s * terms[7]))

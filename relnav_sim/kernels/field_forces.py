@@ -107,27 +107,26 @@ def derivative(
         add_radiation(y, found[SUN:], forces.radius, areas[1], used, a)
     if len(forces.air.bases) > 0:
         add_layered_drag(y, forces.air, forces.radius, forces.rotation, areas[0], used, a)
-    for b in range(used):
-        if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
-            add_thrust(y, b, thrust, a)
+    add_thrust(y, used, thrust, a)
 
 
 @inner
-def longest_step(forces: FieldForces, aim: float, states: Array, i: int) -> float:
-    """Return how long a step from state i may be, s: by how rough the field can be at its distance, and a day at most.
+def set_longest(forces: FieldForces, aim: float, y: Array, used: int, out: Array) -> None:
+    """Set out (LANES,) to how long a step from states y (6, LANES) may be, s, by how rough the field can be there.
 
     The error estimate alone would double steps over smooth regions and reject them at the next mountains, and
-    neighbours would not take the same steps.
+    neighbours would not take the same steps. None is longer than a day.
     """
-    x, y, z, vx, vy, vz = states[i, 0], states[i, 1], states[i, 2], states[i, 3], states[i, 4], states[i, 5]
-    r2 = x * x + y * y + z * z
-    q, rough = min(forces.radius * forces.radius / r2, 1.0), 0.0
-    for k in range(len(forces.roughness) - 1, -1, -1):
-        rough = q * (forces.roughness[k] + rough)
-    error = CIRCULAR_ERROR * (1 + q * q * rough)
-    hx, hy, hz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
-    radian = r2 / math.sqrt(hx * hx + hy * hy + hz * hz)  # s
-    return min(radian * (aim / error) ** (1 / 7), DAY_S)
+    for b in range(used):
+        x, y_, z, vx, vy, vz = y[0, b], y[1, b], y[2, b], y[3, b], y[4, b], y[5, b]
+        r2 = x * x + y_ * y_ + z * z
+        q, rough = min(forces.radius * forces.radius / r2, 1.0), 0.0
+        for k in range(len(forces.roughness) - 1, -1, -1):
+            rough = q * (forces.roughness[k] + rough)
+        error = CIRCULAR_ERROR * (1 + q * q * rough)
+        hx, hy, hz = y_ * vz - z * vy, z * vx - x * vz, x * vy - y_ * vx
+        radian = r2 / math.sqrt(hx * hx + hy * hy + hz * hz)  # s
+        out[b] = min(radian * (aim / error) ** (1 / 7), DAY_S)
 
 
 @inner

@@ -64,15 +64,14 @@ def derivative(
     pull(y, forces.mu, forces.radius, forces.J, room, a)
     if forces.density > 0:
         add_drag(y, forces, areas[0], a)
-    for b in range(used):
-        if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
-            add_thrust(y, b, thrust, a)
+    add_thrust(y, used, thrust, a)
 
 
 @inner
-def longest_step(forces: Forces, aim: float, states: Array, i: int) -> float:
-    """Return how long a step from state i may be, s: the error estimate alone decides."""
-    return math.inf
+def set_longest(forces: Forces, aim: float, y: Array, used: int, out: Array) -> None:
+    """Set out (LANES,) to how long a step from states y (6, LANES) may be, s: the error estimate alone decides."""
+    for b in range(used):
+        out[b] = math.inf
 
 
 @inner
@@ -90,17 +89,25 @@ def add_drag(y: Array, forces: Forces, ballistic: Array, a: Array) -> None:
 
 
 @inner
-def add_thrust(y: Array, b: int, thrust: Array, a: Array) -> None:
-    """Add the thrust of lane b, turned from the craft's own RTN axes: R along r, N along r x v, T = N x R."""
-    x, y_, z, vx, vy, vz = y[0, b], y[1, b], y[2, b], y[3, b], y[4, b], y[5, b]
-    nx, ny, nz = y_ * vz - z * vy, z * vx - x * vz, x * vy - y_ * vx
-    tx, ty, tz = ny * z - nz * y_, nz * x - nx * z, nx * y_ - ny * x
-    radial = thrust[0, b] / math.sqrt(x * x + y_ * y_ + z * z)
-    along = thrust[1, b] / math.sqrt(tx * tx + ty * ty + tz * tz)
-    normal = thrust[2, b] / math.sqrt(nx * nx + ny * ny + nz * nz)
-    a[0, b] += radial * x + along * tx + normal * nx
-    a[1, b] += radial * y_ + along * ty + normal * ny
-    a[2, b] += radial * z + along * tz + normal * nz
+def add_thrust(y: Array, used: int, thrust: Array, a: Array) -> None:
+    """Add the thrust of each lane, turned from the craft's own RTN axes: R along r, N along r x v, T = N x R."""
+    # Most often there is none. Asked in the second loop alone, it would be worked out and then left.
+    burns = False
+    for b in range(used):
+        burns |= thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0
+    if not burns:
+        return
+    for b in range(used):
+        if thrust[0, b] != 0 or thrust[1, b] != 0 or thrust[2, b] != 0:
+            x, y_, z, vx, vy, vz = y[0, b], y[1, b], y[2, b], y[3, b], y[4, b], y[5, b]
+            nx, ny, nz = y_ * vz - z * vy, z * vx - x * vz, x * vy - y_ * vx
+            tx, ty, tz = ny * z - nz * y_, nz * x - nx * z, nx * y_ - ny * x
+            radial = thrust[0, b] / math.sqrt(x * x + y_ * y_ + z * z)
+            along = thrust[1, b] / math.sqrt(tx * tx + ty * ty + tz * tz)
+            normal = thrust[2, b] / math.sqrt(nx * nx + ny * ny + nz * nz)
+            a[0, b] += radial * x + along * tx + normal * nx
+            a[1, b] += radial * y_ + along * ty + normal * ny
+            a[2, b] += radial * z + along * tz + normal * nz
 
 
 @kernel(FORCES, given(2), given(1))

@@ -9,7 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Integers
 from relnav_sim.kernels import field_forces
-from relnav_sim.kernels.compiling import given, inner, integer, kernel, kernel_like, number, record, written
+from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, kernel_like, number, record, written
 from relnav_sim.kernels.dop853 import (
     ALL_STAGES,
     STAGES,
@@ -24,7 +24,7 @@ from relnav_sim.kernels.dop853 import (
     weighted_sum,
 )
 from relnav_sim.kernels.field_forces import FIELD_FORCES, FieldForces, set_longest_by_shadow
-from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative, longest_step
+from relnav_sim.kernels.forces import FORCES, ROOM, Forces, derivative, set_longest
 from relnav_sim.kernels.lanes import LANES
 
 FINEST = -24
@@ -111,33 +111,20 @@ def fly(
         place: For each flight, the first time that is not written yet, (n,); brought up to date.
         out: States (n, T, 6) at the times.
     """
-    n, T = len(flights.states), len(times)
     row = np.empty(LANES, dtype=np.int64)
     stage_lanes, at_lanes = np.zeros((ALL_STAGES, 6, LANES)), np.empty((6, LANES))
     stages, at = stage_lanes.reshape(ALL_STAGES, 6 * LANES), at_lanes.reshape(6 * LANES)
-    y, carry, h, ends = np.ones(6 * LANES), np.zeros(6 * LANES), np.zeros(6 * LANES), np.empty(6 * LANES)
-    terms = np.empty((TERMS, 6 * LANES))
+    y, carry, h, ends_lanes = np.ones(6 * LANES), np.zeros(6 * LANES), np.zeros(6 * LANES), np.empty((6, LANES))
+    ends, terms = ends_lanes.reshape(6 * LANES), np.empty((TERMS, 6 * LANES))
     until, now, error, clock = np.empty(LANES), np.zeros(LANES), np.empty(LANES), np.empty(LANES)
     areas, thrust, room = np.zeros((2, LANES)), np.zeros((3, LANES)), np.empty((ROOM, LANES))
+    longest, line = np.empty(LANES), np.zeros((7, LANES))
     used = waiting = 0
     while True:
-        # Whoever has arrived makes room for the next.
-        b = 0
-        while b < used or (used < LANES and waiting < n):
-            if b < used and goes_on(flights, row[b], place, T):
-                b += 1
-            elif waiting < n:
-                recall(flights, waiting, flights.terms.shape[1], times, place, out)
-                row[b] = waiting
-                used = max(used, b + 1)
-                waiting += 1
-            else:
-                used -= 1
-                row[b] = row[used]
+        used, waiting = seat(flights, row, used, waiting, times, place, line, out)
         if used == 0:
             break
         if SHADOW:
-            longest = np.empty(LANES)
             set_longest_by_shadow(
                 forces,  # type: ignore[arg-type]  # those that the kernel of fields is given
                 flights.states,
@@ -148,20 +135,8 @@ def fly(
                 room,
                 longest,
             )
-            for b in range(used):
-                shorten(flights, row[b], longest[b])
-        for b in range(used):
-            i = row[b]
-            until[b], step = next_step(flights, i)
-            for c in range(6):
-                k = c * LANES + b
-                y[k], carry[k], stages[0, k] = flights.states[i, c], flights.carry[i, c], flights.slope[i, c]
-                h[k] = step
-            for c in range(3):
-                thrust[c, b] = flights.thrust[i, c]
-            for c in range(2):
-                areas[c, b] = flights.areas[i, c]
-            now[b] = flights.reached[i]
+            shorten(flights, row, used, longest)
+        set_off(flights, row, used, y, carry, stages[0], h, until, now, areas, thrust)
         for s in range(1, STAGES):
             stage_state(s, y, h, stages, at)
             stage_time(s, now, h, clock)
@@ -190,18 +165,9 @@ def fly(
                 stage_time(s, now, h, clock)
                 derivative(at_lanes, clock, used, forces, areas, thrust, room, stage_lanes[s])
             interpolant(y, ends, h, stages, terms)
-        for b in range(used):
-            i = row[b]
-            if error[b] <= rtol:
-                accept(flights, i, b, ends, carry, stages[STAGES], until[b], h[b], terms)
-                resize(flights, i, error[b], aim, longest_step(forces, aim, flights.states, i))
-                if not clears(terms, b, surface):
-                    flights.doing[i] = NEAR_SURFACE
-                recall(flights, i, 1, times, place, out)
-            else:
-                flights.level[i] -= 1
-                if flights.level[i] < FINEST:
-                    flights.doing[i] = STUCK
+        set_longest(forces, aim, ends_lanes, used, longest)
+        arrive(flights, row, used, error, rtol, aim, longest, surface, ends, carry, stages[STAGES], until, h, terms)
+        look_back(flights, row, used, times, place, line, out)
 
 
 @kernel_like(
@@ -209,7 +175,7 @@ def fly(
     FIELD_FORCES,
     *_FLY,
     derivative=field_forces.derivative,
-    longest_step=field_forces.longest_step,
+    set_longest=field_forces.set_longest,
     ROOM=field_forces.ROOM,
     SHADOW=True,
 )
@@ -227,6 +193,30 @@ def fly_in_field(
 
 
 @inner
+def seat(
+    flights: Flights, row: Integers, used: int, waiting: int, times: Array, place: Integers, line: Array, out: Array
+) -> tuple[int, int]:
+    """Give the lanes of those that have arrived to flights that wait; return how many are in use, and who waits next.
+
+    The lanes in use are the first; `row` (LANES,) says which flight each has.
+    """
+    n, kept = len(flights.states), flights.terms.shape[1]
+    b = 0
+    while b < used or (used < LANES and waiting < n):
+        if b < used and goes_on(flights, row[b], place, len(times)):
+            b += 1
+        elif waiting < n:
+            recall(flights, waiting, kept, times, place, line, out)
+            row[b] = waiting
+            used = max(used, b + 1)
+            waiting += 1
+        else:
+            used -= 1
+            row[b] = row[used]
+    return used, waiting
+
+
+@inlined
 def goes_on(flights: Flights, i: int, place: Integers, T: int) -> bool:
     """Return whether flight i has another step to take, and note where an event is due instead."""
     if place[i] == T or flights.doing[i] != FLIES:
@@ -237,13 +227,43 @@ def goes_on(flights: Flights, i: int, place: Integers, T: int) -> bool:
 
 
 @inner
-def shorten(flights: Flights, i: int, longest: float) -> None:
-    """Halve the next step of flight i until it is not longer than `longest`, s."""
-    while math.ldexp(flights.base[i], int(flights.level[i])) > longest and flights.level[i] > FINEST:
-        flights.level[i] -= 1
+def shorten(flights: Flights, row: Integers, used: int, longest: Array) -> None:
+    """Halve the next steps of the flights in the lanes until they are not longer than `longest` (LANES,), s."""
+    for b in range(used):
+        i = row[b]
+        while math.ldexp(flights.base[i], int(flights.level[i])) > longest[b] and flights.level[i] > FINEST:
+            flights.level[i] -= 1
 
 
 @inner
+def set_off(
+    flights: Flights,
+    row: Integers,
+    used: int,
+    y: Array,
+    carry: Array,
+    slope: Array,
+    h: Array,
+    until: Array,
+    now: Array,
+    areas: Array,
+    thrust: Array,
+) -> None:
+    """Take to the lanes where the flights' next steps begin, their lengths and ends, and what they need to know."""
+    for b in range(used):
+        i = row[b]
+        until[b], step = next_step(flights, i)
+        for c in range(6):
+            k = c * LANES + b
+            y[k], carry[k], slope[k], h[k] = flights.states[i, c], flights.carry[i, c], flights.slope[i, c], step
+        for c in range(3):
+            thrust[c, b] = flights.thrust[i, c]
+        for c in range(2):
+            areas[c, b] = flights.areas[i, c]
+        now[b] = flights.reached[i]
+
+
+@inlined
 def next_step(flights: Flights, i: int) -> tuple[float, float]:
     """Return where the next step of flight i ends, and its length, s.
 
@@ -267,6 +287,37 @@ def finite(ends: Array, b: int) -> bool:
 
 
 @inner
+def arrive(
+    flights: Flights,
+    row: Integers,
+    used: int,
+    error: Array,
+    rtol: float,
+    aim: float,
+    longest: Array,
+    surface: float,
+    ends: Array,
+    carry: Array,
+    slope: Array,
+    until: Array,
+    h: Array,
+    terms: Array,
+) -> None:
+    """Bring the flights whose step is good to its end and choose the next one's length; the others try half of it."""
+    for b in range(used):
+        i = row[b]
+        if error[b] <= rtol:
+            accept(flights, i, b, ends, carry, slope, until[b], h[b], terms)
+            resize(flights, i, error[b], aim, longest[b])
+            if not clears(terms, b, surface):
+                flights.doing[i] = NEAR_SURFACE
+        else:
+            flights.level[i] -= 1
+            if flights.level[i] < FINEST:
+                flights.doing[i] = STUCK
+
+
+@inlined
 def accept(
     flights: Flights, i: int, b: int, ends: Array, carry: Array, slope: Array, until: float, h: float, terms: Array
 ) -> None:
@@ -282,7 +333,7 @@ def accept(
     flights.steps[i] += 1
 
 
-@inner
+@inlined
 def resize(flights: Flights, i: int, error: float, aim: float, longest: float) -> None:
     """Count the ticks of the step that flight i has taken, and double the next one if the error allows.
 
@@ -315,11 +366,20 @@ def clears(terms: Array, b: int, surface: float) -> bool:
 
 
 @inner
-def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integers, out: Array) -> None:
-    """Write the states of flight i at the times, from its place on, that lie within its last steps."""
-    T = len(times)
+def look_back(
+    flights: Flights, row: Integers, used: int, times: Array, place: Integers, line: Array, out: Array
+) -> None:
+    """Write the states of the lanes' flights at the times that lie within their last step, if not written yet."""
+    for b in range(used):
+        recall(flights, row[b], 1, times, place, line, out)
+
+
+@inlined
+def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integers, line: Array, out: Array) -> None:
+    """Write the states of flight i at the times, from its place on, that lie within its last steps; line is room."""
+    T, kept = len(times), flights.terms.shape[1]
     for step in range(max(flights.steps[i] - last_steps, 0), flights.steps[i]):
-        first, at = place[i], step % flights.terms.shape[1]
+        first, at = place[i], step % kept
         if first == T:
             break
         if times[first] < flights.spans[i, at, 1]:
@@ -327,5 +387,5 @@ def recall(flights: Flights, i: int, last_steps: int, times: Array, place: Integ
             while last < T and times[last] < flights.spans[i, at, 1]:
                 last += 1
             start, h = flights.spans[i, at, 0], flights.spans[i, at, 2]
-            evaluate(flights.terms[i, at], start, h, times, first, last, out[i])
+            evaluate(flights.terms[i, at], start, h, times, first, last, line, out[i])
             place[i] = last

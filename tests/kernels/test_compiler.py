@@ -1,0 +1,37 @@
+"""What numba is told of the parts of kernels."""
+
+import sys
+
+import numpy as np
+import pytest
+from plain_orbits import INTEGRATION, PARTS, STEP, chiefs, field_of
+
+from relnav_sim import kernels
+from relnav_sim.kernels import collocation, dop853, field_paths, lanes, relative_gravity, scores
+from relnav_sim.kernels.compiler import owns_arrays
+
+
+@pytest.mark.parametrize(
+    "part, owns",
+    [
+        (lanes.factor, False),
+        (dop853.evaluate, False),
+        (dop853.error_estimate, True),  # makes some
+        (scores.places, True),  # returns one
+        (relative_gravity.during, True),  # returns what it was given
+        (field_paths.field_during, True),  # returns some in a tuple
+        (collocation.orbit_path, False),
+    ],
+)
+def test_parts_own_the_arrays_that_they_make_or_hand_on(part, owns):
+    assert owns_arrays(part) is owns
+
+
+def test_kernels_keep_no_reference_to_what_they_are_given():
+    """Nor give back one too many, where a part hands on the array that it was given."""
+    (state,), field = chiefs(1)[0], field_of(())
+    before = sys.getrefcount(state), sys.getrefcount(field)
+    for _ in range(3):
+        kernels.chief_orbit.walk(state, 4, *INTEGRATION, PARTS, STEP / PARTS, field)
+    assert (sys.getrefcount(state), sys.getrefcount(field)) == before
+    assert np.isfinite(field).all()
