@@ -358,4 +358,4 @@ def test_one_figure_of_a_result(demo):
     assert "no figure is named 'erors'; did you mean 'errors'?" in fails(2, "figure", "r.h5", "erors")
     assert "takes no run" in fails(2, "figure", "r.h5", "boxes", "--run", "1", "--out", "b.png")
     assert "ends in .pdf, .png, .svg" in fails(2, "figure", "r.h5", "rms", "--out", "rms.gif")
-    assert "no case 7" in fails(2, "figure", "r.h5", "rms", "--case", "7", "--overwrite")
+    assert "no case '7'" in fails(2, "figure", "r.h5", "rms", "--case", "7", "--overwrite")
