@@ -56,6 +56,11 @@ def listed(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+def first_of(words: Sequence[str], most: int = 6) -> str:
+    """Return ``a, b, c``, of very many words the first, and how many more there are: ``a, b and 8 more``."""
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
+
+
 def counted(number: int, noun: str) -> str:
     """Return ``1 run`` or ``7 runs``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -1,5 +1,6 @@
 """Check that a built site fetches nothing from elsewhere: python -m website.self_contained build/site."""
 
+import argparse
 import re
 import sys
 from html.parser import HTMLParser
@@ -42,6 +43,8 @@ def fetched_from_elsewhere(site: Path) -> list[str]:
 
 
 if __name__ == "__main__":
-    outside = fetched_from_elsewhere(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser("python -m website.self_contained", description=__doc__)
+    parser.add_argument("site", type=Path, help="the folder of the built site")
+    outside = fetched_from_elsewhere(parser.parse_args().site)
     if outside:
         sys.exit("The site fetches from elsewhere:\n" + "\n".join(outside))

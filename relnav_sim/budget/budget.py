@@ -23,6 +23,7 @@ from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.filters.kalman import GaussianFilter
 from relnav_sim.filters.registry import filter_kinds
+from relnav_sim.wording import first_of
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ def _chosen(config: CaseConfig, name: str | None) -> str:
             raise ValueError(f"no filter of the case has an error budget: {_why(tuple(config.filters))}")
         return known[0]
     if name not in config.filters:
-        raise ValueError(f"there is no filter {name!r}; there are {', '.join(config.filters)}")
+        raise ValueError(f"there is no filter {name!r}; there are {first_of(list(config.filters))}")
     if name not in known:
         raise ValueError(f"filter {name!r} has no error budget: {_why((name,))}")
     return name

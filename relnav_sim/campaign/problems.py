@@ -6,12 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from relnav_sim.near_names import nearest
+from relnav_sim.wording import first_of
 
 Path = tuple[str | int, ...]
 """Where a value stands in the file: keys and list positions from the top."""
 
 SHOWN = 100
 """Problems listed at most: nobody reads on, and a hostile file must stay cheap."""
+_MOST_NAMED = 24  # known names, where none is near
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def no_such(what: str, word: str, known: Iterable[str]) -> str:
     """Return the sentence that nothing of a kind has this name, with the nearest name or all of them."""
     known = list(known)
-    hint = did_you_mean(word, known) or f"; there are {', '.join(known)}"
+    hint = did_you_mean(word, known) or f"; there are {first_of(known, _MOST_NAMED)}"
     return f"no {what} is named {quoted(word)}{hint}"
 
 

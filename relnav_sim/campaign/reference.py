@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -231,6 +231,7 @@ def places(whole: Shape, path: str = "top") -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        document = Path(name)
+    parser = argparse.ArgumentParser("python -m relnav_sim.campaign.reference", description="Renew tables of options.")
+    parser.add_argument("document", nargs="+", type=Path, help="a page with places for such tables")
+    for document in parser.parse_args().document:
         document.write_text(renewed(document.read_text(encoding="utf-8")), encoding="utf-8")

@@ -5,8 +5,10 @@ Shown by `validate` and `run`, from the nominal trajectory, and by the report, f
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,7 @@ MOST_EPOCHS = 20_000
 ROUGH = 1e-9
 """Relative error of such a trajectory: centimetres change nothing in what a sensor sees."""
 _LABEL_SHOWN = 120
+_SHARED_TRUTHS = 64  # kept at a time
 _NOT_LOOKED_AT = (
     "The geometry was not looked at: the result was made by another version of relnav, or a file that it names "
     "is not there or has changed."
@@ -87,13 +90,26 @@ def flown_warnings(
     said: list[tuple[str, list[str]]] = []
     if not {"truth", "sensors"} <= content.keys():
         return ()
+    adapter: TypeAdapter[AnyTruth] = TypeAdapter(TruthSection)
+
+    # Cases that differ in their sensors alone share their truth, and where the chief flies.
+    @functools.lru_cache(maxsize=_SHARED_TRUTHS)
+    def truth_of(section: str) -> AnyTruth:
+        return adapter.validate_json(section)
+
+    @functools.lru_cache(maxsize=_SHARED_TRUTHS)
+    def flight(section: str, epochs: tuple[float, ...], end_s: float) -> Truth:
+        nominal = nominal_truth(truth_of(section))
+        return truth_trajectory(nominal, end_s, RandomSource(0, (0,))).at(np.array(epochs))
+
     for label, variables, times_s, relative, filters in cases:
         varied: Any = {key: content[key] for key in ("truth", "sensors")}
         for text, value in variables.items():
             if text.partition(".")[0] in varied:
                 varied = replaced(varied, parse_path(text, varied), value)
         try:
-            truth: AnyTruth = TypeAdapter(TruthSection).validate_json(json.dumps(varied["truth"]))
+            section = json.dumps(varied["truth"])
+            truth = truth_of(section)
             sensors = sensors_from(varied["sensors"])
         except ValidationError:
             said.append((label, [_NOT_LOOKED_AT]))
@@ -101,7 +117,7 @@ def flown_warnings(
         every = tuple(relative_sensors(sensors))
         going_by = {name: tuple(each for each in every if each in named) or every for name, named in filters.items()}
         try:
-            states = _flown(truth, sensors, times_s, relative)
+            states = _flown(truth, sensors, times_s, relative, partial(flight, section))
         except EphemerisError as error:
             said.append((label, [f"The geometry was not looked at: {error}."]))
             continue
@@ -147,7 +163,13 @@ def _sensors_of(config: CaseConfig) -> dict[str, tuple[str, ...]]:
     return {name: tuple(relative_sensors(config.sensors, each.sensors)) for name, each in config.filters.items()}
 
 
-def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array) -> Truth:
+def _flown(
+    options: AnyTruth,
+    sensors: Sensors,
+    times_s: Array,
+    relative: Array,
+    flight: Callable[[tuple[float, ...], float], Truth],
+) -> Truth:
     """Return the true states of both craft, from the relative ones and the nominal chief.
 
     A radar on the chief sees the relative position in axes that turn with the chief: where the chief is does not
@@ -156,11 +178,11 @@ def _flown(options: AnyTruth, sensors: Sensors, times_s: Array, relative: Array)
     Raises:
         EphemerisError: The file of a recorded orbit can't be read, or is not what it was.
     """
-    trajectory = truth_trajectory(nominal_truth(options), float(times_s[-1]), RandomSource(0, (0,)))
+    end_s = float(times_s[-1])
     if isinstance(options, EphemerisTruthOptions):
-        return trajectory.at(times_s)
+        return flight(tuple(times_s), end_s)
     alone = all(each.host == "chief" for each in relative_sensors(sensors).values())
-    chief = trajectory.at(times_s[:1] if alone else times_s).chief
+    chief = flight(tuple(times_s[:1] if alone else times_s), end_s).chief
     chief = np.broadcast_to(chief, (*relative.shape[:2], 6))
     deputy = eci_from_rtn(chief, relative, force_model(options).normal_acceleration(chief, 0.0, times_s))
     return Truth(times_s, chief, deputy, relative)

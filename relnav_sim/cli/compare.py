@@ -11,6 +11,7 @@ import typer
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.output import print_table, say
 from relnav_sim.cli.source import readable
+from relnav_sim.wording import first_of
 
 
 class Form(StrEnum):
@@ -49,7 +50,7 @@ def compare(
     ):
         for results, wanted, shown in ((a, one or filter, path), (b, other or filter, other_path)):
             if wanted is not None and wanted not in results.filters:
-                raise UserError(f"{shown} has no filter {wanted!r}; there are {', '.join(results.filters)}")
+                raise UserError(f"{shown} has no filter {wanted!r}; there are {first_of(results.filters)}")
         names = _names(path, other_path, one, other)
         found = compared(Side(a, names[0], one or filter), Side(b, names[1], other or filter))
     for sentence in (*found.notes, *found.reasons):

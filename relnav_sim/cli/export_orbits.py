@@ -11,6 +11,7 @@ import numpy as np
 from relnav_sim.cli.exported_runs import chosen_case, chosen_runs, file_of, writable
 from relnav_sim.cli.failures import UserError
 from relnav_sim.cli.output import say
+from relnav_sim.wording import first_of
 
 if TYPE_CHECKING:
     from relnav_sim.arrays import Array, Mask
@@ -53,9 +54,9 @@ def export_orbits(
     chosen = chosen_runs(results, result, runs)
     names = list(results.headers[index].filters)
     if part == "estimates" and filter is None and len(names) > 1:
-        raise UserError(f"the case has several filters; give --filter, one of {', '.join(names)}")
+        raise UserError(f"the case has several filters; give --filter, one of {first_of(names)}")
     if filter is not None and filter not in names:
-        raise UserError(f"the case has no filter {filter!r}; its filters are {', '.join(names)}")
+        raise UserError(f"the case has no filter {filter!r}; its filters are {first_of(names)}")
     campaign = stored_campaign(results)
     if campaign.cases[index].config.flown.truth.start_epoch is None:
         raise UserError(

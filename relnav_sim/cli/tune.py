@@ -17,6 +17,7 @@ from relnav_sim.cli.notify import Notice, notifying
 from relnav_sim.cli.output import command, count_in_words, new_file, print_table, say
 from relnav_sim.cli.validate import check_tuning
 from relnav_sim.cli.watched import LogOption, NotifyOption, TimeoutOption, check_log, check_timeout
+from relnav_sim.wording import first_of
 
 if TYPE_CHECKING:
     from relnav_sim.campaign import Campaign
@@ -219,7 +220,7 @@ def _options(campaign: Campaign, given: dict[str, Any], free: list[str], filters
     chosen = filters or base.filters
     of_these = tuple(f"filters.{name}." for name in chosen)
     if chosen and (others := [text for text in free if not text.startswith(of_these)]):
-        raise UserError(f"--free {others[0]} is no number of the filters to tune: {', '.join(chosen)}")
+        raise UserError(f"--free {others[0]} is no number of the filters to tune: {first_of(chosen)}")
     update = {key: value for key, value in given.items() if value is not None}
     if free:
         update["free"] = {**base.free, **dict(map(_free, free))}

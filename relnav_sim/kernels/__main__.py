@@ -6,6 +6,7 @@ theme are compiled by the same process, which compiles once what they have in co
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 import sys
@@ -43,4 +44,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser("python -m relnav_sim.kernels", description=__doc__).parse_args()
     sys.exit(main())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from relnav_sim.near_names import nearest
+from relnav_sim.wording import first_of
 
 
 def set_in(text: str, wanted: str | None, path: str) -> tuple[str, str]:
@@ -37,12 +38,12 @@ def set_in(text: str, wanted: str | None, path: str) -> tuple[str, str]:
         return fitting[0]
     names = [name or both[0][2:7].strip() for name, both in sets]
     if fitting:
-        which = " of this name; give the catalogue number as name" if wanted else f"; give name: {', '.join(names)}"
+        which = " of this name; give the catalogue number as name" if wanted else f"; give name: {first_of(names)}"
         raise ValueError(f"{path} holds {len(fitting)} two-line element sets{which}")
     near = nearest(wanted or "", names)
     raise ValueError(
         f"{path} holds no two-line element set named {wanted!r}"
-        + (f"; did you mean {near!r}?" if near else f"; there are {', '.join(names)}")
+        + (f"; did you mean {near!r}?" if near else f"; there are {first_of(names)}")
     )
 
 

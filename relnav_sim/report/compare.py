@@ -28,11 +28,11 @@ from relnav_sim.report.metrics import (
 from relnav_sim.report.ranking import in_percent
 from relnav_sim.report.tables import Cell, Column, Row, Table, Words
 from relnav_sim.results.afterwards import known_when
-from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.comparable import different_code, same_numbers
 from relnav_sim.results.seal import NO_SEAL
 from relnav_sim.statistics.intervals import NO_INTERVAL, Comparison, mean_interval, paired_differences
-from relnav_sim.wording import short_labels
+from relnav_sim.wording import first_of, short_labels
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
@@ -129,7 +129,7 @@ def compare(first: Side, second: Side) -> Compared:
         for key in changed_keys(a.campaign_content, b.campaign_content)
         if key.split(".")[0] not in ("name", "seed", "filters")
     ]
-    reasons += [f"the campaigns differ in {in_words(keys)}"] if keys else []
+    reasons += [f"the campaigns differ in {first_of(keys)}"] if keys else []
     here = {header.id for header in a.headers}
     spare = short_labels([header.label for header in b.headers])
     reasons += [

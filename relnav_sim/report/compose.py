@@ -256,7 +256,7 @@ def _not_shown(results: Results, sections: Sequence[CaseSection]) -> tuple[str, 
         return ()
     closely = f"{len(sections)} of {count} cases {'is' if len(sections) == 1 else 'are'} shown closely"
     ask = f"relnav report {shlex.quote(results.path.name)} --case CASE shows others with their tables and figures"
-    return (f"{closely}; {ask}. The overview holds the values of all {count}.",)
+    return (f"{closely}; {ask}. The overview, tables/overview.csv, holds the values of all {count}.",)
 
 
 def _stopped(results: Results) -> tuple[str, ...]:

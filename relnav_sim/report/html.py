@@ -7,7 +7,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from relnav_sim.report.glossary import TERMS, Definitions
-from relnav_sim.report.page import Page
+from relnav_sim.report.page import Page, shortened
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -21,7 +21,7 @@ def render(page: Page) -> str:
 
     script = _asset("page.js") + (_asset("chart.js") if page.curves else "")
     return _template("page").render(
-        page=page,
+        page=shortened(page),
         style=Markup(_asset("page.css")),
         script=Markup(script),
         curves=Markup(page.curves),

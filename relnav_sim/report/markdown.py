@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from relnav_sim.report.drawing import Picture
-from relnav_sim.report.page import Page
+from relnav_sim.report.page import Page, shortened
 from relnav_sim.report.sentences import Sentence
 from relnav_sim.report.tables import Table, plain_markdown
 from relnav_sim.report.tables import markdown as table_markdown
@@ -13,6 +13,7 @@ from relnav_sim.report.tables import markdown as table_markdown
 
 def render(page: Page) -> str:
     """Return the report as Markdown; what the campaign's author wrote shows as written."""
+    page = shortened(page)
     parts = [f"# {plain_markdown(page.name)}", *([plain_markdown(" · ".join(page.document))] if page.document else [])]
     parts.append(plain_markdown(" · ".join(page.facts)))
     if page.decision is not None:

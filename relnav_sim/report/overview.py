@@ -77,6 +77,7 @@ def overview_table(rankings: Sequence[Ranking]) -> Table:
         columns=tuple(columns),
         rows=tuple(rows),
         sortable=True,
+        stacks=True,
     )
 
 

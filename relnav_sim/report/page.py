@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from relnav_sim.report.drawing import Picture
 from relnav_sim.report.sentences import Sentence
 from relnav_sim.report.tables import Table
 from relnav_sim.statistics.regret import Regret
+
+MOST_ROWS = 2000
+"""Of a longer overview or table of requirements a reader gets the first rows: a browser needs seconds for all."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,21 @@ class Page:
         about_regret = self.regret.missing if self.regret is not None else ()
         parts = [f"Case {case.index}: {sentence}" for case in self.cases for sentence in case.missing]
         return (*self.missing, *about_regret, *parts, *(picture.missing for picture in pictures if picture.missing))
+
+
+def shortened(page: Page) -> Page:
+    """Return a page for readers: of very long tables the first rows, and those that sentences of the decision cite."""
+    sentences = (page.decision.lead, *page.decision.others) if page.decision is not None else ()
+    cited = {clause.row for sentence in sentences for clause in sentence if clause.row}
+    return replace(page, overview=_first_rows(page.overview, cited), requirements=_first_rows(page.requirements, cited))
+
+
+def _first_rows(table: Table | None, cited: Container[str]) -> Table | None:
+    if table is None or len(table.rows) <= MOST_ROWS:
+        return table
+    rows = [row for place, row in enumerate(table.rows) if place < MOST_ROWS or row.anchor in cited]
+    caption = f"{table.caption} {len(rows)} of {len(table.rows)} rows; all: tables/{table.name}.csv."
+    return replace(table, caption=caption, rows=tuple(rows))
 
 
 def page_tables(page: Page) -> Sequence[Table]:

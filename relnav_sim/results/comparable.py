@@ -9,9 +9,10 @@ import numpy as np
 
 from relnav_sim.results import layout
 from relnav_sim.results.block import AnyArray
-from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.provenance import Provenance
 from relnav_sim.results.read import Results
+from relnav_sim.wording import first_of
 
 
 def comparable(a: Results, b: Results) -> list[str]:
@@ -29,7 +30,7 @@ def comparable(a: Results, b: Results) -> list[str]:
     if a.seed != b.seed:
         reasons.append(f"the seeds differ ({a.seed} and {b.seed}), so that the runs can't be paired")
     if keys := [key for key in changed_keys(a.campaign_content, b.campaign_content) if key not in ("seed", "name")]:
-        reasons.append(f"the campaigns differ in {in_words(keys)}")
+        reasons.append(f"the campaigns differ in {first_of(keys)}")
     if not {case.id for case in a.headers} & {case.id for case in b.headers}:
         reasons.append("they have no case in common")
     elif not set(a.runs) & set(b.runs):

@@ -16,8 +16,7 @@ from relnav_sim.results.block import Failure, RefusedError, ResultsError
 from relnav_sim.results.case_names import place_of_case
 from relnav_sim.results.header import read_header
 from relnav_sim.results.stored_cases import StoredCases, StoredPart
-
-_CASES_SAID = 8
+from relnav_sim.wording import first_of
 
 
 class HeldResult:
@@ -148,7 +147,9 @@ class HeldResult:
         if case not in self._places:
             found = place_of_case(case, self.cases, [header.id for header in self.headers])
             if found is None:
-                raise RefusedError(f"{self.path}: no case {case!r}; there are {_first_of(self.cases)}")
+                raise RefusedError(
+                    f"{self.path}: no case {case!r}; there are {first_of([repr(label) for label in self.cases])}"
+                )
             self._places[case] = found
         return self._places[case]
 
@@ -201,7 +202,7 @@ class HeldResult:
         index = self.case_index(case)
         names = self.headers[index].filters
         if filter not in names:
-            raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {', '.join(names)}")
+            raise ResultsError(f"{self.path}: no filter {filter!r} in case {self.cases[index]!r}: {first_of(names)}")
         return index
 
     def _held(self, case: int | str, filter: str) -> StoredPart | None:
@@ -216,9 +217,3 @@ class HeldResult:
 
     def _filter_data(self, index: int, filter: str, spec: layout.Dataset, rows: Any = ...) -> NDArray[Any]:
         return self._filter_part(index, filter).read(spec, rows)
-
-
-def _first_of(labels: tuple[str, ...]) -> str:
-    """Return the labels of cases for a sentence, the first of many."""
-    said = ", ".join(map(repr, labels[:_CASES_SAID]))
-    return said if len(labels) <= _CASES_SAID else f"{said} and {len(labels) - _CASES_SAID} more"

@@ -14,7 +14,7 @@ from relnav_sim.results.atomic import remove_temporaries, target
 from relnav_sim.results.block import RefusedError
 from relnav_sim.results.bound import BoundResult, result_bounds
 from relnav_sim.results.campaign_header import ResultHeader
-from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_header
 from relnav_sim.results.merge import merge_pieces, pieces_by_case
 from relnav_sim.results.missing_runs import MissingRuns, missing_in_words, missing_runs
@@ -25,6 +25,7 @@ from relnav_sim.runner.bound_task import sound_bounds
 from relnav_sim.runner.machines import machines_of
 from relnav_sim.runner.sessions import past_sessions, provenance_of
 from relnav_sim.runner.shard_folder import read_folder_header, shard_folder
+from relnav_sim.wording import first_of
 
 _ALL_PARTS = (
     "The same command with --missing lists them all. Name every part, its result file or its .shards folder; a part "
@@ -122,7 +123,7 @@ def _read(path: Path) -> tuple[ResultHeader, list[Piece], list[BoundResult], Pro
 
 def _check_same(first_path: Path, first: ResultHeader, path: Path, header: ResultHeader) -> None:
     if keys := changed_keys(first.content, header.content):
-        raise RefusedError(f"{first_path} and {path} belong to different campaigns: {in_words(keys)} differ")
+        raise RefusedError(f"{first_path} and {path} belong to different campaigns: {first_of(keys)} differ")
     for what in ("runs", "cases", "stopping"):
         if getattr(first, what) != getattr(header, what):
             raise RefusedError(

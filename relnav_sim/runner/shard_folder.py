@@ -15,11 +15,12 @@ from typing import Any
 from relnav_sim.results.atomic import remove_temporaries, target, written_whole
 from relnav_sim.results.block import RefusedError, ResultsError
 from relnav_sim.results.campaign_header import CaseHeader, ResultHeader
-from relnav_sim.results.changes import changed_keys, in_words
+from relnav_sim.results.changes import changed_keys
 from relnav_sim.results.header import read_channels
 from relnav_sim.results.read import open_results
 from relnav_sim.results.shard_files import holds_shards
 from relnav_sim.results.sound import odd_header
+from relnav_sim.wording import first_of
 
 HEADER = "campaign.json"
 START_OVER = "give another --out, or --fresh to move it aside and start over"
@@ -113,7 +114,7 @@ def check_same_campaign(out: Path, header: ResultHeader, remedy: str = START_OVE
     if stored is None:
         return
     if changed := changed_keys(stored, header.content):
-        raise RefusedError(f"{out} holds results of other settings ({in_words(changed)}); {remedy}")
+        raise RefusedError(f"{out} holds results of other settings ({first_of(changed)}); {remedy}")
     folder = shard_folder(out)
     if out.exists() and not holds_shards(folder):
         # Computing everything again would replace a whole result by a part of it if that is interrupted.

@@ -25,6 +25,11 @@ def test_mistakes_are_told(arguments, sentence, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_flags_have_no_type_in_help():
+    words = CliRunner().invoke(app, ["--help"]).stdout
+    assert "--full" in words and "<bool>" not in words
+
+
 def test_a_missing_campaign_file_is_told_before_any_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "campaigns").mkdir()

@@ -56,8 +56,9 @@ def test_nothing_complains_and_it_fits(
     browser.asked.clear()
     browser.open(pages[cases], width, scheme=scheme)
     assert browser.run("document.documentElement.scrollWidth") <= width
-    scroll = "document.querySelector('#decision .scroll')"  # its rows are stacked where they are wider than the screen
-    assert browser.run(f"{scroll}.scrollWidth <= {scroll}.clientWidth")
+    for table in ("decision", "overview"):  # their rows are stacked where they are wider than the screen
+        scroll = f"document.querySelector('#{table} .scroll')"
+        assert browser.run(f"{scroll}.scrollWidth <= {scroll}.clientWidth")
     assert browser.run("document.querySelector('h1').textContent") == "<script>alert(1)</script>"
     assert browser.run("document.querySelectorAll('#chart path').length") > 2
     assert browser.complaints == []

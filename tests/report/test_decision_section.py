@@ -44,6 +44,24 @@ def test_every_link_of_the_decision_leads_to_a_row_or_table(make_result: ResultM
     assert linked and all(f'<a id="{target}"></a>' in markdown for target in linked)
 
 
+def test_of_long_tables_the_page_has_the_first_rows_and_those_it_cites(
+    make_result: ResultMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("relnav_sim.report.page.MOST_ROWS", 4)
+    filters = {"bad": 1.0, "worse": 3.0, "good": 0.5}
+    path = make_result(labels=("one", "two"), filters=filters, requirements={"small": {"kind": "rms", "below_m": 1.0}})
+    page = report.write_report(path, formats=("html", "csv"), most_figures=0)
+    html = page.read_text(encoding="utf-8")
+    for name in ("overview", "requirements"):
+        assert len((page.parent / "tables" / f"{name}.csv").read_text(encoding="utf-8").splitlines()) == 1 + 6
+        assert f"of 6 rows; all: tables/{name}.csv." in html
+    overview = html.partition('<figure class="table" id="overview">')[2].partition("</tbody>")[0]
+    assert overview.count("<tr") == 1 + 4
+    targets = re.findall(r'href="#([^"]+)"', html.partition('id="the-decision"')[2].partition("</section>")[0])
+    assert any(target.startswith("requirement") for target in targets)
+    assert all(html.count(f'id="{target}"') == 1 for target in targets)
+
+
 def test_the_most_accurate_overconfident_filter_is_refused_and_told_of(make_result: ResultMaker) -> None:
     anees = np.full((12, 2, 3), 9.0)
     path = make_result(filters={"sure": 0.5, "honest": 1.0}, summaries={"sure": {"anees": anees}})

@@ -12,7 +12,7 @@ from relnav_sim.cli.app import app
 from relnav_sim.results import open_results
 
 DOCS = Path(__file__).parents[2] / "docs"
-FILE = re.compile(r"`(?P<name>[\w.]+)`:\n\n```yaml\n(?P<text>.*?)```", re.DOTALL)
+FILE = re.compile(r"`(?P<name>[\w.]+)`:\n\n(?:<!--.*?-->\n)?```yaml\n(?P<text>.*?)```", re.DOTALL)
 COMMANDS = re.compile(r"```sh\n(?P<text>.*?)```", re.DOTALL)
 ROW = re.compile(r"^\| (\w+) \| .* \| ([\d.]+) m \| ([\d.]+) \|$", re.MULTILINE)
 
