@@ -164,8 +164,9 @@ class AlphaKalmanFilter(SamplingFilter):
         self._streams = Streams([])
 
     def start(self, prior: Gaussian, source: RandomSource) -> Gaussian:
-        """Return the prior; the samples come from the stream ``filter.alpha_kf.samples``."""
-        self._streams = source.streams("filter.alpha_kf.samples")
+        """Return the prior; random samples come from the stream ``filter.alpha_kf.samples``."""
+        if self.stochastic:
+            self._streams = source.streams("filter.alpha_kf.samples")
         return prior
 
     def correct(self, belief: Gaussian, z: Array, step: Step) -> tuple[Gaussian, Innovation]:

@@ -50,12 +50,12 @@ def _numba() -> ModuleType:
 numba: Any = _numba()
 
 
-def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...]) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any], arguments: tuple[Kind, ...], wide: bool) -> Callable[..., Any]:
     """Return a kernel, compiled for arguments of these types and no others; it is kept, or was already."""
     if numba.config.DISABLE_JIT:
         return function
     name = name_of_code(function)
-    kernel = _jit(function, **_where_known(pipeline_class=_KernelCompiler))
+    kernel = _jit(function, **_where_known(pipeline_class=_WideKernelCompiler if wide else _KernelCompiler))
     if not numba.config.USING_SVML:
         kernel._cache = _Kept(name)
     with nullcontext() if is_kept(name) else alone(name), _no_search_for_garbage():
@@ -132,6 +132,36 @@ class _KernelCompiler(numba.core.compiler.Compiler):  # type: ignore[misc]  # nu
         super().__init__(*given)
         target = self.state.targetctx  # a copy, of this kernel alone
         target.get_python_api = lambda builder: _PythonInterface(target, builder)
+
+
+class _WideKernelCompiler(_KernelCompiler):
+    """What compiles kernels whose loops are to use the processor's widest registers."""
+
+    def __init__(self, typing: Any, target: Any, library: Any, *others: Any) -> None:
+        super().__init__(typing, target, library or _WideKernel(target.codegen(), "wide"), *others)
+        self.state.library.enable_object_caching()
+
+
+class _WideKernel(numba.core.codegen.JITCodeLibrary):  # type: ignore[misc]
+    """The code of a kernel that is optimised for registers of 512 bits where the processor has them.
+
+    LLVM takes those of 256 by itself, for processors that once ran slower with the wider ones.
+    """
+
+    def _optimize_final_module(self) -> None:
+        """Tell LLVM of another machine for as long as it chooses the width."""
+        codegen = self._codegen
+        machine = codegen._tm
+        if "+avx512f" in codegen._tm_features.split(","):
+            options = {"opt": numba.config.OPT}
+            codegen._customize_tm_options(options)
+            options["features"] += ",-prefer-256-bit"
+            target = numba.core.codegen.ll.Target.from_triple(machine.triple)
+            codegen._tm = target.create_target_machine(**options)
+        try:
+            super()._optimize_final_module()
+        finally:
+            codegen._tm = machine
 
 
 class _PythonInterface(numba.core.pythonapi.PythonAPI):  # type: ignore[misc]

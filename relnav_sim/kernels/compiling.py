@@ -70,13 +70,17 @@ def record(named_tuple: type, *kinds: Kind) -> Kind:
     return of
 
 
-def kernel(*arguments: Kind) -> Callable[[Function], Function]:
+def kernel(*arguments: Kind, wide: bool = False) -> Callable[[Function], Function]:
     """Let a function be compiled, at its first call, for arguments of these types and no others.
 
     The machine code is kept on disk. A division by zero gives inf or NaN, as in NumPy. Sums are taken in the order that
     is written, and no product is fused with a sum: the bits are those of the loops as they stand, on every machine.
+
+    Args:
+        arguments: Their types.
+        wide: Whether the processor's widest registers pay: in long loops that hardly wait for memory. Bits are alike.
     """
-    return lambda function: Uncompiled(function, arguments)  # type: ignore[return-value]  # it is called as one
+    return lambda function: Uncompiled(function, arguments, wide)  # type: ignore[return-value]  # it is called as one
 
 
 def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Callable[[Function], Function]:
@@ -95,7 +99,7 @@ def kernel_like(other: Callable[..., Any], *arguments: Kind, **names: Any) -> Ca
         assert isinstance(other, Uncompiled) and isinstance(function, FunctionType)
         copy = FunctionType(other.function.__code__, function.__globals__, function.__name__)
         _STAND_FOR[copy] = names
-        return Uncompiled(copy, arguments)  # type: ignore[return-value]  # it is called as one
+        return Uncompiled(copy, arguments, other.wide)  # type: ignore[return-value]  # it is called as one
 
     return made
 
@@ -106,8 +110,8 @@ _STAND_FOR: dict[Callable[..., Any], dict[str, Any]] = {}
 class Uncompiled:
     """A kernel before its first call, which puts what is compiled in its place in the module."""
 
-    def __init__(self, function: Callable[..., Any], arguments: tuple[Kind, ...]) -> None:
-        self.function, self.arguments = function, arguments
+    def __init__(self, function: Callable[..., Any], arguments: tuple[Kind, ...], wide: bool) -> None:
+        self.function, self.arguments, self.wide = function, arguments, wide
 
     def __call__(self, *arguments: Any) -> Any:
         """Compile it, and call what is compiled; or run it as it stands where kernels are `interpreted`."""
@@ -132,7 +136,7 @@ class Uncompiled:
 
         module, name = sys.modules[self.function.__module__], self.function.__name__
         if vars(module)[name] is self:
-            setattr(module, name, compiled(self.function, self.arguments))
+            setattr(module, name, compiled(self.function, self.arguments, self.wide))
         function: Callable[..., Any] = vars(module)[name]
         return function
 

@@ -92,6 +92,28 @@ def exp(x: float) -> float:
 
 
 @inlined
+def exp_of_loss(x: float) -> float:
+    """Return e^x, x <= 0, in two thirds of the time of `exp`; below -708 it stays as small as it is there."""
+    x = -708.0 if x < -708.0 else x
+    shifted = fused(x, _PER_LOG_2, _ROUNDER)
+    k = shifted - _ROUNDER
+    r = fused(-k, _LOG_2_TAIL, fused(-k, _LOG_2_HEAD, x))
+    p = 2.5000041926713554e-08
+    p = fused(p, r, 2.7630306668051004e-07)
+    p = fused(p, r, 2.755758671992313e-06)
+    p = fused(p, r, 2.480149294855125e-05)
+    p = fused(p, r, 0.00019841269505885313)
+    p = fused(p, r, 0.0013888888943760945)
+    p = fused(p, r, 0.008333333333494914)
+    p = fused(p, r, 0.041666666666529725)
+    p = fused(p, r, 0.1666666666666641)
+    p = fused(p, r, 0.5000000000000011)
+    p = 1.0 + fused(r * r, p, r)
+    # k stands in the lowest bits of `shifted`; the shift leaves those alone, at the exponent's place.
+    return number(bits(p) + (bits(shifted) << 52))
+
+
+@inlined
 def log(x: float) -> float:
     """Return ln x = k ln 2 + ln(1 + f), 1 + f within 2^-1/2 and 2^1/2, by s = f / (2 + f).
 
@@ -187,14 +209,38 @@ def atan_rest(t: float) -> float:
     return t * s * p
 
 
-@inlined
-def atan2_ahead(y: float, x: float) -> float:
-    """Return `atan2` of a point within pi/8 of the x axis, |y| <= TAN_EIGHTH_PI x, in a third of the time.
+NARROW = 0.25
+"""The largest tangent of `atan_narrow` and `hypot_narrow`."""
 
-    Its error is below two units in the last place.
-    """
-    t = y / x
-    return t + atan_rest(t)
+
+@inlined
+def atan_narrow(t: float) -> float:
+    """Return atan t, |t| <= NARROW, in a quarter of the time of `atan2`."""
+    s = t * t
+    p = 0.04609314856111983
+    p = fused(p, s, -0.06526171404791306)
+    p = fused(p, s, 0.07683764991911785)
+    p = fused(p, s, -0.09090604830037022)
+    p = fused(p, s, 0.11111104766156756)
+    p = fused(p, s, -0.14285714212325928)
+    p = fused(p, s, 0.19999999999588905)
+    p = fused(p, s, -0.33333333333332543)
+    return fused(t * s, p, t)
+
+
+@inlined
+def hypot_narrow(x: float, t: float) -> float:
+    """Return x (1 + t^2)^1/2, |t| <= NARROW: the length of (x, y) from x and t = y / x, without a root."""
+    s = t * t
+    p = -0.01043081295212776
+    p = fused(p, s, 0.015818674187636977)
+    p = fused(p, s, -0.020489870626111413)
+    p = fused(p, s, 0.027343110344065353)
+    p = fused(p, s, -0.03906248665165501)
+    p = fused(p, s, 0.06249999984552624)
+    p = fused(p, s, -0.12499999999913432)
+    p = fused(p, s, 0.49999999999999833)
+    return fused(x * s, p, x)
 
 
 @inlined

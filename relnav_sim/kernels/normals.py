@@ -19,7 +19,7 @@ _C2, _C4, _C6, _C8, _C10, _C12, _C14, _C16 = (
 )
 
 
-@kernel(written(2))
+@kernel(written(2), wide=True)
 def box_muller(numbers: Array) -> None:
     """Replace numbers (runs, 2 p), uniform on [0, 1), by standard normal ones.
 

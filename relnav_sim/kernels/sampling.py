@@ -12,7 +12,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from relnav_sim.kernels.compiling import given, inlined, inner, integer, kernel, kernel_like, single
-from relnav_sim.kernels.elementary import exp, fused
+from relnav_sim.kernels.elementary import exp_of_loss, fused
 from relnav_sim.kernels.lanes import LANES, factor, forward, load, load_vectors, store, store_symmetric, store_vectors
 
 CHUNK = 4 * LANES
@@ -173,7 +173,7 @@ def add_squares(r: Array, used: int, W: Array, errors: Array) -> None:
             errors[b] += r[i, b] * r[i, b]
 
 
-@kernel(given(2), given(3), integer)
+@kernel(given(2), given(3), integer, wide=True)
 def moments(costs: Array, e: Array, kind: int) -> tuple[Array, Array, Array]:
     """Return weighted mean (runs, d) and covariance (runs, d, d) of samples, and the effective sample size (runs,).
 
@@ -237,7 +237,7 @@ def _weights(costs: Array, w: Array) -> None:
     for b in range(LANES):
         lowest = lowest if lowest < least[b] else least[b]
     for n in range(N):
-        w[n] = exp(lowest - costs[n])
+        w[n] = exp_of_loss(lowest - costs[n])
 
 
 @inner

@@ -15,7 +15,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.kernels.compiling import given, inlined, inner, kernel
-from relnav_sim.kernels.elementary import TAN_EIGHTH_PI, atan2, atan2_ahead, wrapped
+from relnav_sim.kernels.elementary import NARROW, atan2, atan_narrow, fused, hypot_narrow, wrapped
 from relnav_sim.kernels.lanes import LANES, load_vectors, mirror, store, store_symmetric, store_vectors
 from relnav_sim.kernels.sampling import SAMPLES
 
@@ -97,7 +97,7 @@ def linearised(z: Array, m: Array, M: Array, P: Array, variances: Array) -> tupl
     return nu, H, R
 
 
-@kernel(given(2), given(3), given(2), given(3), given(3), given(2))
+@kernel(given(2), given(3), given(2), given(3), given(3), given(2), wide=True)
 def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: Array) -> Array:
     """Return |W (z - h(x))|^2 (runs, N) of measurements and `spherical` of the states x = centre + root e.
 
@@ -128,15 +128,17 @@ def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: 
             last = min(first + SAMPLES, N)
             e0, e1, e2 = samples[0, first:last], samples[1, first:last], samples[2, first:last]
             out = errors[run, first:last]
-            # Nearly always all of them lie within pi/8 of where they were read, and less will do than `atan2`.
+            # Nearly always all of them lie close to where they were read, and two quotients will do for all.
             aside = False
             for b in range(last - first):
                 x, y, h = _image(c, A, e0[b], e1[b], e2[b])
-                p = math.sqrt(x * x + y * y)
-                u, v = p * ce - h * se, p * se + h * ce
-                aside |= not (abs(y) <= TAN_EIGHTH_PI * x and abs(v) <= TAN_EIGHTH_PI * u)
-                range_error = z[run, 0] - math.sqrt(x * x + y * y + h * h)
-                out[b] = _square(w, range_error, -atan2_ahead(y, x), atan2_ahead(v, u))
+                across = y / x
+                p = hypot_narrow(x, across)
+                u, v = fused(p, ce, h * -se), fused(p, se, h * ce)
+                up = v / u
+                aside |= not (x > 0 and u > 0 and abs(across) <= NARROW and abs(up) <= NARROW)
+                range_error = z[run, 0] - hypot_narrow(u, up)
+                out[b] = _square(w, range_error, -atan_narrow(across), atan_narrow(up))
             if aside:
                 for b in range(last - first):
                     x, y, h = _image(c, A, e0[b], e1[b], e2[b])
@@ -150,17 +152,18 @@ def squared_errors(z: Array, W: Array, centre: Array, root: Array, e: Array, M: 
 def _image(c: Array, A: Array, e0: float, e1: float, e2: float) -> tuple[float, float, float]:
     """Return c + A e."""
     return (
-        c[0] + A[0, 0] * e0 + A[0, 1] * e1 + A[0, 2] * e2,
-        c[1] + A[1, 0] * e0 + A[1, 1] * e1 + A[1, 2] * e2,
-        c[2] + A[2, 0] * e0 + A[2, 1] * e1 + A[2, 2] * e2,
+        fused(A[0, 2], e2, fused(A[0, 1], e1, fused(A[0, 0], e0, c[0]))),
+        fused(A[1, 2], e2, fused(A[1, 1], e1, fused(A[1, 0], e0, c[1]))),
+        fused(A[2, 2], e2, fused(A[2, 1], e1, fused(A[2, 0], e0, c[2]))),
     )
 
 
 @inlined
 def _square(W: Array, r0: float, r1: float, r2: float) -> float:
     """Return |W r|^2, W lower triangular."""
-    w0, w1, w2 = W[0, 0] * r0, W[1, 0] * r0 + W[1, 1] * r1, W[2, 0] * r0 + W[2, 1] * r1 + W[2, 2] * r2
-    return w0 * w0 + w1 * w1 + w2 * w2
+    w0, w1 = W[0, 0] * r0, fused(W[1, 1], r1, W[1, 0] * r0)
+    w2 = fused(W[2, 2], r2, fused(W[2, 1], r1, W[2, 0] * r0))
+    return fused(w2, w2, fused(w1, w1, w0 * w0))
 
 
 @inner

@@ -2,6 +2,7 @@
 
 import sys
 
+import numba
 import numpy as np
 import pytest
 from plain_orbits import INTEGRATION, PARTS, STEP, chiefs, field_of
@@ -35,3 +36,14 @@ def test_kernels_keep_no_reference_to_what_they_are_given():
         kernels.chief_orbit.walk(state, 4, *INTEGRATION, PARTS, STEP / PARTS, field)
     assert (sys.getrefcount(state), sys.getrefcount(field)) == before
     assert np.isfinite(field).all()
+
+
+def test_the_width_of_registers_does_not_show():
+    """Numbers of a wide kernel are those of the same loops compiled as numba does by itself."""
+    rng = np.random.default_rng(3)
+    numbers = rng.random((3, 2 * 77))
+    wide, narrow = numbers.copy(), numbers.copy()
+    kernels.normals.box_muller(wide)
+    assert not np.array_equal(wide, numbers)
+    numba.njit(error_model="numpy")(kernels.normals.box_muller.py_func)(narrow)
+    np.testing.assert_array_equal(wide, narrow)

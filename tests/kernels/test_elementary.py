@@ -12,6 +12,10 @@ from relnav_sim.kernels.compiler import part
 PROCESSOR = {feature for feature, has in llvmlite.binding.get_host_cpu_features().items() if has}
 
 
+NAMES = ("exp", "exp_of_loss", "log", "sin", "cos", "atan2", "atan_narrow", "hypot_narrow")
+OF_TWO = ("atan2", "hypot_narrow")
+
+
 def over_lanes(name):
     function = part(getattr(elementary, name))
 
@@ -25,12 +29,12 @@ def over_lanes(name):
         for b in range(len(out)):
             out[b] = function(y[b], x[b])
 
-    return two if name.startswith("atan2") else one
+    return two if name in OF_TWO else one
 
 
 @pytest.fixture(scope="module")
 def lanes():
-    return {name: over_lanes(name) for name in ("exp", "log", "sin", "cos", "atan2", "atan2_ahead")}
+    return {name: over_lanes(name) for name in NAMES}
 
 
 def applied(function, *arguments):
@@ -78,6 +82,15 @@ def test_exponential(lanes):
         np.testing.assert_array_equal(applied(lanes["exp"], special), np.exp(special))
 
 
+def test_exponential_of_a_loss(lanes):
+    rng = np.random.default_rng(6)
+    x = -np.concatenate([rng.uniform(0, 1, 2000), rng.uniform(0, 708, 3000), 10 ** rng.uniform(-300, 0, 500), [0.0]])
+    assert worst_error(applied(lanes["exp_of_loss"], x), mpmath.exp, x) <= 1
+    least, none = applied(lanes["exp_of_loss"], [-708.0, np.nan])
+    assert np.isnan(none)
+    np.testing.assert_array_equal(applied(lanes["exp_of_loss"], [-709.0, -1e9, -np.inf]), least)
+
+
 def test_logarithm(lanes):
     rng = np.random.default_rng(2)
     near = 10 ** rng.uniform(-15, -1, 2000)
@@ -111,17 +124,19 @@ def test_special_angles_are_those_of_c99(lanes):
     np.testing.assert_array_equal(quarters, [0.0, np.pi / 2, np.pi, -np.pi / 2, -np.pi])
 
 
-def test_angle_ahead(lanes):
+def test_narrow_angles(lanes):
+    """Angle and length from a small tangent."""
     rng = np.random.default_rng(4)
-    x = 10 ** rng.uniform(-6, 9, 6000)
-    y = x * rng.uniform(-1, 1, 6000) * elementary.TAN_EIGHTH_PI
-    assert worst_error(applied(lanes["atan2_ahead"], y, x), mpmath.atan2, y, x) <= 2
+    t = elementary.NARROW * np.concatenate([rng.uniform(-1, 1, 4000), 10 ** rng.uniform(-300, 0, 500), [-1, 0, 1]])
+    x = 10 ** rng.uniform(-6, 9, len(t))
+    assert worst_error(applied(lanes["atan_narrow"], t), mpmath.atan, t) <= 1
+    assert worst_error(applied(lanes["hypot_narrow"], x, t), lambda x, t: mpmath.hypot(x, x * t), x, t) <= 1
 
 
-@pytest.mark.parametrize("name", ["exp", "log", "sin", "cos", "atan2"])
+@pytest.mark.parametrize("name", NAMES)
 def test_a_lane_does_not_depend_on_its_neighbours(name, lanes):
     rng = np.random.default_rng(5)
-    arguments = rng.standard_normal((2 if name == "atan2" else 1, 67))
+    arguments = rng.standard_normal((2 if name in OF_TWO else 1, 67))
     whole = applied(lanes[name], *arguments)
     alone = [applied(lanes[name], *arguments[:, b : b + 1])[0] for b in range(67)]
     np.testing.assert_array_equal(whole, alone)
@@ -129,7 +144,7 @@ def test_a_lane_does_not_depend_on_its_neighbours(name, lanes):
 
 @pytest.mark.skipif(not ({"fma", "neon"} & PROCESSOR), reason="the processor has no fused multiply-add")
 def test_loops_are_vectorised(lanes):
-    for name in ("exp", "log", "sin", "cos", "atan2"):
-        applied(lanes[name], *[[1.0]] * (2 if name == "atan2" else 1))
+    for name in NAMES:
+        applied(lanes[name], *[[1.0]] * (2 if name in OF_TWO else 1))
         code = "".join(lanes[name].inspect_llvm().values())
         assert "x double> @llvm.fma.v" in code, name

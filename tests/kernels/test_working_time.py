@@ -19,7 +19,7 @@ def test_loading_a_kernel_is_no_work_of_who_calls_it_first(monkeypatch):
         return lambda: busy(0.02)
 
     monkeypatch.setattr(compiling.Uncompiled, "compiled", compiled)
-    kernel = compiling.Uncompiled(busy, ())
+    kernel = compiling.Uncompiled(busy, (), wide=False)
     before, working = time.process_time(), compiling.working_cpu_s()
     kernel()
     took, worked = time.process_time() - before, compiling.working_cpu_s() - working
