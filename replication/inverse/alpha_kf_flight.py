@@ -87,7 +87,7 @@ def flights(
     Q = np.stack([_white_acceleration(span, setting) for span in steps.spans_s])
     places = np.concatenate([nodes[:1, :3], positions(nodes, ends)])
     axes, lever = _axes(places)
-    reading = 1 / 3 if setting["sigma_reading"] == 0 else 1.0
+    reading = 1 / 3 if setting["sigma_interpretation"] == 0 else 1.0
     sigmas = reading * np.stack([np.full(len(lever), RANGE_M), lever * ANGLE_RAD, lever * ANGLE_RAD], axis=1)
     told = setting["told_r"] * _told(axes, sigmas, setting["told_shape"] == 1)
     share = np.concatenate([[1.0], READING_S / h])  # of a reading's variance that is left in a step's
@@ -168,7 +168,7 @@ def _reading_errors(
         noise *= scale[:, :, None]
     local = noise * sigmas
     if table == 4:
-        size = BIAS_RAD * (1 / 3 if setting["bias_reading"] == 1 else 1.0)
+        size = BIAS_RAD * (1 / 3 if setting["bias_interpretation"] == 1 else 1.0)
         lever = np.linalg.norm(places, axis=1) * size
         if setting["bias_channel"] != 2:
             local[:, :, 1] += (1 - 2 * setting["azimuth_sign"]) * lever
@@ -183,7 +183,7 @@ def _turns(setting: Mapping[str, float], share: Array, h: Array, generator: np.r
     across, about = TRACKER_RAD if setting["tracker_labels"] == 0 else TRACKER_RAD[::-1]
     sigma = np.full(3, across)
     sigma[int(setting["boresight"])] = about
-    sigma = np.hypot(sigma, GNSS_RAD) * (1 / 3 if setting["sigma_reading"] == 0 else 1.0)
+    sigma = np.hypot(sigma, GNSS_RAD) * (1 / 3 if setting["sigma_interpretation"] == 0 else 1.0)
     normals = generator.standard_normal((runs, len(h), 3))
     if setting["attitude_tau_s"] == 0:
         return normals * sigma * np.sqrt(share)[:, None]

@@ -29,7 +29,7 @@ DIRECTION = (
     Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360)),
 )
 READINGS = (
-    Unknown("sigma_reading", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
+    Unknown("sigma_interpretation", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
     Unknown(
         "attitude_tau_s",
         "s",
@@ -51,7 +51,7 @@ READINGS = (
     Unknown("bias_channel", "", "the angle with the bias", choice((1, 1, 1)), choices=("both", "azimuth", "elevation")),
     Unknown("azimuth_sign", "", "the azimuth bias's sign", choice((1, 1)), choices=("+", "-")),
     Unknown("elevation_sign", "", "the elevation bias's sign", choice((1, 1)), choices=("+", "-")),
-    Unknown("bias_reading", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
+    Unknown("bias_interpretation", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
 )
 FILTERS = (
     Unknown("told_r", "", "the R told over the radar's", or_else(0.5, 1.0, log_uniform(0.1, 10)), True),

@@ -29,7 +29,7 @@ UNKNOWNS: tuple[Unknown, ...] = (
     Unknown("particles", "", "the number of particles", choice((1, 1, 1, 1)), choices=tuple(map(str, PARTICLES))),
     Unknown("resampling", "", "resampled", choice((1, 1)), choices=("at each reading", "when half are effective")),
     Unknown("roughening", "", "resampled particles", choice((2, 1)), choices=("as they are", "roughened")),
-    Unknown("q_reading", "", "Q", choice((2, 1)), choices=("for a step", "for a second")),
+    Unknown("q_interpretation", "", "Q", choice((2, 1)), choices=("for a step", "for a second")),
 )
 OUTCOMES = (
     ("largest r from 4000 s", "m"),
@@ -72,7 +72,7 @@ def _flown_together(setting: Mapping[str, Array], rows: Indices, seeds: Sequence
     first = {name: int(value[rows[0]]) for name, value in setting.items()}
     h = STEPS_S[first["step"]]
     flown = flight(setting, rows, seeds)
-    scale = np.where(setting["q_reading"][rows] == 1, h, 1.0)
+    scale = np.where(setting["q_interpretation"][rows] == 1, h, 1.0)
     motion = DynamicsOfEachRun([LinearDynamics(cw_transition(MEAN_MOTION, h), k * np.diag(Q_DIAGONAL)) for k in scale])
     filter = create_filter(
         "particle",
