@@ -62,6 +62,10 @@ class LearnedOfEachRun:
         """Return the means of the next states (runs, ..., n)."""
         return np.concatenate([model.propagate(own, step) for model, own in self._paired(states)])
 
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobians (runs, n, n) of `propagate` at `mean` (runs, n)."""
+        return np.concatenate([model.transition(own, step) for model, own in self._paired(mean)])
+
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q at states (runs, ..., n): (runs, ..., n, n)."""
         return np.concatenate([model.process_noise(own, step) for model, own in self._paired(states)])

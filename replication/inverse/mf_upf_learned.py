@@ -25,7 +25,7 @@ from replication.inverse.mf_upf import UNKNOWNS as PARTICLE_UNKNOWNS
 from replication.inverse.mf_upf import holds as particle_holds
 from replication.inverse.mf_upf import particle_outcomes
 from replication.inverse.mf_upf_process import FITTED, learned
-from replication.inverse.mf_upf_scenario import DURATION_S, MEAN_MOTION, SETTLED_S, STEPS_S, flight, rms, sizes, truth
+from replication.inverse.mf_upf_scenario import DURATION_S, MEAN_MOTION, STEADY_S, STEPS_S, flight, rms, sizes, truth
 from replication.inverse.pairs import claims_together
 from replication.inverse.prior import Unknown, choice, log_uniform, or_else, values
 from replication.inverse.table import Number
@@ -50,6 +50,7 @@ OUTCOMES = (
     ("95 % of v from 1000 s", "m/s"),
     ("RMS r from 1000 s", "m"),
 )
+CLAIMS = ("B1", "B2", "B5")
 LEARNED_R, PARTICLE_R = 2, len(OUTCOMES) + [name for name, _ in PARTICLE_OUTCOMES].index("RMS r from 1000 s")
 
 
@@ -106,7 +107,7 @@ def _flown(
         seed = int(seeds[rows[0]][0])
         mean = run_filter(made, flown.z, flown.m0, flown.P0, seed=seed, runs=numbered, step_s=h).mean
     r, v = sizes(flown, mean)
-    after = flown.times_s > SETTLED_S
+    after = flown.times_s > STEADY_S
     return np.stack([np.quantile(r[:, after], 0.95, axis=1), np.quantile(v[:, after], 0.95, axis=1), rms(r, after)], 1)
 
 
@@ -186,7 +187,7 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
     by_claim = holds(bank.numbers)
     together = np.all(list(by_claim.values()), axis=0)
     return {
-        "claims": {name: judged(by_claim[name], told, (), none) for name in ("B1", "B2", "B5")},
+        "claims": {name: judged(by_claim[name], told, (), none) for name in CLAIMS},
         "all_claims": {
             "words": "B1 to B6",
             "probability": float(together.mean()),
@@ -199,7 +200,7 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
 
 
 def agreement(bank: Bank, count: int, particles: int) -> dict[str, Any]:
-    """Return how the filter of the paper does in some settings of the bank, those with the fewest readings.
+    """Return how the filter of the paper does in some settings of the bank, those with the fewest measurements.
 
     Args:
         bank: The bank.
@@ -209,12 +210,14 @@ def agreement(bank: Bank, count: int, particles: int) -> dict[str, Any]:
     setting = values(UNKNOWNS, bank.u)
     rows = np.flatnonzero(setting["step"] == len(STEPS_S) - 1)[:count]
     seeds = [[bank.seed, n, 1] for n in range(len(bank.u))]
-    theirs = np.array([learned_outcomes(setting, row, seeds, "mf_upf", particles=particles) for row in rows])
-    ours, seen = holds(bank.numbers[rows]), theirs < [0.5, 0.001, np.inf]
+    theirs = bank.numbers[rows].copy()
+    theirs[:, : len(OUTCOMES)] = [published_outcomes(setting, row, seeds, particles) for row in rows]
+    ours, seen = holds(bank.numbers[rows]), holds(theirs)
     ratio = theirs[:, LEARNED_R] / bank.numbers[rows, LEARNED_R]
+    same = {name: int(np.sum(ours[name] == seen[name])) for name in CLAIMS}
     return {
         "settings": len(rows),
         "particles": particles,
-        "same": {name: int(np.sum(ours[name] == seen[:, k])) for k, name in enumerate(("B1", "B2"))},
+        "same": {name: [count, *wilson(count, len(rows))] for name, count in same.items()},
         "ratio": [float(each) for each in np.quantile(ratio, (0.1, 0.5, 0.9))],
     }
