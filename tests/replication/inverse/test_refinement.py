@@ -10,7 +10,7 @@ from replication.inverse.refinement import best_fit
 
 def _bank(linear: Any) -> Bank:
     u = settings(linear, 2, 0, 300)
-    return Bank(2, u, linear.flown(u, [[2, n, 1] for n in range(300)], 1)[:, 0], 0.0)
+    return Bank(2, u, linear.flown(u, [[2, n, 1] for n in range(300)], 1)[:, 0], np.empty((300, 0)), 0.0)
 
 
 def test_the_search_finds_the_setting_that_made_the_numbers(linear: Any) -> None:
@@ -31,7 +31,7 @@ def test_a_number_that_no_setting_gives_is_told_and_leaves_the_others(linear: An
     fit = best_fit(linear, _bank(linear), printed, 12, 1, lambda line: None)
     assert fit.residual[2] > 20
     assert np.abs(np.delete(fit.residual, 2)).max() < 4.5
-    add_findings("linear", {"tables": table_rows(linear, fit)}, tmp_path / "findings.json")
+    add_findings("linear", {"tables": table_rows(linear, {"all tables": fit})}, tmp_path / "findings.json")
     table = read_findings(tmp_path / "findings.json")["papers"]["linear"]["tables"]["table_1"]
     assert table["columns"] == ["one", "two"]
     assert [row["paper"] for row in table["rows"]] == [[0.3, 0.8], [0.3, 0.8], [9.0, 0.3]]
