@@ -26,8 +26,8 @@ INCREMENT = 0.01
 """Of uniform numbers, for derivatives."""
 DAMPINGS = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 """Of a step, in inverse variances of uniform numbers: a prior of 1/12 has 12."""
-PLACES, COMBINED = 6, 5
-"""How many values of an unknown are tried, and how many changes of single unknowns together."""
+PLACES, COMBINED, TRIED = 6, 5, 48
+"""How many values of an unknown are tried, changes of single unknowns together, and changes of several at once."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,10 @@ class Sought:
         """Return what settings u (n, unknowns) give."""
         numbers = self.paper.flown(u, [[self.seed, 2]] * len(u), RUNS)
         return looked(self.paper.numbers, numbers, self.printed)
+
+    def at(self, u: Array) -> Place:
+        """Return the place of a setting (unknowns,)."""
+        return Place(u, self.flown(u[None]).misfit[0], 1)
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,16 @@ def swept(sought: Sought, here: Place) -> Place:
     for row, (place, value) in enumerate(chosen.items()):
         together[row:, place] = value
     return _best(sought, here, together, here.flown + len(moves))
+
+
+def shuffled(sought: Sought, here: Place, rng: np.random.Generator) -> Place:
+    """Return the best of `TRIED` places at which two to four unknowns have values from anywhere, or this one."""
+    tried = np.repeat(here.u[None], TRIED, axis=0)
+    common = _common(sought.paper)
+    for row in tried:
+        moved = rng.choice(common, size=min(int(rng.integers(2, 5)), len(common)), replace=False)
+        row[moved] = rng.random(len(moved))
+    return _best(sought, here, tried, here.flown)
 
 
 def _with_own_swept(sought: Sought, here: Place) -> Place:

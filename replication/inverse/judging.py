@@ -13,7 +13,7 @@ from replication.inverse.bank import Bank, Paper, of_table
 from replication.inverse.descent import distance
 from replication.inverse.findings import table_rows
 from replication.inverse.prior import Unknown, values
-from replication.inverse.refinement import Fit, best_fit, honest_residuals
+from replication.inverse.refinement import Fit, best_fit, continued, honest_residuals
 
 FAR, HONEST = 4.0, 50
 CLAIMS = {
@@ -30,9 +30,7 @@ def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None
     found["bank"] = bank_summary(paper, bank)
     found["tables"] = {}
     if len(paper.printed):
-        fits = {"all tables": best_fit(paper, bank, paper.printed, turns, bank.seed, say)}
-        for name, table in paper.tables.items():
-            fits[name] = best_fit(table, of_table(bank, paper, table), table.printed, turns, bank.seed, say)
+        fits = best_fits(paper, bank, turns, say)
         found["tables"] = table_rows(paper, fits)
         honest = distance(honest_residuals(paper, bank, paper.printed, HONEST, bank.seed))
         found["best"] = {
@@ -40,6 +38,20 @@ def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None
             for name, fit in fits.items()
         }
     return found
+
+
+def best_fits(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Fit]:
+    """Return the best setting for all tables, and for each alone.
+
+    The search for all also starts from those for each, and these are searched on from that for all.
+    """
+    alone: dict[str, Fit] = {}
+    for name, table in paper.tables.items():
+        alone[name] = best_fit(table, of_table(bank, paper, table), table.printed, turns, bank.seed, say)
+    joint = best_fit(paper, bank, paper.printed, turns, bank.seed, say, [fit.u for fit in alone.values()])
+    for name, table in paper.tables.items():
+        alone[name] = continued(alone[name], table, joint.u, table.printed, turns, bank.seed, say)
+    return {"all tables": joint} | alone
 
 
 def _places(paper: Paper, name: str) -> Indices:

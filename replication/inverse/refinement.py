@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from replication.inverse.bank import Bank, Paper
-from replication.inverse.descent import Place, Sought, stepped, swept
+from replication.inverse.descent import Place, Sought, shuffled, stepped, swept
 from replication.inverse.table import compared
 
 NEAREST, STARTS, FINALISTS = 100, 16, 3
@@ -38,7 +38,15 @@ class Fit:
     history: list[tuple[int, float]]
 
 
-def best_fit(paper: Paper, bank: Bank, printed: Array, turns: int, seed: int, say: Callable[[str], None]) -> Fit:
+def best_fit(
+    paper: Paper,
+    bank: Bank,
+    printed: Array,
+    turns: int,
+    seed: int,
+    say: Callable[[str], None],
+    known: Sequence[Array] = (),
+) -> Fit:
     """Return the setting that fits best.
 
     Args:
@@ -48,26 +56,56 @@ def best_fit(paper: Paper, bank: Bank, printed: Array, turns: int, seed: int, sa
         turns: How many times a setting is improved at most.
         seed: Seed of the noise.
         say: Told how far it is.
+        known: Settings that are followed to the end besides: those that fit a part of the numbers.
     """
     sought = Sought(paper, printed, seed)
     starts = _starts(sought, bank)
     flown = min(NEAREST, len(bank.u)) + sum(place.flown for place in starts)
+    places = [_followed(sought, place, turns) for place in starts[:FINALISTS] + [sought.at(u) for u in known]]
     history = [(flown, starts[0].total)]
-    finalists = []
-    for place in starts[:FINALISTS]:
-        here = Place(place.u, place.misfit, 0)
-        for _ in range(turns):
-            before = here.total
-            here = swept(sought, stepped(sought, here))
-            history.append((flown + here.flown, min(here.total, history[-1][1])))
-            if before - here.total < ENOUGH:
-                break
-        flown += here.flown
-        finalists.append(here)
-        say(f"{paper.name}: {len(paper.numbers)} numbers, {flown} settings flown, misfit {here.total:.1f}")
-    best = min(finalists, key=lambda place: place.total)
-    mean, scatter, residual = beside(paper, paper.flown(best.u[None], [[seed, 4]], CHECK_RUNS)[0], printed)
-    return Fit(best.u, mean, scatter, residual, history)
+    for path in places:
+        history += [(flown + place.flown, min(place.total, history[-1][1])) for place in path]
+        flown += path[-1].flown
+        say(f"{paper.name}: {len(paper.numbers)} numbers, {flown} settings flown, misfit {path[-1].total:.1f}")
+    best = min((path[-1] for path in places), key=lambda place: place.total)
+    return _searched_on(sought, best, history, turns, say)
+
+
+def continued(
+    fit: Fit, paper: Paper, u: Array, printed: Array, turns: int, seed: int, say: Callable[[str], None]
+) -> Fit:
+    """Return a fit, or what a search from another setting ends at if that is better; arguments as above."""
+    sought = Sought(paper, printed, seed)
+    path = _followed(sought, sought.at(u), turns)
+    flown, least = fit.history[-1]
+    history = fit.history + [(flown + place.flown, min(place.total, least)) for place in path]
+    return fit if path[-1].total >= least else _searched_on(sought, path[-1], history, turns, say)
+
+
+def _followed(sought: Sought, start: Place, turns: int) -> list[Place]:
+    """Return the places to which turns of a step and a sweep lead, the number of settings flown counted from here."""
+    path = [Place(start.u, start.misfit, 0)]
+    for _ in range(turns):
+        path.append(swept(sought, stepped(sought, path[-1])))
+        if path[-2].total - path[-1].total < ENOUGH:
+            break
+    return path
+
+
+def _searched_on(
+    sought: Sought, best: Place, history: Sequence[tuple[int, float]], turns: int, say: Callable[[str], None]
+) -> Fit:
+    """Return the best setting after further turns in which several unknowns are moved at once, anywhere."""
+    rng = np.random.default_rng([sought.seed, 3])
+    flown = history[-1][0]
+    here, history = Place(best.u, best.misfit, flown), list(history)
+    for _ in range(turns):
+        here = stepped(sought, shuffled(sought, here, rng))
+        history.append((here.flown, here.total))
+    paper, printed = sought.paper, sought.printed
+    say(f"{paper.name}: {len(paper.numbers)} numbers, {here.flown} settings flown, misfit {here.total:.1f} in the end")
+    mean, scatter, residual = beside(paper, paper.flown(here.u[None], [[sought.seed, 4]], CHECK_RUNS)[0], printed)
+    return Fit(here.u, mean, scatter, residual, history)
 
 
 def beside(paper: Paper, numbers: Array, printed: Array) -> tuple[Array, Array, Array]:

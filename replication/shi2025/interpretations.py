@@ -1,4 +1,4 @@
-"""How the claims of Shi et al. (2025) may be interpreted: campaigns, filters and cases of what the paper leaves open."""
+"""How the claims of Shi et al. (2025) may be interpreted: campaigns, filters and cases of what it leaves open."""
 
 from __future__ import annotations
 
