@@ -51,7 +51,9 @@ bound is {least_allowed}.
 """
 _FORGED = """Share of {papers} synthetic papers like the printed one that are called inconsistent when the errors of one
 column are multiplied by a factor, or are those of another such paper. Of those without a forged column
-{false_alarm:.1%} are; nominal are {nominal_false_alarm:.0%}.
+{false_alarm:.1%} are; nominal are {nominal_false_alarm:.0%}. The test is a classifier that has been shown other papers
+forged in these two ways. The scatter is the factor by which all sizes in a column together differ from run to run of
+one setting (one standard deviation): no test can see much less.
 """
 _COLUMNS = """The probability that a column of an honest paper like this one is as improbable given the other columns,
 and the numbers that are furthest from what the others imply, in standard deviations.
@@ -90,7 +92,7 @@ def evidence(name: str, found: Mapping[str, Any]) -> Iterator[str]:
     if "forged" in found.get("checks", {}):
         yield "### Power against a forged column\n"
         yield _FORGED.format(**found["checks"]["forged"])
-        yield _powers(found["checks"]["forged"]["columns"])
+        yield _powers(found["checks"]["forged"])
     yield from _unknowns(found)
 
 
@@ -170,14 +172,16 @@ def _pairs(pairs: Sequence[Mapping[str, Any]]) -> str:
     return table(("number", "number", "p", "deviations"), rows)
 
 
-def _powers(columns: Sequence[Mapping[str, Any]]) -> str:
+def _powers(forged: Mapping[str, Any]) -> str:
+    columns = forged["columns"]
     factors = list(columns[0]["called_inconsistent"])
     rows = (
         (
             each["column"].replace("_", " ", 1),
+            f"{forged['scatter'][each['column']]:.2f}",
             *(f"{each['called_inconsistent'][factor]:.2f}" for factor in factors),
             f"{each['of_another_paper']:.2f}",
         )
         for each in columns
     )
-    return table(("column", *(f"x {factor}" for factor in factors), "another paper's"), rows)
+    return table(("column", "scatter of a run", *(f"x {factor}" for factor in factors), "another paper's"), rows)
