@@ -9,6 +9,7 @@ import typer
 
 from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
 from relnav_sim.cli.failures import UserError, guarded
+from relnav_sim.cli.group import Command
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import print_table, say
 from relnav_sim.cli.watched import TimeoutOption, check_timeout
@@ -97,7 +98,7 @@ def _say(sentence: str) -> None:
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-app.command()(guarded(reproduce))
+app.command(cls=Command)(guarded(reproduce))
 
 if __name__ == "__main__":
     app(prog_name="python -m replication")
