@@ -194,7 +194,7 @@ def findings(bank: Bank, printed: Array) -> dict[str, Any]:
             "interval": list(wilson(int(together.sum()), len(together))),
         },
         "together": claims_together(by_claim),
-        "stand_in": agreement(bank, 20, 100),
+        "stand_in": agreement(bank, 40, 100),
         "sentences": [],
     }
 
