@@ -26,6 +26,7 @@ INCREMENT = 0.01
 """Of uniform numbers, for derivatives."""
 DAMPINGS = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 """Of a step, in inverse variances of uniform numbers: a prior of 1/12 has 12."""
+SHIFT = 0.1
 PLACES, COMBINED, TRIED = 6, 5, 48
 """How many values of an unknown are tried, changes of single unknowns together, and changes of several at once."""
 
@@ -157,13 +158,18 @@ def swept(sought: Sought, here: Place) -> Place:
 
 
 def shuffled(sought: Sought, here: Place, rng: np.random.Generator) -> Place:
-    """Return the best of `TRIED` places at which two to four unknowns have values from anywhere, or this one."""
+    """Return the best of `TRIED` places at which several unknowns have other values, or this one.
+
+    One to four common unknowns have values from anywhere; every other time those that act on one group alone are all
+    moved by the same normal step as well.
+    """
     tried = np.repeat(here.u[None], TRIED, axis=0)
-    common = _common(sought.paper)
+    common, own = _common(sought.paper), _own(sought.paper)
     for row in tried:
-        moved = rng.choice(common, size=min(int(rng.integers(2, 5)), len(common)), replace=False)
+        moved = rng.choice(common, size=min(int(rng.integers(1, 5)), len(common)), replace=False)
         row[moved] = rng.random(len(moved))
-    return _best(sought, here, tried, here.flown)
+        row[own.ravel()] += SHIFT * rng.integers(2) * rng.standard_normal()
+    return _best(sought, here, _inside(tried), here.flown)
 
 
 def _with_own_swept(sought: Sought, here: Place) -> Place:

@@ -12,8 +12,10 @@ from replication.inverse.bank import Bank, Paper
 from replication.inverse.descent import Place, Sought, shuffled, stepped, swept
 from replication.inverse.table import compared
 
-NEAREST, STARTS, FINALISTS = 100, 16, 3
+NEAREST, STARTS, FINALISTS = 100, 16, 2
 """Settings of the bank that are flown again, how many of them take steps, and how many are followed to the end."""
+SHUFFLES = 6
+"""Times the turns: how often several unknowns are moved at once in the end."""
 CHECK_RUNS = 40
 ENOUGH = 1.0
 """A turn that lowers the misfit, -2 log likelihood, by less is the last."""
@@ -99,8 +101,9 @@ def _searched_on(
     rng = np.random.default_rng([sought.seed, 3])
     flown = history[-1][0]
     here, history = Place(best.u, best.misfit, flown), list(history)
-    for _ in range(turns):
-        here = stepped(sought, shuffled(sought, here, rng))
+    for _ in range(SHUFFLES * turns):
+        moved = shuffled(sought, here, rng)
+        here = stepped(sought, moved) if moved.total < here.total else moved
         history.append((here.flown, here.total))
     paper, printed = sought.paper, sought.printed
     say(f"{paper.name}: {len(paper.numbers)} numbers, {here.flown} settings flown, misfit {here.total:.1f} in the end")
