@@ -14,7 +14,7 @@ from replication.inverse.table import compared
 
 NEAREST, STARTS, FINALISTS = 100, 16, 2
 """Settings of the bank that are flown again, how many of them take steps, and how many are followed to the end."""
-SHUFFLES = 6
+SHUFFLES = 3
 """Times the turns: how often several unknowns are moved at once in the end."""
 CHECK_RUNS = 40
 ENOUGH = 1.0
