@@ -43,14 +43,15 @@ def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None
 def best_fits(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Fit]:
     """Return the best setting for all tables, and for each alone.
 
-    The search for all also starts from those for each, and these are searched on from that for all.
+    The search for all also starts from those for each, and these are searched on from that for all and further starts.
     """
     alone: dict[str, Fit] = {}
     for name, table in paper.tables.items():
         alone[name] = best_fit(table, of_table(bank, paper, table), table.printed, turns, bank.seed, say)
     joint = best_fit(paper, bank, paper.printed, turns, bank.seed, say, [fit.u for fit in alone.values()])
     for name, table in paper.tables.items():
-        alone[name] = continued(alone[name], table, joint.u, table.printed, turns, bank.seed, say)
+        own = of_table(bank, paper, table)
+        alone[name] = continued(alone[name], table, own, table.printed, turns, bank.seed, say, [joint.u])
     return {"all tables": joint} | alone
 
 

@@ -39,7 +39,8 @@ Pairs with p of {limit:.0%} or less: {count}; papers held out of the bank have {
 {high:.0f}).
 """
 _SEARCH = """The search takes Gauss-Newton steps from the settings of the bank that come nearest, in turns with moves of
-single settings across their range; all fly with the same noise. Its misfit is -2 log likelihood.
+single settings across their range, and at last of several at once; all fly with the same noise. Its misfit is -2 log
+likelihood. Other starts end at other misfits: the least found need not be the least there is.
 """
 _CELLS = """In each cell: the paper's number; that of the best setting for this table alone; that of the best setting
 for all tables. In brackets: printed less found, in standard deviations of a single run, the rounding of the last digit

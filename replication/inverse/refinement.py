@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,8 +12,11 @@ from replication.inverse.bank import Bank, Paper
 from replication.inverse.descent import Place, Sought, shuffled, stepped, swept
 from replication.inverse.table import compared
 
-NEAREST, STARTS, FINALISTS = 100, 16, 2
-"""Settings of the bank that are flown again, how many of them take steps, and how many are followed to the end."""
+NEAREST, STARTS, FINALISTS, FURTHER = 100, 16, 2, 2
+"""Settings of the bank that are flown again, how many of them take steps, and how many are followed to the end.
+
+The last is how many more are followed where the search for one table goes on.
+"""
 SHUFFLES = 3
 """Times the turns: how often several unknowns are moved at once in the end."""
 CHECK_RUNS = 40
@@ -74,14 +77,27 @@ def best_fit(
 
 
 def continued(
-    fit: Fit, paper: Paper, u: Array, printed: Array, turns: int, seed: int, say: Callable[[str], None]
+    fit: Fit,
+    paper: Paper,
+    bank: Bank,
+    printed: Array,
+    turns: int,
+    seed: int,
+    say: Callable[[str], None],
+    known: Sequence[Array],
 ) -> Fit:
-    """Return a fit, or what a search from another setting ends at if that is better; arguments as above."""
+    """Return a fit, or a better one to which other starts lead: the bank's next best, and known settings."""
     sought = Sought(paper, printed, seed)
-    path = _followed(sought, sought.at(u), turns)
-    flown, least = fit.history[-1]
-    history = fit.history + [(flown + place.flown, min(place.total, least)) for place in path]
-    return fit if path[-1].total >= least else _searched_on(sought, path[-1], history, turns, say)
+    others = _starts(sought, bank)[FINALISTS : FINALISTS + FURTHER] + [sought.at(u) for u in known]
+    paths = [_followed(sought, place, turns) for place in others]
+    history = [*fit.history]
+    for path in paths:
+        flown, least = history[-1]
+        history += [(flown + place.flown, min(place.total, least)) for place in path]
+    best = min((path[-1] for path in paths), key=lambda place: place.total)
+    if best.total < fit.history[-1][1]:
+        return _searched_on(sought, best, history, turns, say)
+    return replace(fit, history=history)
 
 
 def _followed(sought: Sought, start: Place, turns: int) -> list[Place]:

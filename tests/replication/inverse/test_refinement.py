@@ -47,7 +47,7 @@ def test_a_search_never_loses_what_it_has_found_and_ends_flat(linear: Any) -> No
     assert (np.diff(misfit) <= 0).all()
     late = np.interp(0.75 * flown[-1], flown, misfit)
     assert late - misfit[-1] < 0.01 * (misfit[0] - misfit[-1]) + 0.5
-    worse = continued(fit, linear, np.array([0.9, 0.1, 0.9]), printed, 1, 1, lambda line: None)
+    worse = continued(fit, linear, _bank(linear), printed, 1, 1, lambda line: None, [np.array([0.9, 0.1, 0.9])])
     assert worse.history[-1][1] <= fit.history[-1][1]
 
 
