@@ -38,11 +38,11 @@ reproduce-docs: setup  ## Write the replication's pages from replication/full, r
 
 inverse: setup  ## Find which settings give the papers' printed numbers, and write docs/replication-settings.md; goes on where it stopped
 	$(BIN)/python -m replication.inverse bank alpha_kf --size 22000
-	$(BIN)/python -m replication.inverse bank two_step_kf --size 5500
-	$(BIN)/python -m replication.inverse bank mf_upf --size 1000
-	$(BIN)/python -m replication.inverse bank mf_upf_learned --size 200
-	for paper in alpha_kf two_step_kf mf_upf mf_upf_learned; do $(BIN)/python -m replication.inverse infer $$paper || exit 1; done
-	for paper in alpha_kf two_step_kf mf_upf; do $(BIN)/python -m replication.inverse check $$paper || exit 1; done
+	$(BIN)/python -m replication.inverse bank two_step_kf --size 20000
+	$(BIN)/python -m replication.inverse bank mf_upf --size 20000
+	$(BIN)/python -m replication.inverse bank mf_upf_learned --size 4500
+	for paper in alpha_kf two_step_kf mf_upf mf_upf_learned; do \
+		$(BIN)/python -m replication.inverse infer $$paper && $(BIN)/python -m replication.inverse check $$paper || exit 1; done
 	$(BIN)/python -m replication.inverse page
 
 # Types are checked while kernels are compiled, which together keeps two cores busy.

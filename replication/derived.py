@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -39,15 +39,22 @@ def wave_period(time_s: Array, values: Array) -> Array:
         time_s: Epochs (K,).
         values: One series a row (runs, K).
     """
+    waves = [(period, _left_by(basis, values)) for period, basis in wave_bases(time_s)]
+    periods, left = zip(*waves, strict=True)
+    return np.asarray(np.array(periods)[np.argmin(left, axis=0)])
+
+
+def wave_bases(time_s: Array) -> Iterator[tuple[float, Array]]:
+    """Yield the periods that are tried, and for each what a line and its wave span, orthonormal, (K, 4)."""
     span = float(time_s[-1] - time_s[0])
-    periods = np.arange(0.25, 1.1, 0.005) * span
     unit = (time_s - time_s.mean()) / span
-    left = []
-    for period in periods:
+    for period in np.arange(0.25, 1.1, 0.005) * span:
         phase = 2 * np.pi * time_s / period
-        basis, _ = np.linalg.qr(np.column_stack((np.ones_like(unit), unit, np.cos(phase), np.sin(phase))))
-        left.append(np.sum(values**2, axis=1) - np.sum((values @ basis) ** 2, axis=1))
-    return np.asarray(periods[np.argmin(left, axis=0)])
+        yield period, np.linalg.qr(np.column_stack((np.ones_like(unit), unit, np.cos(phase), np.sin(phase))))[0]
+
+
+def _left_by(basis: Array, values: Array) -> Array:
+    return np.asarray(np.sum(values**2, axis=1) - np.sum((values @ basis) ** 2, axis=1))
 
 
 def largest_in(time_s: Array, values: Array, start_s: float, end_s: float) -> Array:

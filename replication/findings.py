@@ -35,11 +35,15 @@ def possible(findings: Mapping[str, Any], claim: str) -> str:
     for bank in findings.values():
         found = bank.get("claims", {}).get(claim)
         if found:
-            share, low, high = (f"{100 * part:.2g}" for part in (found["probability"], *found["interval"]))
+            share, low, high = (_percent(part) for part in (found["probability"], *found["interval"]))
             if found["probability"] and not found.get("choices"):
-                return f"in {share} % of settings [{low}, {high}]"
-            return f"{found['sentence'].partition(';')[0]} ({share} % of settings [{low}, {high}])"
+                return f"{share} % of settings [{low}, {high}]"
+            return f"{found['sentence'].partition(';')[0]} ({share} % [{low}, {high}])"
     return ""
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g}" if share < 0.995 else f"{100 * share:.0f}"
 
 
 def sentence_lines(paper: Mapping[str, Any]) -> list[str]:

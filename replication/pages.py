@@ -105,12 +105,12 @@ def causes(summary: Summary) -> list[str]:
 def _inference(findings: Mapping[str, Any]) -> list[str]:
     if not findings:
         return ["The inference of unreported settings from all printed numbers has not been run."]
-    banks = [
-        f"{paper['bank']['campaigns']} ({papers()[PAPER_OF[key]].short})"
-        for key, paper in findings.items()
-        if "bank" in paper
-    ]
-    lines = [f"Short campaigns, each drawn from a prior over what the paper leaves open: {', '.join(banks)}."]
+    banks: dict[str, list[str]] = {}
+    for key, paper in findings.items():
+        if "bank" in paper:
+            banks.setdefault(papers()[PAPER_OF[key]].short, []).append(str(paper["bank"]["campaigns"]))
+    flown = ", ".join(f"{' and '.join(sizes)} ({short})" for short, sizes in banks.items())
+    lines = [f"Short campaigns, each drawn from a prior over what the paper leaves open: {flown}."]
     for key, paper in findings.items():
         lines += [f"{papers()[PAPER_OF[key]].short}: {line}" for line in sentence_lines(paper)]
     return [_bullets(lines), f"Settings, best joint fits and checks: [the inference]({SETTINGS_PAGE})."]

@@ -27,7 +27,7 @@ class Command(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, that of help with them."""
-        return _flags_unlabelled(super().get_params(ctx))
+        return flags_unlabelled(super().get_params(ctx))
 
 
 class Commands(TyperGroup):
@@ -45,7 +45,7 @@ class Commands(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, that of help with them."""
-        return _flags_unlabelled(super().get_params(ctx))
+        return flags_unlabelled(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command; for one that is not there say which was probably meant, and end."""
@@ -69,7 +69,8 @@ def _in_a_sentence() -> Iterator[None]:
         raise typer.Exit(Exit.BAD_INPUT) from None
 
 
-def _flags_unlabelled(params: list[Any]) -> list[Any]:
+def flags_unlabelled(params: list[Any]) -> list[Any]:
+    """Return parameters whose help names no type for flags, which take no value."""
     for param in params:
         if getattr(param, "is_flag", False) and param.metavar is None:
             param.metavar = ""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from relnav_sim.cli.failures import guarded
+from relnav_sim.cli.group import Command, flags_unlabelled
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.output import say
 
@@ -25,19 +27,29 @@ class PaperName(StrEnum):
     TWO_STEP_KF = "two_step_kf"
 
 
-PaperArgument = Annotated[PaperName, typer.Argument(help="The paper.")]
-OutOption = Annotated[Path, typer.Option(help="The folder with the banks.")]
-FindingsOption = Annotated[Path, typer.Option(help="The file of findings.")]
+PaperArgument = Annotated[PaperName, typer.Argument(metavar="PAPER", help="The paper.")]
+OutOption = Annotated[Path, typer.Option(metavar="FOLDER", help="The folder with the banks.")]
+FindingsOption = Annotated[Path, typer.Option(metavar="FILE", help="The file of findings.")]
 OUT, FILE = Path("results/inverse"), Path("replication/inverse/findings.json")
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+class Group(TyperGroup):
+    """The commands; their help reads as relnav's does."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters, that of help with them."""
+        return flags_unlabelled(super().get_params(ctx))
+
+
+app = typer.Typer(cls=Group, add_completion=False, pretty_exceptions_enable=False)
 
 
 def bank(
     paper: PaperArgument,
     out: OutOption = OUT,
-    size: Annotated[int, typer.Option(help="Number of settings, in whole blocks.", min=1)] = 20_000,
-    seed: Annotated[int, typer.Option(help="Seed of settings and noise.", min=0)] = 20251130,
-    workers: Annotated[int, typer.Option(help="Processes that fill it.", min=1)] = 1,
+    size: Annotated[int, typer.Option(metavar="N", help="Number of settings, in whole blocks.", min=1)] = 20_000,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of settings and noise.", min=0)] = 20251130,
+    workers: Annotated[int, typer.Option(metavar="N", help="Processes that fill it.", min=1)] = 1,
 ) -> None:
     """Draw settings from the prior and fly each once; the same command goes on where it was interrupted."""
     from replication.inverse.bank import fill
@@ -52,8 +64,12 @@ def bank(
 def infer(
     paper: PaperArgument,
     out: OutOption = OUT,
-    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
-    turns: Annotated[int, typer.Option(help="How often the search for the best setting improves it.", min=1)] = 20,
+    size: Annotated[
+        int | None, typer.Option(metavar="N", help="Settings of the bank to use.", show_default="all")
+    ] = None,
+    turns: Annotated[
+        int, typer.Option(metavar="N", help="How often a search for a best setting improves it at most.", min=1)
+    ] = 12,
     findings: FindingsOption = FILE,
 ) -> None:
     """Judge claims and sentences by the bank, and search the setting that comes nearest to all printed numbers."""
@@ -69,9 +85,13 @@ def infer(
 def check(
     paper: PaperArgument,
     out: OutOption = OUT,
-    size: Annotated[int | None, typer.Option(help="Settings of the bank to use.", show_default="all")] = None,
-    rounds: Annotated[int, typer.Option(help="Rounds of the search for papers like the printed one.", min=1)] = 2,
-    each: Annotated[int, typer.Option(help="Papers flown in a round.", min=50)] = 2500,
+    size: Annotated[
+        int | None, typer.Option(metavar="N", help="Settings of the bank to use.", show_default="all")
+    ] = None,
+    rounds: Annotated[
+        int, typer.Option(metavar="N", help="Rounds of the search for papers like the printed one.", min=1)
+    ] = 2,
+    each: Annotated[int, typer.Option(metavar="N", help="Papers flown in a round.", min=50)] = 2500,
     findings: FindingsOption = FILE,
 ) -> None:
     """Check the inference on synthetic papers: coverage of their settings, and power against a forged column."""
@@ -85,7 +105,8 @@ def check(
 
 
 def page(
-    docs: Annotated[Path, typer.Option(help="The folder of the page.")] = Path("docs"), findings: FindingsOption = FILE
+    docs: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of the page.")] = Path("docs"),
+    findings: FindingsOption = FILE,
 ) -> None:
     """Write the page of settings, replication-settings.md, from the findings."""
     from replication.inverse.findings import read_findings
@@ -120,7 +141,7 @@ def inverse() -> None:
 
 
 for command in (bank, infer, check, page):
-    app.command()(guarded(command))
+    app.command(cls=Command)(guarded(command))
 
 if __name__ == "__main__":
     app(prog_name="python -m replication.inverse")

@@ -14,8 +14,9 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Mask
 from replication.inverse.alpha_kf_flight import ALPHAS, process_noise
+from replication.inverse.alpha_kf_more_claims import absolute, holds_besides
 from replication.inverse.alpha_kf_numbers import NUMBERS
-from replication.inverse.alpha_kf_unknowns import COLUMNS, SHARING, UNKNOWNS
+from replication.inverse.alpha_kf_unknowns import COLUMNS, LABELS, SHARING, UNKNOWNS
 from replication.inverse.bank import Bank
 from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.pairs import claims_together
@@ -92,13 +93,11 @@ def quantities(u: Array) -> list[Quantity]:
         for other in ("ekf", "ukf"):
             ratio = noise[f"{other}_{table}"] / own
             told.append(
-                Quantity(f"the process noise of the {other} over the alpha filter's in table {table}", "", ratio)
+                Quantity(
+                    f"the process noise of the {LABELS[other]} over the alpha filter's in Table {table}", "", ratio
+                )
             )
-        told += [
-            Quantity(f"the process noise of the {name} in table {table}", "m^2/s^3", noise[f"{name}_{table}"])
-            for name in ("ekf", "ukf", "alpha_kf")
-        ]
-    told.append(Quantity("process noise in table 4", "m^2/s^3", noise["alpha_kf_4"]))
+    told += [Quantity(f"the process noise of the {words}", "m^2/s^3", noise[c]) for c, words in COLUMNS.items()]
     return told
 
 
@@ -140,7 +139,8 @@ SENTENCES: tuple[Sentence, ...] = (
 def findings(bank: Bank, printed: Array) -> dict[str, Any]:
     """Return what the bank says of each claim and sentence."""
     told, met = quantities(bank.u), roughly_met(bank.numbers, printed, NUMBERS)
-    by_claim = holds(rounded(bank.numbers, NUMBERS))
+    by_claim = holds(rounded(bank.numbers, NUMBERS)) | absolute(bank, printed)
+    by_claim |= holds_besides(bank.outcomes, BEST_ALPHAS)
     claims = {name: judged(mask, told, NUMBERS, met) for name, mask in by_claim.items()}
     claims["A7"].update(probability=0.0, interval=[0.0, 0.0], sentence=A7_SENTENCE)
     together = np.all([mask for name, mask in by_claim.items() if name != "A7"], axis=0)

@@ -1,13 +1,13 @@
 """Errors of the filters of Shi et al. (2025) in one setting: Tables 2, 3 and 4 flown together.
 
-At 12 km EKF, UKF and a Kalman filter on the converted reading are one filter, and the alpha filter is that with
+At 12 km EKF, UKF and a Kalman filter on the converted measurement are one filter, and the alpha filter is that with
 R / alpha and the scatter of its samples (docs/replication.md). Late steps are longer than the paper's 0.2 s and their
-readings that much better, which leaves white noise as it is; `FULL` has the paper's own steps.
+measurements that much better, which leaves white noise as it is; `FULL` has the paper's own steps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from replication.inverse import recursion
 from replication.inverse.alpha_kf_truth import DURATION_S, positions, steps_left_out
 from replication.inverse.alpha_kf_unknowns import COLUMNS, SHARING
 
-READING_S = 0.2
+MEASUREMENT_S = 0.2
 RANGE_M, ANGLE_RAD = 12.0, np.radians(0.2)
 BIAS_RAD = np.radians(0.05)
 TRACKER_RAD = np.radians(np.array([30.0, 100.0]) / 3600)
@@ -28,6 +28,19 @@ ALPHAS = (0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 0.999)
 ALPHA = 0.5
 SAMPLES = 10_000
 TABLES = (2, 3, 4)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What the filters of a table have made.
+
+    Attributes:
+        errors: Errors, RTN, (filters, runs, K, 6), m and m/s.
+        formal_m: Formal standard deviations of the position, (filters, K), m.
+    """
+
+    errors: Array
+    formal_m: Array
 
 
 @dataclass(frozen=True)
@@ -57,7 +70,7 @@ def clock(*stages: tuple[float, float]) -> Clock:
     return Clock(np.array([span for span, _ in stages]), np.concatenate(kinds).astype(np.int64))
 
 
-FULL = clock((READING_S, DURATION_S))
+FULL = clock((MEASUREMENT_S, DURATION_S))
 QUICK = clock((0.2, 60), (0.5, 120), (1.5, 300), (3, 960), (5, DURATION_S))
 
 
@@ -69,8 +82,9 @@ def flights(
     generator: np.random.Generator,
     runs: int,
     steps: Clock = QUICK,
-) -> dict[int, Array]:
-    """Return the errors of each table's filters, (filters, runs, K, 6), RTN, m and m/s.
+    tables: Sequence[int] = TABLES,
+) -> dict[int, Flown]:
+    """Return the errors of each table's filters.
 
     Args:
         setting: Value of each unknown.
@@ -80,6 +94,7 @@ def flights(
         generator: Source of all noise.
         runs: Number of runs.
         steps: Steps to fly.
+        tables: Tables to fly.
     """
     h = steps.steps_s
     ends = np.cumsum(h)
@@ -87,14 +102,16 @@ def flights(
     Q = np.stack([_white_acceleration(span, setting) for span in steps.spans_s])
     places = np.concatenate([nodes[:1, :3], positions(nodes, ends)])
     axes, lever = _axes(places)
-    reading = 1 / 3 if setting["sigma_reading"] == 0 else 1.0
-    sigmas = reading * np.stack([np.full(len(lever), RANGE_M), lever * ANGLE_RAD, lever * ANGLE_RAD], axis=1)
+    scale = 1 / 3 if setting["sigma_interpretation"] == 0 else 1.0
+    sigmas = scale * np.stack([np.full(len(lever), RANGE_M), lever * ANGLE_RAD, lever * ANGLE_RAD], axis=1)
     told = setting["told_r"] * _told(axes, sigmas, setting["told_shape"] == 1)
-    share = np.concatenate([[1.0], READING_S / h])  # of a reading's variance that is left in a step's
+    share = np.concatenate([[1.0], MEASUREMENT_S / h])  # of a measurement's variance that is left in a step's
     missed = steps_left_out(left_out, ends, h)
     flown = {}
-    for table in TABLES:
-        errors = _reading_errors(setting, table, places, axes, sigmas, share, np.append(READING_S, h), generator, runs)
+    for table in tables:
+        errors = _measurement_errors(
+            setting, table, places, axes, sigmas, share, np.append(MEASUREMENT_S, h), generator, runs
+        )
         columns = _columns(setting, table)
         larger = _variance(setting) if table > 2 and setting["told_mixture"] == 1 else 1.0
         R = larger * told
@@ -107,12 +124,12 @@ def flights(
         distinct, which = np.unique(columns, axis=0, return_inverse=True)
         if drawn:
             distinct, which = columns, np.arange(len(columns))
-        out = np.empty((len(distinct), runs, len(h), 6))
-        spans = np.stack([steps.spans_s, steps.spans_s / READING_S], axis=1)
+        out, formal = np.empty((len(distinct), runs, len(h), 6)), np.empty((len(distinct), len(h)))
+        spans = np.stack([steps.spans_s, steps.spans_s / MEASUREMENT_S], axis=1)
         w = np.ascontiguousarray(errors[:, 1:])
         Rk = np.ascontiguousarray(R[1:] * share[1:, None, None])
-        recursion.errors(F, Q, spans, steps.kinds, missed, Rk, w, g, distinct, P0, e0, out)
-        flown[table] = out[which.reshape(-1)]
+        recursion.errors(F, Q, spans, steps.kinds, missed, Rk, w, g, distinct, P0, e0, out, formal)
+        flown[table] = Flown(out[which.reshape(-1)], formal[which.reshape(-1)])
     return flown
 
 
@@ -136,7 +153,7 @@ def _axes(places: Array) -> tuple[Array, Array]:
 
 
 def _told(axes: Array, sigmas: Array, equal: bool) -> Array:
-    """Return R of a reading as filters are told it, (K, 3, 3); the same on all axes has the same trace."""
+    """Return R of a measurement as filters are told it, (K, 3, 3); the same on all axes has the same trace."""
     variances = sigmas**2
     if equal:
         return np.einsum("k,ij->kij", variances.mean(axis=1), np.eye(3))
@@ -148,7 +165,7 @@ def _variance(setting: Mapping[str, float]) -> float:
     return 1 + 3 * setting["mixture_share"]
 
 
-def _reading_errors(
+def _measurement_errors(
     setting: Mapping[str, float],
     table: int,
     places: Array,
@@ -159,7 +176,7 @@ def _reading_errors(
     generator: np.random.Generator,
     runs: int,
 ) -> Array:
-    """Return the errors of the converted readings at the start and after each step, (runs, K + 1, 3), RTN, m."""
+    """Return the errors of the converted measurements at the start and after each step, (runs, K + 1, 3), RTN, m."""
     noise = generator.standard_normal((runs, len(h), 3)) * np.sqrt(share)[:, None]
     if table > 2:
         wide = generator.random((runs, len(h))) < setting["mixture_share"]
@@ -168,7 +185,7 @@ def _reading_errors(
         noise *= scale[:, :, None]
     local = noise * sigmas
     if table == 4:
-        size = BIAS_RAD * (1 / 3 if setting["bias_reading"] == 1 else 1.0)
+        size = BIAS_RAD * (1 / 3 if setting["bias_interpretation"] == 1 else 1.0)
         lever = np.linalg.norm(places, axis=1) * size
         if setting["bias_channel"] != 2:
             local[:, :, 1] += (1 - 2 * setting["azimuth_sign"]) * lever
@@ -183,7 +200,7 @@ def _turns(setting: Mapping[str, float], share: Array, h: Array, generator: np.r
     across, about = TRACKER_RAD if setting["tracker_labels"] == 0 else TRACKER_RAD[::-1]
     sigma = np.full(3, across)
     sigma[int(setting["boresight"])] = about
-    sigma = np.hypot(sigma, GNSS_RAD) * (1 / 3 if setting["sigma_reading"] == 0 else 1.0)
+    sigma = np.hypot(sigma, GNSS_RAD) * (1 / 3 if setting["sigma_interpretation"] == 0 else 1.0)
     normals = generator.standard_normal((runs, len(h), 3))
     if setting["attitude_tau_s"] == 0:
         return normals * sigma * np.sqrt(share)[:, None]
@@ -195,7 +212,7 @@ def process_noise(setting: Mapping[str, float], column: str) -> tuple[float, flo
     """Return the two densities of the process noise of one of `COLUMNS`: acceleration and velocity."""
     sharing = SHARING[int(setting["sharing"])]
     if sharing == SHARING[0]:
-        column = COLUMNS[0]
+        column = next(iter(COLUMNS))
     elif sharing == SHARING[1]:
         column = f"{column.rpartition('_')[0]}_2"
     position = setting[f"velocity_psd_{column}"] if setting["position_noise"] == 1 else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from relnav_sim.arrays import Array
 from relnav_sim.astro.frames import shi2025_from_rtn
-from replication.inverse.alpha_kf_flight import ALPHAS, Clock
+from replication.inverse.alpha_kf_flight import ALPHAS, Clock, Flown
 from replication.inverse.table import Number
 
 FILTERS = ("ekf", "ukf", "alpha_kf")
@@ -53,25 +53,25 @@ def printed(paper: Mapping[str, Any]) -> Array:
     return np.array([*tables, *times, *(value for row in paper["table_4"] for value in row[1:])])
 
 
-def numbers(setting: Mapping[str, float], flown: Mapping[int, Array], steps: Clock) -> Array:
-    """Return the numbers of each run as a paper would print them, unrounded, (runs, numbers)."""
+def numbers(setting: Mapping[str, float], flown: Mapping[int, Flown], steps: Clock) -> Array:
+    """Return the numbers of the flown tables as a paper would print them of each run, unrounded, (runs, numbers)."""
     h = steps.steps_s
     ends = np.cumsum(h)
     weights = np.where(ends > setting["span_s"], h, 0.0)
     weights /= weights.sum()
     parts, times = [], []
     for table in (2, 3):
-        for errors in flown[table]:
+        for errors in flown[table].errors if table in flown else ():
             axes = shi2025_from_rtn(errors)
             r, v = np.linalg.norm(axes[..., :3], axis=-1), np.linalg.norm(axes[..., 3:], axis=-1)
             series = np.concatenate([axes[..., :3], r[..., None], axes[..., 3:], v[..., None]], axis=-1)
             parts.append(_mean_and_std(series, weights))
             if table == 2:
-                times.append(_convergence(setting, r, ends, weights))
-    for errors in flown[4]:
+                times.append(_convergence(setting, r, ends, weights)[:, None])
+    parts += times
+    for errors in flown[4].errors if 4 in flown else ():
         norms = np.stack([np.linalg.norm(errors[..., :3], axis=-1), np.linalg.norm(errors[..., 3:], axis=-1)], axis=-1)
         parts.append(_mean_and_std(norms, weights))
-    parts.insert(6, np.stack(times, axis=1))
     return np.concatenate(parts, axis=1)
 
 

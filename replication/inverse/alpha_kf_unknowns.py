@@ -5,7 +5,12 @@ from __future__ import annotations
 from replication.inverse.prior import Unknown, choice, log_uniform, or_else, uniform
 
 SHARING = ("one for all", "one for each filter", "one for each filter and table")
-COLUMNS = ("ekf_2", "ukf_2", "alpha_kf_2", "ekf_3", "ukf_3", "alpha_kf_3", "alpha_kf_4")
+LABELS = {"ekf": "EKF", "ukf": "UKF", "alpha_kf": "alpha filter"}
+COLUMNS = {
+    f"{name}_{table}": f"{LABELS[name]} of Table {table}"
+    for table, names in ((2, LABELS), (3, LABELS), (4, ("alpha_kf",)))
+    for name in names
+}
 """The filters of Tables 2, 3 and 4 that may each have a process noise of their own."""
 
 ORBIT = (
@@ -29,7 +34,7 @@ DIRECTION = (
     Unknown("cross_phase_deg", "deg", "the phase of the oscillation across the plane", uniform(0, 360)),
 )
 READINGS = (
-    Unknown("sigma_reading", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
+    Unknown("sigma_interpretation", "", "what Table 1 lists", choice((3, 1)), choices=("3 sigma", "1 sigma")),
     Unknown(
         "attitude_tau_s",
         "s",
@@ -51,7 +56,7 @@ READINGS = (
     Unknown("bias_channel", "", "the angle with the bias", choice((1, 1, 1)), choices=("both", "azimuth", "elevation")),
     Unknown("azimuth_sign", "", "the azimuth bias's sign", choice((1, 1)), choices=("+", "-")),
     Unknown("elevation_sign", "", "the elevation bias's sign", choice((1, 1)), choices=("+", "-")),
-    Unknown("bias_reading", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
+    Unknown("bias_interpretation", "", "what 0.05 deg is", choice((3, 1)), choices=("the bias", "3 sigma of it")),
 )
 FILTERS = (
     Unknown("told_r", "", "the R told over the radar's", or_else(0.5, 1.0, log_uniform(0.1, 10)), True),
@@ -60,7 +65,7 @@ FILTERS = (
         "told_mixture", "", "the R told with mixture noise", choice((1, 1)), choices=("component A's", "the mixture's")
     ),
     Unknown(
-        "start_position", "", "the first variance of positions over that of a reading", log_uniform(0.1, 100), True
+        "start_position", "", "the first variance of positions over that of a measurement", log_uniform(0.1, 100), True
     ),
     Unknown("start_velocity_m_s", "m/s", "the first standard deviation of velocities", log_uniform(1e-3, 30), True),
     Unknown("draws", "", "the alpha filter's samples", choice((3, 1)), choices=("10000 drawn", "no scatter")),
@@ -81,12 +86,12 @@ FILTERS = (
         True,
     ),
     *(
-        Unknown(f"acceleration_psd_{c}", "m^2/s^3", f"the process noise of {c}", log_uniform(1e-11, 1e-3), True)
-        for c in COLUMNS
+        Unknown(f"acceleration_psd_{c}", "m^2/s^3", f"the process noise, {words}", log_uniform(1e-11, 1e-3), True)
+        for c, words in COLUMNS.items()
     ),
     *(
-        Unknown(f"velocity_psd_{c}", "m^2/s", f"the process noise on positions of {c}", log_uniform(1e-6, 1e-1), True)
-        for c in COLUMNS
+        Unknown(f"velocity_psd_{c}", "m^2/s", f"its part for positions, {words}", log_uniform(1e-6, 1e-1), True)
+        for c, words in COLUMNS.items()
     ),
 )
 STATISTICS = (
@@ -96,10 +101,10 @@ STATISTICS = (
         "",
         "what counts as converged",
         choice((1, 1)),
-        choices=("a length", "a multiple of the settled RMS"),
+        choices=("a length", "a multiple of the steady-state RMS"),
     ),
     Unknown("limit_m", "m", "the limit of convergence as a length", log_uniform(1, 15), True),
-    Unknown("limit_ratio", "", "the limit of convergence over the settled RMS", log_uniform(1.2, 6), True),
+    Unknown("limit_ratio", "", "the limit of convergence over the steady-state RMS", log_uniform(1.2, 6), True),
 )
 
 UNKNOWNS: tuple[Unknown, ...] = (*ORBIT, *DIRECTION, *READINGS, *FILTERS, *STATISTICS)

@@ -6,9 +6,11 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -42,6 +44,14 @@ class Paper(Protocol):
     def printed(self) -> Array:
         """What it prints, (numbers,)."""
 
+    @property
+    def tables(self) -> Mapping[str, Paper]:
+        """Its tables, each as a paper of its own that prints some of the numbers."""
+
+    @property
+    def outcomes(self) -> Sequence[str]:
+        """What its claims are about besides, without a printed number."""
+
     def effective(self, u: Array) -> Array:
         """Return uniform numbers (n, unknowns) with those in place that act where settings share a value."""
 
@@ -61,12 +71,25 @@ class Paper(Protocol):
             runs: Runs of each setting.
         """
 
+    def banked(self, u: Array, seeds: Sequence[Sequence[int]]) -> Array:
+        """Return what the bank keeps of one run of settings, (n, numbers + outcomes)."""
+
 
 class WithoutTables:
     """What papers share that print no tables: nothing to compare with, and settings that share nothing."""
 
     printed = np.empty(0)
     groups: Sequence[tuple[Indices, Indices]] = ()
+    tables: Mapping[str, Paper] = MappingProxyType({})
+    outcomes: Sequence[str] = ()
+
+    @abstractmethod
+    def flown(self, u: Array, seeds: Sequence[Sequence[int]], runs: int) -> Array:
+        """Return the numbers of single runs; as `Paper.flown`."""
+
+    def banked(self, u: Array, seeds: Sequence[Sequence[int]]) -> Array:
+        """Return the numbers of one run."""
+        return np.asarray(self.flown(u, seeds, 1)[:, 0])
 
     def effective(self, u: Array) -> Array:
         """Return the settings as they are: nothing is shared."""
@@ -85,18 +108,27 @@ class Bank:
         seed: Its seed.
         u: Uniform numbers of the settings, (n, unknowns).
         numbers: What a paper would print of one run, (n, numbers).
+        outcomes: What else its claims are about, (n, outcomes).
         cpu_s: Processor time that it took.
     """
 
     seed: int
     u: Array
     numbers: Array
+    outcomes: Array
     cpu_s: float
 
     @property
     def digest(self) -> str:
-        """A digest of all its numbers in single precision."""
-        return hashlib.sha256(self.numbers.astype("<f4").tobytes()).hexdigest()[:16]
+        """A digest of all that it keeps in single precision."""
+        kept = np.concatenate([self.numbers, self.outcomes], axis=1)
+        return hashlib.sha256(kept.astype("<f4").tobytes()).hexdigest()[:16]
+
+
+def of_table(bank: Bank, paper: Paper, table: Paper) -> Bank:
+    """Return a paper's bank with the numbers of one of its tables alone."""
+    places = [paper.numbers.index(number) for number in table.numbers]
+    return replace(bank, numbers=bank.numbers[:, places], outcomes=bank.outcomes[:, :0])
 
 
 def settings(paper: Paper, seed: int, first: int, count: int) -> Array:
@@ -140,8 +172,12 @@ def read(paper: Paper, folder: Path, size: int | None = None) -> Bank:
         raise UserError(
             f"the bank in {folder} is empty; continue it with: python -m replication.inverse bank {paper.name}"
         )
-    numbers = np.concatenate([block for block, _ in blocks])[:size]
-    return Bank(seed, settings(paper, seed, 0, len(numbers)), numbers, sum(cpu for _, cpu in blocks))
+    kept = np.concatenate([block for block, _ in blocks])[:size]
+    printed = len(paper.numbers)
+    if kept.shape[1] != printed + len(paper.outcomes):
+        raise UserError(f"{folder} holds a bank of other numbers; give --out another folder and fill it anew")
+    cpu_s = sum(cpu for _, cpu in blocks)
+    return Bank(seed, settings(paper, seed, 0, len(kept)), kept[:, :printed], kept[:, printed:], cpu_s)
 
 
 def _blocks(folder: Path, size: int | None, block: int) -> Iterator[tuple[Array, float]]:
@@ -167,7 +203,7 @@ def _claim(paper: Paper, folder: Path, seed: int) -> None:
 def _fill_block(paper: Paper, folder: Path, seed: int, first: int) -> None:
     before = time.process_time()
     seeds = [[seed, n, 1] for n in range(first, first + paper.block)]
-    numbers = paper.flown(settings(paper, seed, first, paper.block), seeds, 1)[:, 0]
+    numbers = paper.banked(settings(paper, seed, first, paper.block), seeds)
     temporary = folder / f"{first:07d}.{os.getpid()}.npz"
     np.savez(temporary, numbers=numbers.astype(np.float32), cpu_s=time.process_time() - before)
     os.replace(temporary, _file(folder, first))

@@ -60,7 +60,8 @@ def judged(holds: Mask, quantities: Sequence[Quantity], numbers: Sequence[Number
     found: dict[str, Any] = {"probability": hits / count, "interval": [low, high]}
     found |= {"settings": [], "choices": [], "conflicts": []}
     if hits < ENOUGH:
-        found["sentence"] = f"no condition can be told from {hits} of {count} settings"
+        few = f"possible, but no condition can be told from {hits} of {count} settings"
+        found["sentence"] = few if hits else f"impossible in all {count} settings"
         return found
     tried = [_condition(quantity, holds) for quantity in quantities]
     chance = 3 * len(quantities)  # a condition is the best of three sides and of all quantities

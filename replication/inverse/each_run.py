@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from relnav_sim import LinearDynamics, Step
 from relnav_sim.arrays import Array
 from relnav_sim.astro.line_of_sight import mounting_matrix
+from relnav_sim.dynamics.gp.dynamics import GpDynamics
 from relnav_sim.measurements.spherical_radar import SightNoise, SphericalRadar
 
 
@@ -41,6 +42,36 @@ class DynamicsOfEachRun:
     def process_noise(self, states: Array, step: Step) -> Array:
         """Return Q, (runs, n, n)."""
         return self.Q
+
+
+class LearnedOfEachRun:
+    """Learned dynamics of each run's own.
+
+    Args:
+        models: Those of each run.
+    """
+
+    linear = False
+    leaves_arguments_alone = True
+
+    def __init__(self, models: Sequence[GpDynamics]) -> None:
+        self._models = models
+        self.dimension = models[0].dimension
+
+    def propagate(self, states: Array, step: Step) -> Array:
+        """Return the means of the next states (runs, ..., n)."""
+        return np.concatenate([model.propagate(own, step) for model, own in self._paired(states)])
+
+    def transition(self, mean: Array, step: Step) -> Array:
+        """Return the Jacobians (runs, n, n) of `propagate` at `mean` (runs, n)."""
+        return np.concatenate([model.transition(own, step) for model, own in self._paired(mean)])
+
+    def process_noise(self, states: Array, step: Step) -> Array:
+        """Return Q at states (runs, ..., n): (runs, ..., n, n)."""
+        return np.concatenate([model.process_noise(own, step) for model, own in self._paired(states)])
+
+    def _paired(self, states: Array) -> Iterator[tuple[GpDynamics, Array]]:
+        return ((model, states[run : run + 1]) for run, model in enumerate(self._models))
 
 
 class RadarOfEachRun(SphericalRadar):

@@ -39,8 +39,14 @@ def _short(value: Any) -> Any:
     return value
 
 
-def table_rows(paper: Paper, fit: Fit) -> dict[str, Any]:
-    """Return the printed tables beside the best setting's numbers, by the name of the table."""
+def table_rows(paper: Paper, fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """Return the printed tables beside the numbers of the best settings, by the name of the table.
+
+    Args:
+        paper: The paper.
+        fits: The best setting of all tables, and then of each table alone, by its name.
+    """
+    joint, *_ = fits.values()
     tables: dict[str, Any] = {}
     for place, number in enumerate(paper.numbers):
         table = tables.setdefault(number.table, {"columns": [], "rows": []})
@@ -48,9 +54,12 @@ def table_rows(paper: Paper, fit: Fit) -> dict[str, Any]:
             table["columns"].append(number.column)
         row = next((each for each in table["rows"] if each["label"] == number.label), None)
         if row is None:
-            row = {"label": number.label, "unit": number.unit, "paper": [], "best": [], "residual": []}
+            row = {"label": number.label, "unit": number.unit, "paper": []}
+            row |= {key: [] for kind in ("alone", "joint") for key in (kind, f"{kind}_residual")}
             table["rows"].append(row)
         row["paper"].append(float(paper.printed[place]))
-        row["best"].append(float(fit.mean[place]))
-        row["residual"].append(round(float(fit.residual[place]), 2))
+        own = paper.tables[number.table].numbers.index(number) if number.table in fits else place
+        for kind, fit, at in (("joint", joint, place), ("alone", fits.get(number.table, joint), own)):
+            row[kind].append(float(fit.mean[at]))
+            row[f"{kind}_residual"].append(round(float(fit.residual[at]), 2))
     return tables

@@ -18,11 +18,12 @@ import numpy as np
 
 from relnav_sim.arrays import Array, Indices
 from replication.inverse.consistency import TAUGHT, columns_of
-from replication.inverse.learned import WIDTHS, Scale
+from replication.inverse.learned import Scale
 from replication.inverse.table import Number, compared, rounded
 
-SHOWN, LARGEST, HONEST, EPOCHS = 6, 3.0, 6, 15
+SHOWN, LARGEST, HONEST, EPOCHS = 6, 3.0, 6, 12
 """How often a paper is shown forged in each way, by which factor or its inverse, how often as it is, how often all."""
+WIDTHS = (256, 128)
 
 
 @dataclass(frozen=True)
@@ -42,12 +43,20 @@ class ForgeryTest:
     calibration: Array
 
     @classmethod
-    def learned(cls, numbers: Sequence[Number], papers: Array, seed: int) -> ForgeryTest:
-        """Return what honest papers (n, numbers) teach."""
+    def learned(cls, numbers: Sequence[Number], papers: Array, further: Array, seed: int) -> ForgeryTest:
+        """Return what honest papers teach.
+
+        Args:
+            numbers: What is printed.
+            papers: Numbers of papers like the one to be tested, (n, numbers): most teach, others calibrate.
+            further: Those of others, which only teach, (m, numbers).
+            seed: Seed of forgeries and network.
+        """
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.neural_network import MLPClassifier
 
-        taught = papers[: int(TAUGHT * len(papers))]
+        near = papers[: int(TAUGHT * len(papers))]
+        taught = np.concatenate([near, near, further])
         generator, columns = np.random.default_rng([seed, 8]), list(columns_of(numbers).values())
         shown, kind = [inputs(numbers, taught)] * HONEST, [np.zeros(len(taught))] * HONEST
         for _ in range(SHOWN):
@@ -65,7 +74,7 @@ class ForgeryTest:
             warnings.simplefilter("ignore", ConvergenceWarning)  # a limit on its time, not an error
             network.fit(scale.scaled(np.concatenate(shown)), np.concatenate(kind))
         bare = cls(numbers, scale, network, np.empty(0))
-        return replace(bare, calibration=np.sort(bare.scores(papers[len(taught) :])))
+        return replace(bare, calibration=np.sort(bare.scores(papers[len(near) :])))
 
     def scores(self, papers: Array) -> Array:
         """Return how unlike an honest paper each is, (n,)."""

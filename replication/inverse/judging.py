@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from relnav_sim.arrays import Array, Indices
 from replication.inverse import alpha_kf_claims, mf_upf, mf_upf_learned, two_step
-from replication.inverse.bank import Bank, Paper
+from replication.inverse.bank import Bank, Paper, of_table
+from replication.inverse.descent import distance
 from replication.inverse.findings import table_rows
 from replication.inverse.prior import Unknown, values
-from replication.inverse.refinement import Fit, best_fit
+from replication.inverse.refinement import Fit, best_fit, continued, honest_residuals
 
-FAR = 4.0
+FAR, HONEST = 4.0, 50
 CLAIMS = {
     "alpha_kf": alpha_kf_claims.findings,
     "mf_upf": mf_upf.findings,
@@ -28,10 +30,34 @@ def judged_paper(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None
     found["bank"] = bank_summary(paper, bank)
     found["tables"] = {}
     if len(paper.printed):
-        fit = best_fit(paper, bank, paper.printed, turns, bank.seed, say)
-        found["tables"] = table_rows(paper, fit)
-        found["best"] = _best(paper, fit)
+        fits = best_fits(paper, bank, turns, say)
+        found["tables"] = table_rows(paper, fits)
+        honest = distance(honest_residuals(paper, bank, paper.printed, HONEST, bank.seed))
+        found["best"] = {
+            name: best_of(paper.tables.get(name, paper), fit, honest[:, _places(paper, name)])
+            for name, fit in fits.items()
+        }
     return found
+
+
+def best_fits(paper: Paper, bank: Bank, turns: int, say: Callable[[str], None]) -> dict[str, Fit]:
+    """Return the best setting for all tables, and for each alone.
+
+    The search for all also starts from those for each, and these are searched on from that for all and further starts.
+    """
+    alone: dict[str, Fit] = {}
+    for name, table in paper.tables.items():
+        alone[name] = best_fit(table, of_table(bank, paper, table), table.printed, turns, bank.seed, say)
+    joint = best_fit(paper, bank, paper.printed, turns, bank.seed, say, [fit.u for fit in alone.values()])
+    for name, table in paper.tables.items():
+        own = of_table(bank, paper, table)
+        alone[name] = continued(alone[name], table, own, table.printed, turns, bank.seed, say, [joint.u])
+    return {"all tables": joint} | alone
+
+
+def _places(paper: Paper, name: str) -> Indices:
+    of = paper.tables.get(name, paper).numbers
+    return np.array([paper.numbers.index(number) for number in of])
 
 
 def bank_summary(paper: Paper, bank: Bank) -> dict[str, Any]:
@@ -59,31 +85,35 @@ def _prior(unknown: Unknown) -> dict[str, Any]:
     return told | {"quantiles": [float(end) for end in np.quantile(drawn, (0, 0.05, 0.5, 0.95, 1))]}
 
 
-def _best(paper: Paper, fit: Fit) -> dict[str, Any]:
-    """Return the best setting and the numbers that are furthest from it."""
+def best_of(paper: Paper, fit: Fit, honest: Array) -> dict[str, Any]:
+    """Return a best setting, the numbers furthest from it, and its distance beside that of honest papers.
+
+    Args:
+        paper: The paper, or one of its tables.
+        fit: The setting.
+        honest: Distances of honest papers, number by number, (papers, numbers).
+    """
     order = np.argsort(-np.abs(fit.residual), kind="stable")
     far = [
         {"number": paper.numbers[place].name, "residual": float(fit.residual[place])}
         for place in order
         if abs(fit.residual[place]) > FAR
     ]
-    told = []
-    for unknown, value in zip(
-        paper.unknowns, values(paper.unknowns, paper.effective(fit.u[None])).values(), strict=True
-    ):
-        number = float(value[0])
-        told.append(
-            {
-                "name": unknown.name,
-                "words": unknown.words,
-                "unit": unknown.unit,
-                "value": unknown.choices[int(number)] if unknown.choices else number,
-            }
-        )
+    found = values(paper.unknowns, paper.effective(fit.u[None])).values()
+    told = [
+        unknown.choices[int(value[0])] if unknown.choices else float(value[0])
+        for unknown, value in zip(paper.unknowns, found, strict=True)
+    ]
+    flown, misfit = zip(*fit.history, strict=True)
+    before = int(np.searchsorted(flown, 0.75 * flown[-1], side="right")) - 1
     return {
         "settings": told,
+        "numbers": len(paper.numbers),
         "within_two": float(np.mean(np.abs(fit.residual) <= 2)),
         "beyond_four": len(far),
         "furthest": far[:12],
-        "flown": fit.flown,
+        "distance": float(distance(fit.residual).sum()),
+        "honest": [float(each) for each in np.quantile(honest.sum(axis=1), (0.5, 0.95))],
+        "flown": flown[-1],
+        "misfit": [misfit[0], misfit[before], misfit[-1]],
     }

@@ -14,7 +14,7 @@ from relnav_sim.dynamics.clohessy_wiltshire import cw_transition
 from replication.inverse.bank import Bank, WithoutTables
 from replication.inverse.claims import Quantity, judged
 from replication.inverse.each_run import DynamicsOfEachRun
-from replication.inverse.mf_upf_scenario import LATE_S, MEAN_MOTION, SETTLED_S, STEPS_S, flight, rms, sizes
+from replication.inverse.mf_upf_scenario import LATE_S, MEAN_MOTION, STEADY_S, STEPS_S, flight, rms, sizes
 from replication.inverse.mf_upf_scenario import UNKNOWNS as SCENARIO
 from replication.inverse.pairs import claims_together
 from replication.inverse.prior import Unknown, choice, values
@@ -27,9 +27,9 @@ Q_DIAGONAL = np.array([1e-9] * 3 + [1e-6] * 3)
 UNKNOWNS: tuple[Unknown, ...] = (
     *SCENARIO,
     Unknown("particles", "", "the number of particles", choice((1, 1, 1, 1)), choices=tuple(map(str, PARTICLES))),
-    Unknown("resampling", "", "resampled", choice((1, 1)), choices=("at each reading", "when half are effective")),
+    Unknown("resampling", "", "resampled", choice((1, 1)), choices=("at each measurement", "when half are effective")),
     Unknown("roughening", "", "resampled particles", choice((2, 1)), choices=("as they are", "roughened")),
-    Unknown("q_reading", "", "Q", choice((2, 1)), choices=("for a step", "for a second")),
+    Unknown("q_interpretation", "", "Q", choice((2, 1)), choices=("for a step", "for a second")),
 )
 OUTCOMES = (
     ("largest r from 4000 s", "m"),
@@ -72,7 +72,7 @@ def _flown_together(setting: Mapping[str, Array], rows: Indices, seeds: Sequence
     first = {name: int(value[rows[0]]) for name, value in setting.items()}
     h = STEPS_S[first["step"]]
     flown = flight(setting, rows, seeds)
-    scale = np.where(setting["q_reading"][rows] == 1, h, 1.0)
+    scale = np.where(setting["q_interpretation"][rows] == 1, h, 1.0)
     motion = DynamicsOfEachRun([LinearDynamics(cw_transition(MEAN_MOTION, h), k * np.diag(Q_DIAGONAL)) for k in scale])
     filter = create_filter(
         "particle",
@@ -87,9 +87,9 @@ def _flown_together(setting: Mapping[str, Array], rows: Indices, seeds: Sequence
         warnings.simplefilter("ignore", RuntimeWarning)  # runs that fail have no estimate
         mean = run_filter(filter, flown.z, flown.m0, flown.P0, seed=int(seeds[0][0]), runs=numbered, step_s=h).mean
     r, v = sizes(flown, mean)
-    late, settled = flown.times_s > LATE_S, flown.times_s > SETTLED_S
-    early = settled & (flown.times_s <= 2 * SETTLED_S)
-    found = [r[:, late].max(axis=1), rms(r, late), rms(r, early), rms(r, settled), rms(v, late), rms(v, early)]
+    late, steady = flown.times_s > LATE_S, flown.times_s > STEADY_S
+    early = steady & (flown.times_s <= 2 * STEADY_S)
+    found = [r[:, late].max(axis=1), rms(r, late), rms(r, early), rms(r, steady), rms(v, late), rms(v, early)]
     return np.stack(found, axis=1)
 
 
@@ -100,11 +100,11 @@ def holds(found: Array) -> dict[str, Mask]:
     of 1000 to 2000 s. B4: the same of the RMS velocity error and 0.01 m/s. B6: the RMS position error is 1 m within a
     factor of two.
     """
-    largest, late, early, settled, late_v, early_v = found.T
+    largest, late, early, steady, late_v, early_v = found.T
     return {
         "B3": (largest >= 2.5) & (largest <= 10) & (late >= early / 2),
         "B4": (late_v >= 0.005) & (late_v <= 0.02) & (late_v >= early_v / 2),
-        "B6": (settled >= 0.5) & (settled <= 2),
+        "B6": (steady >= 0.5) & (steady <= 2),
     }
 
 

@@ -1,4 +1,4 @@
-"""What Wei, Song and Zhang (2012) state of orbits and radar: truth, readings, and how errors are summed up.
+"""What Wei, Song and Zhang (2012) state of orbits and radar: truth, measurements, and how errors are summed up.
 
 The radar is on the chief, and its elevation is the angle across the orbit plane; seen from the deputy the errors are
 the same.
@@ -18,7 +18,7 @@ from relnav_sim.astro.orbits import Elements, state_from_elements
 from replication.inverse.each_run import RadarOfEachRun
 from replication.inverse.prior import Unknown, choice, log_uniform, or_else
 
-DURATION_S, SETTLED_S, LATE_S = 6000.0, 1000.0, 4000.0
+DURATION_S, STEADY_S, LATE_S = 6000.0, 1000.0, 4000.0
 SIGMAS = np.array([0.1, *[np.radians(0.05)] * 2]) / 3
 STEPS_S = (2.0, 5.0, 10.0, 20.0)
 START = (300.0, -371.055, -400.0, -0.2, -0.646805, 0.1)
@@ -27,7 +27,9 @@ MEAN_MOTION = float(np.sqrt(MU_M3_S2 / 7e6**3))
 FORCE = ForceModel(MU_M3_S2, RADIUS_M, atmosphere=ExponentialAtmosphere(600e3, 1.454e-13, 71_835.0))
 
 UNKNOWNS = (
-    Unknown("step", "", "the time between readings", choice((1, 1, 1, 1)), choices=tuple(f"{h:g} s" for h in STEPS_S)),
+    Unknown(
+        "step", "", "the time between measurements", choice((1, 1, 1, 1)), choices=tuple(f"{h:g} s" for h in STEPS_S)
+    ),
     Unknown("told_sigma", "", "the radar's sigma told over the true one", or_else(0.4, 1.0, log_uniform(1, 300)), True),
     Unknown("start_position_m", "m", "the start error of each position", log_uniform(0.01, 100), True),
     Unknown("start_velocity_m_s", "m/s", "the start error of each velocity", log_uniform(1e-4, 0.5), True),
@@ -37,12 +39,12 @@ UNKNOWNS = (
 
 @dataclass(frozen=True)
 class Flight:
-    """What the filters of some settings with the same time between readings are given.
+    """What the filters of some settings with the same time between measurements are given.
 
     Attributes:
         times_s: Epochs, (K,).
         truth: States at the start and at the epochs, (n, K + 1, 6), RTN, m and m/s.
-        z: Readings, (n, K, 3).
+        z: Measurements, (n, K, 3).
         radar: What the filters are told of them.
         m0: First means, (n, 6).
         P0: First covariances, (n, 6, 6).

@@ -1,7 +1,7 @@
 """The error of linear Kalman filters on position fixes, without their states: estimate less truth, epoch by epoch.
 
 A filter's gain does not depend on what it reads, and its error e follows e- = F e - d, e+ = e- + K (w - H e-), where d
-is what its dynamics leave out of the truth in a step and w the reading's error (Jazwinski, Stochastic Processes and
+is what its dynamics leave out of the truth in a step and w the measurement's error (Jazwinski, Stochastic Processes and
 Filtering Theory, 1970, section 7.8). Some flops are saved where Clohessy-Wiltshire's F has zeros.
 """
 
@@ -30,7 +30,7 @@ def markov(decays: Array, normals: Array, sigmas: Array) -> Array:
 
 @kernel(
     given(3), given(3), given(2), given(1, integer), given(2), given(3), given(3), given(4), given(2), given(2),
-    given(2), written(4),
+    given(2), written(4), written(2),
 )  # fmt: skip
 def errors(
     F: Array,
@@ -45,23 +45,25 @@ def errors(
     P0: Array,
     e0: Array,
     out: Array,
+    formal: Array,
 ) -> None:
-    """Write the errors of several filters over the same readings.
+    """Write the errors of several filters over the same measurements.
 
     Args:
         F: Transition matrices of Clohessy-Wiltshire for each kind of step, (S, 6, 6).
         Q: Process noise of each kind of step for a white acceleration of density 1, (S, 6, 6).
-        spans: Length of each kind of step, s, and how many readings it stands for, (S, 2).
+        spans: Length of each kind of step, s, and how many measurements it stands for, (S, 2).
         kinds: Kind of each step, (K,).
         d: True state less the one that F makes of the true one before, (K, 6).
-        R: Covariance of a step's reading as the filters are told, (K, 3, 3).
-        w: Errors of the readings, (runs, K, 3).
+        R: Covariance of a step's measurement as the filters are told, (K, 3, 3).
+        w: Errors of the measurements, (runs, K, 3).
         g: Normal numbers of sampled means, (filters or 1, runs, K, 6).
         columns: Of each filter: density of the acceleration, m^2/s^3; of a white velocity, m^2/s; factor of R; number
-            of samples of a reading, 0 for none drawn; (filters, 4).
+            of samples of a measurement, 0 for none drawn; (filters, 4).
         P0: First covariance, (6, 6).
         e0: First errors, (runs, 6).
         out: Errors after each step, (filters, runs, K, 6).
+        formal: Formal standard deviation of the position after each step, (filters, K), m.
     """
     runs, steps = w.shape[0], w.shape[1]
     P, A, K, S, e = np.empty((6, 6)), np.empty((6, 6)), np.empty((6, 3)), np.empty((3, 3)), np.empty(6)
@@ -110,6 +112,7 @@ def errors(
                 P[i, i] = A[i, i]
                 for j in range(i):
                     P[i, j] = P[j, i] = 0.5 * (A[i, j] + A[j, i])
+            formal[c, k] = np.sqrt(P[0, 0] + P[1, 1] + P[2, 2])
             if samples > 0:  # a mean of samples is off by their scatter: Cholesky factor of P
                 for i in range(6):
                     for j in range(i + 1):

@@ -7,18 +7,22 @@ from typing import Any
 
 import numpy as np
 
+from relnav_sim.arrays import Array
 from replication.inverse.bank import Bank, Paper
 from replication.inverse.checks import PAPERS, coverage, power
-from replication.inverse.consistency import Consistency
+from replication.inverse.consistency import Consistency, columns_of
 from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.local import like_papers
 from replication.inverse.pairs import pulling
 from replication.inverse.prior import kinds
+from replication.inverse.refinement import nearest
 
 HELD_OUT = 0.09
 """Share of papers that nothing is learned from."""
 LEVEL = 0.90
+FURTHER, SCATTER_RUNS = 10_000, 20
+"""Papers of the bank that teach what a forgery is, and runs whose scatter is told beside it."""
 
 
 def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str], None]) -> dict[str, Any]:
@@ -43,7 +47,7 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
     alike, kind = alike[order], kinds(paper.unknowns, u[order])
     kept = len(alike) - max(int(HELD_OUT * len(alike)), 1)
     nearby = Consistency.learned(paper.numbers, features(paper, alike[:kept]), kind[:kept], bank.seed)
-    test = ForgeryTest.learned(paper.numbers, alike[:kept], bank.seed)
+    test = ForgeryTest.learned(paper.numbers, alike[:kept], _further(paper, bank, u), bank.seed)
     say(f"{paper.name}: pairs of numbers")
     seen, printed = features(paper, bank.numbers), features(paper, paper.printed[None])[0]
     pairs = pulling(paper.numbers, seen[:taught], printed, seen[held])
@@ -57,9 +61,32 @@ def studied(paper: Paper, bank: Bank, rounds: int, each: int, say: Callable[[str
         },
         "checks": {
             "coverage": covered,
-            "forged": power(test, alike[kept:]),
+            "forged": power(test, alike[kept:]) | {"scatter": column_scatter(paper, bank)},
         },
     }
+
+
+def _further(paper: Paper, bank: Bank, u: Array) -> Array:
+    """Return the numbers of the bank's next papers after the settings u (n, unknowns), (`FURTHER`, numbers)."""
+    found = {row.tobytes() for row in u}
+    order = nearest(paper, bank, paper.printed)
+    return bank.numbers[[row for row in order if bank.u[row].tobytes() not in found][:FURTHER]]
+
+
+def column_scatter(paper: Paper, bank: Bank) -> dict[str, float]:
+    """Return by which factor single runs of one setting scatter in the sizes of a column as a whole, column by column.
+
+    It is the median over the bank's `PAPERS` settings nearest to the printed numbers. A forgery by a smaller factor is
+    within what a run does by chance.
+    """
+    u = bank.u[nearest(paper, bank, paper.printed)[:PAPERS]]
+    size = np.abs(paper.flown(u, [[bank.seed, 9, row] for row in range(len(u))], SCATTER_RUNS))
+    sized = [place for place, number in enumerate(paper.numbers) if not number.signed]
+    scatter = {}
+    for name, places in columns_of(paper.numbers).items():
+        whole = np.log(size[:, :, np.intersect1d(places, sized)]).mean(axis=2)
+        scatter[name] = float(np.exp(np.median(whole.std(axis=1, ddof=1))))
+    return scatter
 
 
 def _inferred(paper: Paper, inference: Inference) -> list[dict[str, Any]]:

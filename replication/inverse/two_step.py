@@ -22,17 +22,17 @@ from replication.inverse.prior import Unknown, choice, log_uniform, uniform, val
 from replication.inverse.table import Number
 
 RUNS, EPOCHS = 8, 40
-SETTLED = EPOCHS * 2 // 3
+STEADY = EPOCHS * 2 // 3
 SEARCH = {"tolerance": 1e-3, "max_iterations": 8}
 """Of filters that iterate: a block waits for its slowest run. With 20 steps C1 and C2 hold in the same 250 settings."""
 CONVERGED = 3.0
-"""Times the settled error of an iterated EKF, which needs no start of a first-step state: a run below has converged."""
+"""Times the steady-state error of an iterated EKF, which has no first-step state: a run below has converged."""
 
 SLACKS = (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6)
 
 UNKNOWNS: tuple[Unknown, ...] = (
     Unknown("period_s", "s", "the chief's period", uniform(5400, 6600)),
-    Unknown("step_s", "s", "the time between readings", log_uniform(0.5, 20), True),
+    Unknown("step_s", "s", "the time between measurements", log_uniform(0.5, 20), True),
     Unknown("range_sigma_m", "m", "the range's standard deviation", log_uniform(0.01, 10), True),
     Unknown("angle_sigma_deg", "deg", "the angles' standard deviation", log_uniform(0.003, 0.3), True),
     Unknown("acceleration_psd", "m^2/s^3", "the process noise", log_uniform(1e-13, 1e-7), True),
@@ -53,7 +53,7 @@ MOTION = ("period_s", "step_s", "acceleration_psd")
 OUTCOMES = (
     "converged, unscented start",
     "converged, arbitrary start",
-    *(f"{span} error over the {other}'s" for other in ("ekf", "ukf") for span in ("whole", "settled")),
+    *(f"{span} error over the {other}'s" for other in ("ekf", "ukf") for span in ("whole", "steady-state")),
 )
 FILTERS: Mapping[str, Mapping[str, object]] = {
     "unscented": {"name": "two_step", "start": "unscented", **SEARCH},
@@ -77,18 +77,18 @@ class TwoStep(WithoutTables):
         each = {name: np.repeat(value, RUNS) for name, value in setting.items()}
         normals = np.concatenate([_normals(seed) for seed in seeds])
         whole: dict[str, Array] = {}
-        settled: dict[str, Array] = {}
+        steady: dict[str, Array] = {}
         for name, rows, mean, truth in _flights(each, normals):
             square = np.nan_to_num(((mean - truth)[:, :, :3] ** 2).sum(axis=2), nan=1e12)
-            for errors, part in ((whole, square), (settled, square[:, SETTLED:])):
+            for errors, part in ((whole, square), (steady, square[:, STEADY:])):
                 errors.setdefault(name, np.empty(len(normals)))[rows] = np.sqrt(part.mean(axis=1))
-        whole, settled = ({name: e.reshape(-1, RUNS) for name, e in errors.items()} for errors in (whole, settled))
-        limit = CONVERGED * np.median(settled["iekf"], axis=1)[:, None]
-        shares = [(settled[name] <= limit).mean(axis=1) for name in ("unscented", "arbitrary")]
+        whole, steady = ({name: e.reshape(-1, RUNS) for name, e in errors.items()} for errors in (whole, steady))
+        limit = CONVERGED * np.median(steady["iekf"], axis=1)[:, None]
+        shares = [(steady[name] <= limit).mean(axis=1) for name in ("unscented", "arbitrary")]
         ratios = [
             np.median(errors["unscented"] / errors[other], axis=1)
             for other in ("ekf", "ukf")
-            for errors in (whole, settled)
+            for errors in (whole, steady)
         ]
         return np.stack([*shares, *ratios], axis=1)[:, None]
 
@@ -100,7 +100,7 @@ def _flights(each: Mapping[str, Array], normals: Array) -> Iterator[tuple[str, I
 
     Args:
         each: Value of each unknown in each run.
-        normals: Normal numbers of starts and readings, (runs, 6 + 3 EPOCHS).
+        normals: Normal numbers of starts and measurements, (runs, 6 + 3 EPOCHS).
     """
     every = np.arange(len(normals))
     for name, options in FILTERS.items():
@@ -154,10 +154,10 @@ def _start(each: Mapping[str, Array]) -> Array:
 
 def holds(found: Array) -> dict[str, Mask]:
     """Return in which settings, by their outcomes (n, outcomes), each claim holds."""
-    unscented, arbitrary, whole_ekf, settled_ekf, whole_ukf, settled_ukf = found.T
+    unscented, arbitrary, whole_ekf, steady_ekf, whole_ukf, steady_ukf = found.T
     return {
         "C1": (unscented >= 0.9) & (unscented - arbitrary >= 0.5),
-        "C2": (whole_ekf < 1) & (whole_ukf < 1) & (settled_ekf <= 1.05) & (settled_ukf <= 1.05),
+        "C2": (whole_ekf < 1) & (whole_ukf < 1) & (steady_ekf <= 1.05) & (steady_ukf <= 1.05),
     }
 
 

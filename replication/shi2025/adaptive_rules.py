@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from replication.rules import Interpretation, Part, Rule
-from replication.shi2025.rules import ALPHAS, BEST_ALPHAS, R_MEAN, RULES, V_MEAN, role_of
+from replication.shi2025.interpretations import ALPHAS, BEST_ALPHAS, R_MEAN, V_MEAN, role_of
+from replication.shi2025.rules import RULES
 
 
 def _with_alpha(interpretation: Interpretation, name: str) -> Interpretation:

@@ -13,7 +13,7 @@ from replication.effects import percent_below
 from replication.evidence import number_of
 from replication.measured import Measured
 from replication.papers import papers
-from replication.shi2025.rules import ALPHAS, R_MEAN, TUNED_GAUSSIAN, TUNED_MIXTURE, V_MEAN
+from replication.shi2025.interpretations import ALPHAS, R_MEAN, TUNED_GAUSSIAN, TUNED_MIXTURE, V_MEAN
 from replication.shi2025.tables import figures
 from replication.summary import Experiment
 from replication.tuning_seeds import pooled

@@ -10,7 +10,7 @@ import numpy as np
 from replication import figure_drawing as drawing
 from replication.measured import Measured
 from replication.papers import papers
-from replication.shi2025.rules import ALPHAS
+from replication.shi2025.interpretations import ALPHAS
 from replication.shi2025.tables import figures, mean_over_runs, place
 from replication.summary import Plot
 

@@ -21,7 +21,7 @@ from replication.papers import papers
 from replication.shi2025 import causes, sweep_causes
 from replication.shi2025.adaptive_rules import future_rules
 from replication.shi2025.figures import plots
-from replication.shi2025.rules import R_MEAN, V_MEAN
+from replication.shi2025.interpretations import R_MEAN, V_MEAN
 from replication.shi2025.tables import published_table, table_four
 from replication.summary import Experiment, PaperPart
 

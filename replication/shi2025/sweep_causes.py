@@ -11,7 +11,7 @@ from relnav_sim.statistics.verdicts import mean_of_runs
 from replication.evidence import number_of
 from replication.measured import Measured
 from replication.papers import papers
-from replication.shi2025.rules import ALPHAS
+from replication.shi2025.interpretations import ALPHAS
 from replication.shi2025.tables import figures
 from replication.summary import Experiment
 from replication.tuning_seeds import pooled

@@ -17,7 +17,7 @@ from relnav_sim.statistics.verdicts import mean_of_runs
 from replication.evidence import number_of
 from replication.measured import Measured
 from replication.papers import papers
-from replication.shi2025.rules import TUNED_GAUSSIAN, TUNED_MIXTURE
+from replication.shi2025.interpretations import TUNED_GAUSSIAN, TUNED_MIXTURE
 from replication.tuning_seeds import pooled
 
 QUANTITIES = ("x", "y", "z", "r", "vx", "vy", "vz", "v")

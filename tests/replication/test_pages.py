@@ -111,13 +111,13 @@ def test_the_page_of_evidence():
 def test_findings_of_the_inference_are_shown():
     summary = small_summary(findings=FINDINGS)
     page = markdown_page(summary)
-    assert "possible only if e &gt; 0.01 (2 % of settings \\[1, 4\\])" in page
+    assert "possible only if e &gt; 0.01 (2 % \\[1, 4\\])" in page
     assert "“the same R and Q”: no setting satisfies it (p = 0.0001)." in page
     assert "20000 (Shi et al. 2025)" in page and "(replication-settings.md)" in page
     assert "mostly where" not in page
     assert possible(FINDINGS, "B1") == ""
     anywhere = {"claims": {"B1": {"probability": 0.5, "interval": [0.4, 0.6], "sentence": "possible", "choices": []}}}
-    assert possible({"mf_upf": anywhere}, "B1") == "in 50 % of settings [40, 60]"
+    assert possible({"mf_upf": anywhere}, "B1") == "50 % of settings [40, 60]"
 
 
 def test_findings_may_be_missing_or_damaged(tmp_path):

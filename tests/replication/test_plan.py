@@ -13,7 +13,7 @@ from replication.kept import COLUMNS, CURVES
 from replication.measured import case_with
 from replication.plan import PLAN, TRIAL_RUNS, Planned, complete_in_full, of_size, planned_campaign
 from replication.shi2025.adaptive_rules import future_rules
-from replication.shi2025.rules import ALPHAS, TUNED_GAUSSIAN, TUNED_MIXTURE
+from replication.shi2025.interpretations import ALPHAS, TUNED_GAUSSIAN, TUNED_MIXTURE
 
 CAMPAIGNS = Path(__file__).parents[2] / "campaigns"
 NAMES = {planned.name for planned in PLAN}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -19,6 +19,8 @@ class Linear:
 
     name = "linear"
     block = 100
+    outcomes: Sequence[str] = ()
+    tables: Mapping[str, Linear] = {}
     unknowns: Sequence[Unknown] = (
         Unknown("a", "m", "first", uniform(0, 10)),
         Unknown("b", "m", "second", uniform(0, 10)),
@@ -43,6 +45,10 @@ class Linear:
         clean = np.stack([u[:, 0], u[:, 0], u[:, 0], u[:, 1], u[:, 1], u[:, 0]], axis=1) + 3.0 * (u[:, 2:] >= 0.5)
         noise = np.stack([np.random.default_rng(list(seed)).normal(0, SIGMA, (runs, 6)) for seed in seeds])
         return clean[:, None] + noise
+
+    def banked(self, u: Array, seeds: Sequence[Sequence[int]]) -> Array:
+        """Return the numbers of one run."""
+        return self.flown(u, seeds, 1)[:, 0]
 
 
 @pytest.fixture

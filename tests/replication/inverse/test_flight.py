@@ -9,7 +9,7 @@ from replication.inverse import alpha_kf_flight as flight
 from replication.inverse import alpha_kf_truth as truth
 from replication.inverse import recursion
 from replication.inverse.alpha_kf_numbers import NUMBERS, numbers
-from replication.inverse.alpha_kf_unknowns import UNKNOWNS
+from replication.inverse.alpha_kf_unknowns import COLUMNS, UNKNOWNS
 from replication.inverse.prior import values
 
 PLACE = {number.name: place for place, number in enumerate(NUMBERS)}
@@ -47,12 +47,13 @@ def test_errors_are_those_of_relnavs_filter_on_the_same_readings(position_noise:
     told = LinearDynamics(F, q * Q + position_noise * h * np.diag([1.0, 1, 1, 0, 0, 0]))
     kalman = create_filter("kf", told, LinearMeasurement(np.eye(3, 6), R))
     history = run_filter(kalman, states[None, :, :3] + w, x[0] + e0, P0, step_s=h)
-    out = np.empty((1, 1, steps, 6))
+    out, formal = np.empty((1, 1, steps, 6)), np.empty((1, steps))
     spans, kinds = np.array([[h, 1.0]]), np.zeros(steps, dtype=np.int64)
     half = np.broadcast_to(R / 2, (steps, 3, 3)).copy()
     columns = np.array([[q, position_noise, 2.0, 0.0]])
-    recursion.errors(F[None], Q[None], spans, kinds, d, half, w, np.zeros((1, 1, 1, 6)), columns, P0, e0, out)
+    recursion.errors(F[None], Q[None], spans, kinds, d, half, w, np.zeros((1, 1, 1, 6)), columns, P0, e0, out, formal)
     np.testing.assert_allclose(out[0, 0], history.mean[0] - states, atol=1e-8, rtol=0)
+    np.testing.assert_allclose(formal[0], np.sqrt(history.covariance[0].diagonal(axis1=1, axis2=2)[:, :3].sum(axis=1)))
 
 
 def test_steps_with_the_left_out_acceleration_meet_the_propagated_truth() -> None:
@@ -111,7 +112,7 @@ def test_scatter_of_drawn_samples_is_the_closed_form() -> None:
     moved = _motion(setting)
     arguments = moved.mean_motion_rad_s[0], moved.nodes[0], moved.left_out[0]
     drawn, plain = (
-        flight.flights(setting | {"draws": draws}, *arguments, np.random.default_rng(5), 30)[2][2][:, 800:, :3]
+        flight.flights(setting | {"draws": draws}, *arguments, np.random.default_rng(5), 30)[2].errors[2][:, 800:, :3]
         for draws in (0.0, 1.0)
     )
     added = np.sqrt(np.mean((drawn - plain) ** 2) * 3)
@@ -121,7 +122,7 @@ def test_scatter_of_drawn_samples_is_the_closed_form() -> None:
 def test_shared_process_noise_is_one() -> None:
     u = np.random.default_rng(2).random((1, len(UNKNOWNS)))
     setting = {name: float(value[0]) for name, value in values(UNKNOWNS, u).items()}
-    one = {flight.process_noise(setting | {"sharing": 0.0}, column) for column in flight.COLUMNS}
-    three = {flight.process_noise(setting | {"sharing": 1.0}, column) for column in flight.COLUMNS}
-    seven = {flight.process_noise(setting | {"sharing": 2.0}, column) for column in flight.COLUMNS}
+    one = {flight.process_noise(setting | {"sharing": 0.0}, column) for column in COLUMNS}
+    three = {flight.process_noise(setting | {"sharing": 1.0}, column) for column in COLUMNS}
+    seven = {flight.process_noise(setting | {"sharing": 2.0}, column) for column in COLUMNS}
     assert [len(one), len(three), len(seven)] == [1, 3, 7]

@@ -57,7 +57,7 @@ def test_what_clohessy_wiltshire_leaves_over_is_learned_best() -> None:
     u = _settings(2, step=0.99, lengths=0.9, standardised=0.9, calibrated=0.9, start_position_m=0.5, added_psd=0.7)
     u[1, PLACE["target"]] = 0.9
     setting = values(mf_upf_learned.UNKNOWNS, u)
-    absolute, residual = (mf_upf_learned.learned_outcomes(setting, row, [[1, 0]] * 2) for row in range(2))
+    absolute, residual = mf_upf_learned.learned_outcomes(setting, [[1, 0], [1, 1]])
     assert residual[0] < absolute[0]
     assert residual[0] < 0.5
     assert absolute[2] < 100

@@ -26,7 +26,7 @@ def test_the_start_decides_where_the_prior_is_wide_and_nothing_where_it_is_not()
     assert (outcome["converged, unscented start"] == 1).all()
     assert (outcome["converged, arbitrary start"][:2] == 1).all()
     assert (outcome["converged, arbitrary start"][2:] < 0.6).all()
-    np.testing.assert_allclose(outcome["settled error over the ekf's"][:2], 1, atol=0.02)
+    np.testing.assert_allclose(outcome["steady-state error over the ekf's"][:2], 1, atol=0.02)
     assert (outcome["whole error over the ekf's"][2:] < 0.5).all()
     assert holds(found)["C1"].tolist() == [False, False, True, True]
 
