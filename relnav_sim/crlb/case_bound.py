@@ -209,7 +209,7 @@ class _Ensemble:
         """Return the information of some sensors' measurements at some epochs (K,), (K, n, n)."""
         probability = {name: self.probability[name][:, epochs] for name in sensors}
         frames = {name: covariance[epochs] for name, covariance in self.frames.items()}
-        return joint_information(sensors, self.relative[:, epochs], probability, extra, frames)
+        return joint_information(sensors, self.relative[:, epochs], probability, epochs, extra, frames)
 
 
 def _ensemble(config: CaseConfig, seed: int) -> _Ensemble:

@@ -125,7 +125,7 @@ def _observability(entry: FilterEntry, looked: _Looked) -> Observability | None:
     names = tuple(relative_sensors(config.sensors, entry.sensors))
     along = states[None, :, :6]
     sensors = {name: SensorInformation(name, config, along, mixture=False) for name in names}
-    information = joint_information(sensors, along, looked.chances, extra)[1:]
+    information = joint_information(sensors, along, looked.chances, np.arange(len(states)), extra)[1:]
     # Where a channel does not exist, as the azimuth on its axis, nothing is told.
     information = np.where(np.isfinite(information).all(axis=(1, 2), keepdims=True), information, 0.0)
     behind = () if extra is None else extra.names
@@ -201,7 +201,8 @@ def _prior(looked: _Looked, extra: Extension | None) -> Array | None:
         if not looked.fix[name].all():
             return None
         state = looked.start[None, None]
-        fix = SensorInformation(name, looked.config, state, mixture=False).at(state, looked.fix[name], extra)[0]
+        sensor = SensorInformation(name, looked.config, state, mixture=False)
+        fix = sensor.at(state, looked.fix[name], np.zeros(1, dtype=np.int64), extra)[0]
     P = start_covariance(start, fix, extra)
     separation = np.linalg.norm(looked.start[:3])
     turned = nominal_chief(looked.config.truth).mean_motion_rad_s * separation

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from relnav_sim.arrays import Array
+from relnav_sim.arrays import Array, Integers
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.crlb.fisher import ReadingInformation
 from relnav_sim.crlb.host_frames import in_frame
@@ -16,7 +16,7 @@ from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.front_end import Frame
 from relnav_sim.sensors.interface import AssumedNoise
 from relnav_sim.simulation.augmented_states import augmented_measurement
-from relnav_sim.truth import nominal_chief
+from relnav_sim.simulation.host_orbits import believed_orbit
 
 NoiseInformation = Callable[[Array], Array]
 
@@ -45,6 +45,8 @@ class SensorInformation:
         self._name, self._config, self._frame = name, config, frame
         options = relative_sensors(config.sensors)[name]
         self._form = form_taken(options, "spherical")
+        # In the deputy's frame the chief is seen from where it is on its orbit.
+        self._by_epoch = options.host == "deputy" and believed_orbit(config).eccentricity > 0
         self._model = self._told("nominal" if mixture else "total")
         needs_direction = options.needs_direction()
         directed, alone = ([i for i, need in enumerate(needs_direction) if need is wanted] for wanted in (True, False))
@@ -54,18 +56,24 @@ class SensorInformation:
         self._part = self._noise_information(states, alone, [], mixture) if alone and directed else None
 
     def at(
-        self, states: Array, probability: Array, extra: Extension | None = None, frame: Array | None = None
+        self,
+        states: Array,
+        probability: Array,
+        epochs: Integers,
+        extra: Extension | None = None,
+        frame: Array | None = None,
     ) -> Array:
         """Return the information of the measurements at some epochs, (K, n, n); 0 where no trajectory goes on.
 
         Args:
             states: Relative states (b, K, 6).
             probability: Of each channel, (b, K, m); NaN where a trajectory has ended.
+            epochs: The epochs (K,).
             extra: States behind the six that measurements depend on too; they count as 0.
             frame: Covariance (K, 6, 6) of the error of the host's orbit frame; None: it is in the noise already.
         """
         flat = states.reshape(-1, 6)
-        H, noise = self._jacobian(flat, extra), self._whole(flat)
+        H, noise = self._jacobians(states, epochs, extra), self._whole(flat)
         if frame is not None:
             each = np.broadcast_to(frame, (len(states), *frame.shape)).reshape(-1, 6, 6)
             noise = in_frame(noise, H, flat, each)
@@ -78,20 +86,28 @@ class SensorInformation:
         going = np.maximum((~np.isnan(whole)).sum(axis=0), 1)
         return np.asarray(total / going[:, None, None])
 
-    def _jacobian(self, states: Array, extra: Extension | None) -> Array:
-        """Return H (N, m, n) at states (N, 6)."""
+    def _jacobians(self, states: Array, epochs: Integers, extra: Extension | None) -> Array:
+        """Return H (b K, m, n) at states (b, K, 6)."""
+        if not self._by_epoch:
+            return self._jacobian(states.reshape(-1, 6), 0, extra)
+        each = [self._jacobian(states[:, k], epoch, extra) for k, epoch in enumerate(epochs.tolist())]
+        H = np.stack(each, axis=1)
+        return H.reshape(-1, *H.shape[-2:])
+
+    def _jacobian(self, states: Array, epoch: int, extra: Extension | None) -> Array:
+        """Return H (N, m, n) at states (N, 6) of an epoch."""
         if extra is None:
-            H = self._model.jacobian(states, 0)
+            H = self._model.jacobian(states, epoch)
         else:
             whole = np.concatenate([states, np.zeros((len(states), len(extra.names)))], axis=1)
             model = augmented_measurement(extra, self._name, self._model, self._config, self._form)
-            H = model.jacobian(whole, 0)
+            H = model.jacobian(whole, epoch)
         return np.broadcast_to(H, (len(states), *H.shape[-2:]))
 
     def _told(self, assumed: AssumedNoise, perfect_attitude: bool = False) -> Measurement:
         """Return the sensor as a filter is told of it, spherical where it can be, without its latency."""
         sensors = relative_sensors(self._config.sensors) if perfect_attitude else self._config.sensors
-        orbit, step_s = nominal_chief(self._config.truth), self._config.clock.step_s
+        orbit, step_s = believed_orbit(self._config), self._config.clock.step_s
         return sensor_measurement(
             self._name, sensors, orbit, step_s, self._form, assumed, assumed_latency="none", frame=self._frame
         )
@@ -100,6 +116,8 @@ class SensorInformation:
         self, states: Array, channels: list[int], directed: list[int], mixture: bool
     ) -> NoiseInformation:
         """Return what gives the Fisher information (N, c, c) that noise leaves about some of the channels.
+
+        The noise is taken as at epoch 0: where the chief is on its orbit moves it by separation over orbit radius.
 
         Args:
             states: Where measurements will be taken, (b, T, 6).
@@ -153,6 +171,7 @@ def joint_information(
     sensors: Mapping[str, SensorInformation],
     states: Array,
     probability: Mapping[str, Array],
+    epochs: Integers,
     extra: Extension | None = None,
     frames: Mapping[str, Array] | None = None,
 ) -> Array:
@@ -162,11 +181,12 @@ def joint_information(
         sensors: The sensors by name, one or more.
         states: Relative states (b, K, 6).
         probability: By sensor, of each of its channels, (b, K, m).
+        epochs: The epochs (K,).
         extra: States behind the six.
         frames: By sensor, the covariance (K, 6, 6) of its frame's error where `at` is told of it.
     """
     told = frames or {}
-    each = [sensor.at(states, probability[name], extra, told.get(name)) for name, sensor in sensors.items()]
+    each = [sensor.at(states, probability[name], epochs, extra, told.get(name)) for name, sensor in sensors.items()]
     return each[0] if len(each) == 1 else np.asarray(sum(each))
 
 

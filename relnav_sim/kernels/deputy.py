@@ -1,7 +1,8 @@
 """Where the chief stands in the deputy's own orbit frame, at many states (see `measurements.seen_from_deputy`).
 
-With the chief on a circle of radius R at the rate n, d = (R + x, y, z), w = (vx - n y, vy + n (R + x), vz) and
-h = d x w give the deputy's axes e_R = d / |d|, e_N = h / |h|, e_T = e_N x e_R, and the sight c = -(e_R, e_T, e_N) . r.
+With the chief at the radius R, its radial velocity R' (climb) and angular rate n, d = (R + x, y, z),
+w = (R' + vx - n y, vy + n (R + x), vz) and h = d x w give the deputy's axes e_R = d / |d|, e_N = h / |h|,
+e_T = e_N x e_R, and the sight c = -(e_R, e_T, e_N) . r.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from relnav_sim.kernels.compiling import given, inner, kernel, number
 from relnav_sim.kernels.lanes import LANES, load_vectors, store, store_vectors
 
 
-@kernel(given(2), number, number)
-def chief_seen(states: Array, R: float, n: float) -> Array:
+@kernel(given(2), number, number, number)
+def chief_seen(states: Array, R: float, climb: float, n: float) -> Array:
     """Return c (points, 3), m, of states (points, 6 or more)."""
     points = len(states)
     seen = np.empty((points, 3))
@@ -25,13 +26,13 @@ def chief_seen(states: Array, R: float, n: float) -> Array:
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
         load_vectors(states, first, used, x)
-        _see(x, R, n, used, c, axes, sizes)
+        _see(x, R, climb, n, used, c, axes, sizes)
         store_vectors(c, first, used, seen)
     return seen
 
 
-@kernel(given(2), number, number)
-def chief_seen_with_jacobian(states: Array, R: float, n: float) -> tuple[Array, Array]:
+@kernel(given(2), number, number, number)
+def chief_seen_with_jacobian(states: Array, R: float, climb: float, n: float) -> tuple[Array, Array]:
     """Return `chief_seen` and its derivatives by the first six states, (points, 3, 6).
 
     A change of d and w, in the deputy's axes, turns these by phi = ((|d| w_N - w_R d_N) / |h|, -d_N / |d|, d_T / |d|);
@@ -46,7 +47,7 @@ def chief_seen_with_jacobian(states: Array, R: float, n: float) -> tuple[Array, 
     for first in range(0, points, LANES):
         used = min(LANES, points - first)
         load_vectors(states, first, used, x)
-        _see(x, R, n, used, c, axes, sizes)
+        _see(x, R, climb, n, used, c, axes, sizes)
         for b in range(used):
             tilt[b] = sizes[0, b] / sizes[1, b]
             for i in range(3):
@@ -68,11 +69,11 @@ def chief_seen_with_jacobian(states: Array, R: float, n: float) -> tuple[Array, 
 
 
 @inner
-def _see(x: Array, R: float, n: float, used: int, c: Array, axes: Array, sizes: Array) -> None:
+def _see(x: Array, R: float, climb: float, n: float, used: int, c: Array, axes: Array, sizes: Array) -> None:
     """Set c (3, LANES), the deputy's axes e_R, e_T, e_N (3, 3, LANES), and |d|, |h| and w . e_R (3, LANES)."""
     for b in range(used):
         d0, d1, d2 = R + x[0, b], x[1, b], x[2, b]
-        w0, w1, w2 = x[3, b] - n * d1, x[4, b] + n * d0, x[5, b]
+        w0, w1, w2 = climb + x[3, b] - n * d1, x[4, b] + n * d0, x[5, b]
         h0, h1, h2 = d1 * w2 - d2 * w1, d2 * w0 - d0 * w2, d0 * w1 - d1 * w0
         radius, momentum = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2), math.sqrt(h0 * h0 + h1 * h1 + h2 * h2)
         r0, r1, r2 = d0 / radius, d1 / radius, d2 / radius

@@ -114,6 +114,7 @@ def lidar(
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     host: Literal["chief", "deputy"] = "chief",
     chief_orbit: ChiefOrbit | None = None,
+    step_s: float | None = None,
 ) -> Measurement:
     """Return what a filter believes of a lidar or rangefinder: range, and with an angle sigma two angles.
 
@@ -126,10 +127,11 @@ def lidar(
         angle_sigma_deg: Noise of azimuth and of elevation, 1 sigma, deg; None: the range alone.
         mounting_deg: Yaw, pitch and roll from the host's LVLH frame to the lidar's frame, deg.
         host: Craft that carries it.
-        chief_orbit: The chief's orbit; a lidar with angles on the deputy needs it.
+        chief_orbit: The chief's orbit at epoch 0; a lidar with angles on the deputy needs it.
+        step_s: Time between epochs, s; a lidar with angles on the deputy of an elliptic orbit needs it.
 
     Raises:
-        ValueError: A sigma is not positive, or the orbit is missing.
+        ValueError: A sigma is not positive, or the orbit or the step is missing.
 
     Examples:
         >>> import numpy as np
@@ -149,7 +151,7 @@ def lidar(
         _check_positive(angle_sigma_deg=angle_sigma_deg)
         sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg] * 2)])
         noise = SightNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3)))
-        base = SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit)
+        base = SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit, step_s)
     return GrowingRangeNoise(base, 1e-3 * range_sigma_m_per_km / range_sigma_m) if range_sigma_m_per_km else base
 
 

@@ -67,10 +67,11 @@ class SphericalRadar(MeasurementDefaults):
         noise: What the filter is told about the noise.
         host: ``chief``: the deputy seen from the chief (Shi et al. 2025). ``deputy``: the chief seen from the
             deputy, in the deputy's own orbit frame (Wei, Song and Zhang 2012); needs `chief_orbit`.
-        chief_orbit: The chief's nominal orbit; taken as circular.
+        chief_orbit: The chief's nominal orbit, at epoch 0.
+        step_s: Time between epochs, s; not needed on a circular orbit.
 
     Raises:
-        ValueError: The host is the deputy and there is no chief orbit.
+        ValueError: The host is the deputy and there is no chief orbit, or an elliptic one and no step.
     """
 
     leaves_arguments_alone = True
@@ -83,8 +84,9 @@ class SphericalRadar(MeasurementDefaults):
         noise: SightNoise,
         host: Literal["chief", "deputy"] = "chief",
         chief_orbit: ChiefOrbit | None = None,
+        step_s: float | None = None,
     ) -> None:
-        self._sight = Sight(mounting, host, chief_orbit)
+        self._sight = Sight(mounting, host, chief_orbit, step_s)
         self._rotation = self._sight.sensor_from_rtn
         self.depends_on = self._sight.depends_on
         self._attitude = np.ascontiguousarray(noise.attitude)
@@ -95,16 +97,18 @@ class SphericalRadar(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return range, azimuth and elevation of states (runs, ..., n): (runs, ..., 3)."""
-        return kernels.sight.spherical(self._sight.positions(states), self._rotation).reshape(*states.shape[:-1], 3)
+        return kernels.sight.spherical(self._sight.positions(states, epoch), self._rotation).reshape(
+            *states.shape[:-1], 3
+        )
 
     def jacobian(self, states: Array, epoch: int) -> Array:
         """Return the derivatives with respect to states (runs, ..., n): (runs, ..., 3, n)."""
-        positions, by_state = self._sight.positions_with_jacobian(states)
+        positions, by_state = self._sight.positions_with_jacobian(states, epoch)
         return in_states(kernels.sight.jacobian(positions, self._rotation), by_state, states)
 
     def linearised(self, z: Array, mean: Array, epoch: int) -> tuple[Array, Array, Array]:
         """Return residual (runs, 3), Jacobian (runs, 3, n) and R at the means (runs, n), all at once."""
-        positions, by_state = self._sight.positions_with_jacobian(mean)
+        positions, by_state = self._sight.positions_with_jacobian(mean, epoch)
         nu, H, R = kernels.sight.linearised(
             np.ascontiguousarray(z), positions, self._rotation, self._attitude, self._variances
         )
@@ -128,24 +132,24 @@ class SphericalRadar(MeasurementDefaults):
 
     def noise(self, mean: Array, epoch: int) -> Array:
         """Return R at the predicted mean (runs, n): (3, 3) with perfect attitude, else (runs, 3, 3)."""
-        return self._covariance(mean, self._variances)
+        return self._covariance(mean, epoch, self._variances)
 
     def mixture(self, mean: Array, epoch: int) -> Mixture | None:
         """Return the joint components, (k, 3, 3) or (runs, k, 3, 3), where the filter is told of a mixture."""
         if not self._component_variances:
             return None
-        covariances = [self._covariance(mean, variances) for variances in self._component_variances]
+        covariances = [self._covariance(mean, epoch, variances) for variances in self._component_variances]
         return Mixture(self._weights, np.stack(covariances, axis=-3), shared=True)
 
-    def position(self, z: Array) -> Array:
+    def position(self, z: Array, epoch: int = 0) -> Array:
         """Return the relative position, RTN (..., 3) m, that measurements (..., 3) give; at rest where that matters."""
-        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
+        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]), epoch)
 
-    def _covariance(self, states: Array, variances: Array) -> Array:
+    def _covariance(self, states: Array, epoch: int, variances: Array) -> Array:
         """Return diag(variances) + G P G^T, (..., 3, 3), or (3, 3) with perfect attitude."""
         if not self._turns:
             return np.diag(variances)
-        R = kernels.sight.noise(self._sight.positions(states), self._rotation, self._attitude, variances)
+        R = kernels.sight.noise(self._sight.positions(states, epoch), self._rotation, self._attitude, variances)
         return R.reshape(*states.shape[:-1], 3, 3)
 
 
@@ -157,6 +161,7 @@ def radar(
     host: Literal["chief", "deputy"] = "chief",
     chief_orbit: ChiefOrbit | None = None,
     attitude_sigma_deg: float = 0.0,
+    step_s: float | None = None,
 ) -> SphericalRadar:
     """Return a radar's range, azimuth and elevation for `create_filter`; z = (m, rad, rad).
 
@@ -169,11 +174,12 @@ def radar(
         angle_sigma_deg: Standard deviation of azimuth and of elevation, deg (measurements are in rad).
         mounting_deg: Yaw, pitch and roll from the LVLH frame to the radar frame, deg, about z, the new y, the new x.
         host: Craft with the radar, which sees the other one.
-        chief_orbit: The chief's nominal orbit, needed with the radar on the deputy; taken as circular.
+        chief_orbit: The chief's nominal orbit at epoch 0, needed with the radar on the deputy.
         attitude_sigma_deg: Standard deviation of a white error of the host's attitude about each axis, deg.
+        step_s: Time between epochs, s, needed with the radar on the deputy of an elliptic orbit.
 
     Raises:
-        ValueError: A sigma is not positive (the attitude's: negative), or the chief's orbit is missing.
+        ValueError: A sigma is not positive (the attitude's: negative), or the chief's orbit or the step is missing.
 
     Examples:
         >>> import numpy as np
@@ -190,14 +196,14 @@ def radar(
     sigmas = np.array([range_sigma_m, *np.radians([angle_sigma_deg, angle_sigma_deg])])
     attitude = np.square(np.radians(attitude_sigma_deg)) * np.eye(3)
     noise = SightNoise(np.ones(1), sigmas[None], sigmas, attitude)
-    return SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit)
+    return SphericalRadar(mounting_matrix(*mounting_deg), noise, host, chief_orbit, step_s)
 
 
 class Locating(Measurement, Protocol):
     """A measurement model whose measurements give a position."""
 
-    def position(self, z: Array) -> Array:
-        """Return the relative position, RTN (..., 3) m, that measurements (..., 3) point at."""
+    def position(self, z: Array, epoch: int) -> Array:
+        """Return the relative position, RTN (..., 3) m, that measurements (..., 3) of an epoch point at."""
         ...
 
 
@@ -237,7 +243,7 @@ def first_fix(
         hint = "; for one measurement use z[None]" if readings.ndim == 1 else ""
         raise ValueError(f"z has shape {readings.shape}; it must be (runs, 3){hint}")
     state = np.zeros((len(readings), 6))
-    state[:, :3] = radar.position(readings)
+    state[:, :3] = radar.position(readings, epoch)
     H = radar.jacobian(state, epoch)[:, :, :3]
     J = np.asarray(np.linalg.inv(H), dtype=np.float64)
     return state[:, :3], J @ (noise or radar.noise)(state, epoch) @ transpose(J)

@@ -73,7 +73,7 @@ class TangentSight(MeasurementDefaults):
 
     def predict(self, states: Array, epoch: int) -> Array:
         """Return (range and) the angles from measurement to line of sight of states (runs, ..., n): (runs, ..., m)."""
-        positions = self._sight.positions(states)
+        positions = self._sight.positions(states, epoch)
         z = kernels.tangent.readings(positions, self._rotation, self._read(len(states), epoch), self._ranged)
         return z.reshape(*states.shape[:-1], self.dimension)
 
@@ -88,7 +88,7 @@ class TangentSight(MeasurementDefaults):
 
     def _predicted(self, states: Array, epoch: int) -> tuple[Array, Array]:
         """Return h, (points, m), and its derivatives, (runs, ..., m, n)."""
-        positions, by_state = self._sight.positions_with_jacobian(states)
+        positions, by_state = self._sight.positions_with_jacobian(states, epoch)
         centres = self._read(len(states), epoch)
         z, H = kernels.tangent.linearised(positions, self._rotation, centres, self._ranged)
         return z, in_states(H, by_state, states)
@@ -113,17 +113,17 @@ class TangentSight(MeasurementDefaults):
         first = states.reshape(len(states), -1, states.shape[-1])[:, 0]
         G = np.zeros((len(states), self.dimension, 3))
         G[:, self._angles] = kernels.tangent.by_turn(
-            self._sight.positions(first), self._rotation, self._read(len(states), epoch)
+            self._sight.positions(first, epoch), self._rotation, self._read(len(states), epoch)
         )
         return G.reshape(len(states), *[1] * (states.ndim - 2), self.dimension, 3)
 
-    def position(self, z: Array) -> Array:
+    def position(self, z: Array, epoch: int = 0) -> Array:
         """Return the relative position, RTN (..., 3) m, that range, azimuth and elevation (..., 3) point at."""
-        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]))
+        return self._sight.position(sight_vector(z[..., 0], z[..., 1], z[..., 2]), epoch)
 
     def _turned(self, mean: Array, epoch: int, attitude: Array, own: Array) -> Array:
         """Return covariances (k, m, m) and what the attitude's error adds to each, (runs, k, m, m)."""
-        positions, centres = self._sight.positions(mean), self._read(len(mean), epoch)
+        positions, centres = self._sight.positions(mean, epoch), self._read(len(mean), epoch)
         return kernels.tangent.noise(positions, self._rotation, centres, attitude, own)
 
     def _read(self, runs: int, epoch: int) -> Array:
@@ -140,6 +140,7 @@ def camera(
     mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     host: Literal["chief", "deputy"] = "chief",
     chief_orbit: ChiefOrbit | None = None,
+    step_s: float | None = None,
 ) -> TangentSight:
     """Return what a filter believes of a camera: the direction of the other craft, with no pole.
 
@@ -153,10 +154,11 @@ def camera(
         mounting_deg: Yaw, pitch and roll from the host's LVLH frame (x along-track, y minus orbit normal, z nadir) to
             the camera's frame, deg.
         host: Craft that carries it.
-        chief_orbit: The chief's nominal orbit; needed where the host is the deputy.
+        chief_orbit: The chief's nominal orbit at epoch 0; needed where the host is the deputy.
+        step_s: Time between epochs, s; needed where the host is the deputy of an elliptic orbit.
 
     Raises:
-        ValueError: A sigma that is not between 0 and 90 deg, or no chief orbit with the deputy as host.
+        ValueError: A sigma that is not between 0 and 90 deg, or no chief orbit or step with the deputy as host.
 
     Examples:
         The deputy ahead and above, seen along the camera's x axis:
@@ -174,5 +176,5 @@ def camera(
     if not 0 < angle_sigma_deg < 90:
         raise ValueError(f"angle_sigma_deg is {angle_sigma_deg:g}; it must be between 0 and 90")
     sigmas = np.full(2, np.radians(angle_sigma_deg))
-    sight = Sight(mounting_matrix(*mounting_deg), host, chief_orbit)
+    sight = Sight(mounting_matrix(*mounting_deg), host, chief_orbit, step_s)
     return TangentSight(sight, SightNoise(np.ones(1), sigmas[None], sigmas, np.zeros((3, 3))))

@@ -10,13 +10,13 @@ import numpy as np
 from relnav_sim.campaign.warnings import together
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import Span
+from relnav_sim.report.consistency import consistency_in_words, consistency_verdict, size_range
 from relnav_sim.report.cost import cost_in_words
 from relnav_sim.report.layouts import WORST_RUNS
-from relnav_sim.report.metrics import ANEES, diverged_note
+from relnav_sim.report.metrics import diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.results.case_names import case_in_words
 from relnav_sim.results.observability import not_observable
-from relnav_sim.statistics.intervals import Interval
 from relnav_sim.wording import between, counted, listed, short_labels, significant
 
 _MOST_CASES_IN_WORDS = 6
@@ -26,10 +26,6 @@ _RUNS_NAMED = 3
 _FAR_OFF = 1.5
 """Runs with a position RMS below this multiple of the median are not worth a look."""
 _FILTERS_NAMED = 4
-_SIGMA_MARGIN = 0.05
-"""A filter whose sigmas are right within 5 % is called consistent, however many runs could tell the difference."""
-_SIGMA_KNOWN = 0.25
-"""An interval of 1 that reaches farther than 25 % from right sigmas is too few runs, not consistency."""
 
 
 def summarise(rankings: Sequence[Ranking]) -> tuple[str, ...]:
@@ -233,54 +229,15 @@ def _limit(rankings: Sequence[Ranking]) -> list[str]:
 
 
 def _consistency(rankings: Sequence[Ranking]) -> list[str]:
-    """Return whether the errors match the covariances: sqrt(ANEES) is how many times too small a sigma is."""
-    said: dict[tuple[str, str], list[str]] = {}
+    """Return whether the errors of each filter match its covariances, by its verdicts in the cases."""
+    alike: dict[tuple[str, str], list[str]] = {}
     for name, parts in _per_filter(rankings):
-        intervals = [ANEES.value(item, span) for item, span in parts]
-        known = [found for found in intervals if math.isfinite(found.estimate) and found.estimate > 0]
-        if not known:
-            continue
-        factors = [math.sqrt(found.estimate) for found in known]
-        if all(map(_is_consistent, known)) and not all(map(_is_known_well, known)):
-            sizes = [math.sqrt(max(end, 0.0)) for found in known for end in (found.low, found.high)]
-            size = f"{significant(min(sizes), 2)} to {significant(max(sizes), 2)} times as large as"
-            words = (
-                f"may be consistent (its errors are {size} its formal sigma)",
-                f"may be consistent (errors {size} the formal sigma)",
-            )
-        elif all(map(_is_consistent, known)):
-            words = ("is consistent (ANEES near 1)", "are consistent (ANEES near 1)")
-        elif max(factors) < 1:
-            size = _factor([1 / factor for factor in factors])
-            words = (
-                f"is conservative: formal sigma {size} times the actual error",
-                f"are conservative: formal sigma {size} times the actual error",
-            )
-        else:
-            above = [factor for factor in factors if factor > 1 + _SIGMA_MARGIN] or factors
-            where = f" in {len(above)} of {len(factors)} cases" if len(above) < len(factors) else ""
-            size = _factor(above)
-            words = (
-                f"is overconfident{where}: actual error {size} times the formal sigma",
-                f"are overconfident{where}: actual error {size} times the formal sigma",
-            )
-        said.setdefault(words, []).append(name)
-    parts_said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in said.items()]
-    return [f"Consistency: {'; '.join(parts_said)}."] if parts_said else []
-
-
-def _is_consistent(anees: Interval) -> bool:
-    return anees.low <= 1 <= anees.high or abs(math.sqrt(anees.estimate) - 1) <= _SIGMA_MARGIN
-
-
-def _is_known_well(anees: Interval) -> bool:
-    """Return whether the interval of the ratio of true to formal sigma is narrow enough to speak of consistency."""
-    return anees.low >= (1 - _SIGMA_KNOWN) ** 2 and anees.high <= (1 + _SIGMA_KNOWN) ** 2
-
-
-def _factor(factors: Sequence[float], digits: int = 3) -> str:
-    low, high = (f"{size:.{digits}g}" if size < 10**digits else f"{size:.0f}" for size in (min(factors), max(factors)))
-    return low if low == high else f"{low} to {high}"
+        found = [one for item, span in parts if (one := consistency_verdict(item, span))]
+        if found:
+            words = consistency_in_words(found), consistency_in_words(found, several=True)
+            alike.setdefault(words, []).append(name)
+    said = [f"{listed(names)} {words[len(names) > 1]}" for words, names in alike.items()]
+    return [f"Consistency: {'; '.join(said)}."] if said else []
 
 
 def _convergence(rankings: Sequence[Ranking]) -> list[str]:
@@ -333,7 +290,7 @@ def _worth_a_look(rankings: Sequence[Ranking]) -> list[str]:
 
 
 def _stands_out(times: Sequence[float]) -> str:
-    return f"{_factor(times, 2)} times the median" if max(times) >= _FAR_OFF else "diverged"
+    return f"{size_range(times, 2)} times the median" if max(times) >= _FAR_OFF else "diverged"
 
 
 def _in_short(names: Sequence[str]) -> str:

@@ -141,8 +141,8 @@ class CameraOptions(SightSensorOptions):
         attitude = self.mounting @ context.attitude @ self.mounting.T
         noise = SightNoise(law.weights, deviations, nominal, attitude, context.assumed_noise)
         if self.form == "spherical":
-            return Selected(SphericalRadar(self.mounting, noise, self.host, context.orbit), (1, 2))
-        return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
+            return Selected(SphericalRadar(self.mounting, noise, self.host, context.orbit, context.step_s), (1, 2))
+        return TangentSight(Sight(self.mounting, self.host, context.orbit, context.step_s), noise)
 
     def distortion(self, shares: ErrorShares, form: Form) -> Distortion:
         """Return what biases of the angles, and a turn of the body, do to a measurement.

@@ -11,6 +11,7 @@ import numpy as np
 from relnav_sim.arrays import Array
 from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.astro.gravity import Gravity
+from relnav_sim.astro.nominal_motion import moved_on
 from relnav_sim.measurements.delayed import Delayed
 from relnav_sim.measurements.frame_error import FrameError
 from relnav_sim.measurements.interface import Measurement
@@ -112,7 +113,7 @@ def sensor_measurement(
     Args:
         name: The sensor's name.
         sensors: All sensors of the campaign.
-        orbit: The chief's nominal orbit.
+        orbit: The chief's nominal orbit, with the harmonics that count.
         step_s: Time between epochs, s.
         form: The form of the measurements; the sensor's usual one where it has no such form.
         assumed_noise: ``nominal``: the noise without its outliers; ``total``: its covariance, the default of campaigns;
@@ -134,9 +135,11 @@ def sensor_measurement(
         errors = attitude_covariance(sensors, orbit, options.host), orbit_frame_covariance(sensors, orbit, options.host)
     else:
         errors = body_covariance(sensors, options.host), np.zeros((6, 6))
-    context = MeasurementContext(orbit, errors[0], assumed_noise, form_taken(options, form), step_s, errors[1])
+    latency_s = 0.0 if assumed_latency == "none" else options.latency_s
+    # Only in the deputy's frame does it matter where the chief was when the measurement was taken.
+    taken_at = moved_on(orbit, -latency_s) if options.host == "deputy" else orbit
+    context = MeasurementContext(taken_at, errors[0], assumed_noise, form_taken(options, form), step_s, errors[1])
     model = options.measurement(context)
     if frame == "told":
         model = FrameError(model)
-    latency_s = 0.0 if assumed_latency == "none" else options.latency_s
     return Delayed(model, latency_s, told=own_latencies) if latency_s or own_latencies else model

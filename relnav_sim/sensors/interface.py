@@ -48,7 +48,7 @@ class MeasurementContext:
     """What a filter may be told around a sensor's own options; never the truth of a run.
 
     Attributes:
-        orbit: The chief's nominal orbit.
+        orbit: The chief's nominal orbit, where it was when the measurement of epoch 0 was taken.
         attitude: Covariance (3, 3) of the white error of the host's attitude in its orbit frame, about the LVLH
             frame's axes (x along-track, y minus orbit normal, z nadir), rad^2.
         assumed_noise: The noise that the filter believes in: nominal, total or mixture.

@@ -168,9 +168,9 @@ class LidarOptions(SightSensorOptions):
                 assumed=context.assumed_noise,
             )
             if self.form == "tangent":
-                base = TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
+                base = TangentSight(Sight(self.mounting, self.host, context.orbit, context.step_s), noise)
             else:
-                base = SphericalRadar(self.mounting, noise, self.host, context.orbit)
+                base = SphericalRadar(self.mounting, noise, self.host, context.orbit, context.step_s)
         if not self.range_sigma_m_per_km:
             return base
         return GrowingRangeNoise(base, 1e-3 * self.range_sigma_m_per_km / self.range_sigma_m)

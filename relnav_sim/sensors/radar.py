@@ -170,8 +170,8 @@ class RadarOptions(SightSensorOptions):
         )
         if context.form == "spherical":
             if self.form == "tangent":
-                return TangentSight(Sight(self.mounting, self.host, context.orbit), noise)
-            return SphericalRadar(self.mounting, noise, self.host, context.orbit)
+                return TangentSight(Sight(self.mounting, self.host, context.orbit, context.step_s), noise)
+            return SphericalRadar(self.mounting, noise, self.host, context.orbit, context.step_s)
         if self.host == "deputy":
             raise ValueError(
                 "a radar on the deputy gives no Cartesian measurement: its orbit frame turns with the state; take "

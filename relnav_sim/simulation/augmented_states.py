@@ -21,11 +21,12 @@ from relnav_sim.sensors.availability import sensed
 from relnav_sim.sensors.interface import Craft, Form, RelativeSensorOptions
 from relnav_sim.sensors.noise import is_white, noise_parts
 from relnav_sim.simulation.chunks import Chunk
+from relnav_sim.simulation.host_orbits import believed_orbit
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.statistics.augmented import AugmentedAccumulator
 from relnav_sim.statistics.errors import ScoringRules
 from relnav_sim.streams import RandomSource
-from relnav_sim.truth import EphemerisTruthOptions, Truth, nominal_chief
+from relnav_sim.truth import EphemerisTruthOptions, Truth
 from relnav_sim.truth.trajectory import force_model
 
 
@@ -74,7 +75,7 @@ def extended_by(prior: Gaussian, extra: Extension, config: CaseConfig, sensor: s
     covariance[:, :n, :n] = prior.covariance
     covariance[:, n:, n:] = P_b
     if sensor is not None:
-        base = sensor_measurement(sensor, config.sensors, nominal_chief(config.truth), config.clock.step_s)
+        base = sensor_measurement(sensor, config.sensors, believed_orbit(config), config.clock.step_s)
         H = augmented_measurement(extra, sensor, base, config).jacobian(mean, epoch)
         H = np.broadcast_to(H, (runs, *H.shape[-2:]))[:, :3]
         # Stacked solve: a run without a fix is NaN and stays so.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from relnav_sim.astro.chief_orbit import ChiefOrbit
 from relnav_sim.campaign.entries import FilterEntry
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.augmentation.extension import Extension
@@ -29,6 +28,7 @@ from relnav_sim.measurements.several import SeveralMeasurements
 from relnav_sim.sensors import form_taken, relative_sensors, sensor_measurement
 from relnav_sim.sensors.interface import Form
 from relnav_sim.simulation.augmented_states import augmented_measurement, extension_of
+from relnav_sim.simulation.host_orbits import believed_orbit
 from relnav_sim.simulation.thrust_inputs import known_thrust
 
 _RTN = tuple(
@@ -88,7 +88,7 @@ def create_campaign_filter(
     factory = filter_kinds()[entry.kind].factory
     extension = extension_of(entry, config)
     dynamics = motion if extension is None else extension.dynamics(motion, orbit, step_s, thrust)
-    measurement = _measurement(entry, config, orbit, extension, late)
+    measurement = _measurement(entry, config, extension, late)
     rewindable = RewindableDynamics(dynamics) if rewinds else None
     algorithm = factory(rewindable or dynamics, measurement, entry)
     filter = algorithm
@@ -106,10 +106,10 @@ def _told_noise(context: DynamicsContext) -> DynamicsContext:
 
 
 def _measurement(
-    entry: FilterEntry, config: CaseConfig, orbit: ChiefOrbit, extension: Extension | None, late: Collection[str]
+    entry: FilterEntry, config: CaseConfig, extension: Extension | None, late: Collection[str]
 ) -> Measurement:
     """Return what a filter is told of its sensors."""
-    step_s = config.clock.step_s
+    orbit, step_s = believed_orbit(config), config.clock.step_s
     models: dict[str, Measurement] = {}
     for name, form in sensor_forms(entry, config).items():
         model = sensor_measurement(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from relnav_sim.arrays import Array
-from relnav_sim.astro.chief_orbit import ChiefOrbit
+from relnav_sim.astro.nominal_motion import moved_on
 from relnav_sim.campaign.models import CaseConfig
 from relnav_sim.dynamics.context import DynamicsContext, TrainingTrack
 from relnav_sim.dynamics.interface import Dynamics
@@ -19,6 +19,7 @@ from relnav_sim.filters.run import advance
 from relnav_sim.filters.smoother import smooth
 from relnav_sim.sensors import relative_sensors, sensor_measurement
 from relnav_sim.simulation.chunks import chunks
+from relnav_sim.simulation.host_orbits import believed_orbit
 from relnav_sim.simulation.start import fix_sensor
 from relnav_sim.streams import RandomSource
 from relnav_sim.truth import TruthOptions, begun_earlier, nominal_chief
@@ -60,20 +61,21 @@ def training_track(
     name = fix_sensor(config)
     z = np.concatenate([part.inputs[name][relative_sensors(config.sensors)[name].forms[0]] for part in flight], axis=1)
     dynamics = request.base.build(DynamicsContext(orbit, noise, step_s))
-    states, first = _smoothed(config, name, dynamics, orbit, z)
+    states, first = _smoothed(flown, name, dynamics, z)
     return TrainingTrack(states, time_s[first:], orbit, first)
 
 
-def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, orbit: ChiefOrbit, z: Array) -> tuple[Array, int]:
+def _smoothed(config: CaseConfig, name: str, dynamics: Dynamics, z: Array) -> tuple[Array, int]:
     """Return the smoothed states (K, 6) after the first of a sensor's measurements z (1, epochs, m), and its epoch."""
     step_s = config.clock.step_s
-    sensors = config.sensors
+    sensors, orbit = config.sensors, believed_orbit(config)
     told = sensor_measurement(name, sensors, orbit, step_s)
-    at_once = sensor_measurement(name, sensors, orbit, step_s, assumed_latency="none")
     seen = np.flatnonzero(~np.isnan(z[0]).any(axis=1))
     if not len(seen):
         raise ValueError(f"the {name} sees nothing before the campaign's start, so that there is nothing to learn from")
     first = int(seen[0]) + 1
+    at_fix = moved_on(orbit, (first - 1) * step_s)
+    at_once = sensor_measurement(name, sensors, at_fix, step_s, assumed_latency="none")
     fix = relative_sensors(sensors)[name].first_fix(at_once, z[:, first - 1])
     assert fix is not None  # the sensor is one that gives fixes
     position, position_covariance = fix

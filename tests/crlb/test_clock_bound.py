@@ -65,7 +65,7 @@ def test_no_model_is_so_perfect_that_it_knows_the_clocks(tmp_path, clocks, augme
 def test_the_information_of_a_lidar_is_that_of_its_sigma_at_the_true_distance(tmp_path):
     made = campaign(tmp_path, "", "[]")
     states = np.array([[[300.0, -400.0, 0.0, 0.1, 0.0, 0.0], [0.0, 0.0, 2000.0, 0.0, 0.0, 0.0]]])
-    information = SensorInformation("lidar", made.cases[0].config, states).at(states, np.ones((1, 2, 1)))
+    information = SensorInformation("lidar", made.cases[0].config, states).at(states, np.ones((1, 2, 1)), np.arange(2))
     u = np.array([[0.6, -0.8, 0.0], [0.0, 0.0, 1.0]])
     sigma = 0.05 + 2e-3 * np.array([500.0, 2000.0])
     np.testing.assert_allclose(

@@ -46,7 +46,7 @@ def test_a_mixture_counts_as_it_is_in_any_channels(own_sensors, name, shared):
     config, _, states = situation(f"sensors.{name}.noise={noise}")
     orbit = nominal_chief(config.truth)
     told = sensor_measurement(name, config.sensors, orbit, 1.0, assumed_noise="mixture")
-    found = SensorInformation(name, config, states).at(states, np.ones((1, 41, told.dimension)))
+    found = SensorInformation(name, config, states).at(states, np.ones((1, 41, told.dimension)), np.arange(41))
     for k in (0, 17, 40):
         state = states[:, k]
         weights, covariances = joint_components(told.mixture(state, 0))
@@ -63,15 +63,17 @@ def test_several_sensors_add_up_and_a_gaussian_is_its_covariance(own_sensors):
     sensors = {name: SensorInformation(name, config, states, mixture=False) for name in names}
     models = {name: sensor_measurement(name, config.sensors, orbit, 1.0) for name in names}
     chances = {name: np.ones((1, 41, model.dimension)) for name, model in models.items()}
-    found = joint_information(sensors, states, chances)
+    found = joint_information(sensors, states, chances, np.arange(41))
     state = states[:, 7]
     expected = np.zeros((6, 6))
     for model in models.values():
         H, R = model.jacobian(state, 7)[0], np.broadcast_to(model.noise(state, 7), (1, *[model.dimension] * 2))[0]
         expected += H.T @ np.linalg.solve(R, H)
     np.testing.assert_allclose(found[7], expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
-    mixed = SensorInformation("camera", config, states).at(states, chances["camera"])
-    assert np.linalg.eigvalsh(mixed[7] - sensors["camera"].at(states, chances["camera"])[7])[-1] > 0  # knowing it helps
+    mixed = SensorInformation("camera", config, states).at(states, chances["camera"], np.arange(41))
+    assert (
+        np.linalg.eigvalsh(mixed[7] - sensors["camera"].at(states, chances["camera"], np.arange(41))[7])[-1] > 0
+    )  # knowing it helps
 
 
 def test_lost_channels_count_as_often_as_they_are_lost(own_sensors):
@@ -88,7 +90,7 @@ def test_lost_channels_count_as_often_as_they_are_lost(own_sensors):
     assert {tuple(row) for row in present[:, 40].tolist()} == {(True,) * 3, (True, False, False), (False,) * 3}
     radar = sensor_measurement("radar", config.sensors, nominal_chief(config.truth), 1.0, assumed_noise="nominal")
     chance = reading_probability(config.sensors, "radar", truth, 0, 1.0)
-    found = SensorInformation("radar", config, states).at(states, chance)
+    found = SensorInformation("radar", config, states).at(states, chance, np.arange(41))
     for k in (0, 10, 40):
         H, R = radar.jacobian(states[:, k], k)[0], radar.noise(states[:, k], k)[0]
         whole, part = H.T @ np.linalg.solve(R, H), np.outer(H[0], H[0]) / R[0, 0]
@@ -106,7 +108,7 @@ def test_a_range_without_its_angles_has_its_own_mixture(own_sensors):
     )
     chance = reading_probability(config.sensors, "radar", truth, 0, 1.0)
     np.testing.assert_array_equal(chance[0, 5], [1, 0, 0])
-    found = SensorInformation("radar", config, states).at(states, chance)[5]
+    found = SensorInformation("radar", config, states).at(states, chance, np.arange(41))[5]
     (level,) = mixture_information([0.8, 0.2], [[[25.0]], [[625.0]]]).ravel()
     u = states[0, 5, :3] / np.linalg.norm(states[0, 5, :3])
     np.testing.assert_allclose(found[:3, :3], level * np.outer(u, u), rtol=1e-6, atol=1e-9)

@@ -43,7 +43,7 @@ def states(runs=30, seed=1):
 
 def seen(own, at):
     """The line of sight of states (..., n) in the sensor's axes, by component."""
-    positions = own.positions(at)[:, :3].reshape(*at.shape[:-1], 3)
+    positions = own.positions(at, 0)[:, :3].reshape(*at.shape[:-1], 3)
     return tuple(np.moveaxis(positions @ own.sensor_from_rtn.T, -1, 0))
 
 
@@ -249,7 +249,7 @@ def test_a_converted_position_is_unbiased_and_has_the_covariance_it_states():
     direction = tuple(float(part[0]) for part in unit(seen(own, state)))
     u = deflected(direction, v[:, 1], v[:, 2])
     read = (np.linalg.norm(state[0, :3]) + v[:, 0]) / tangent_shrinkage(weights, deviations)
-    error = own.position(tuple(read * part for part in u)) - state[:, :3]
+    error = own.position(tuple(read * part for part in u), 0) - state[:, :3]
     model = ConvertedTangentRadar(mounting, told)
     R = model.noise(state, 0)[0]
     assert (np.abs(error.mean(axis=0)) < 5 * np.sqrt(np.diag(R) / count)).all()

@@ -181,6 +181,10 @@ def _filter_result(
             empty["std"][:, s] = part.std(axis=1)
             empty["rms"][:, s] = np.sqrt((part**2).mean(axis=1))
             empty["anees"][:, s, 0] = nees[:, span].mean(axis=1) / 6
+            squares = np.square(error / sigma)[:, span]
+            empty["anees"][:, s, 1], empty["anees"][:, s, 2] = (
+                squares[..., block].mean(axis=(1, 2)) for block in (slice(3), slice(3, 6))
+            )
             empty["updates"][:, s] = span.sum()
             empty["nis_mean"][:, s] = 3 * size**2 * (1 + 0.02 * rng.normal(size=runs))
     empty["convergence"][:] = 100 + 20 * rng.normal(size=runs) * size

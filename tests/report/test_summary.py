@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from relnav_sim.plots.facts import case_facts
+from relnav_sim.report.consistency import consistency_in_words
 from relnav_sim.report.ranking import Ranking, rank
 from relnav_sim.report.summary import summarise, verdict
 from relnav_sim.results import open_results
+from relnav_sim.statistics.consistency_verdict import consistency_of
 from relnav_sim.wording import counted, listed, significant
 
 ResultMaker = Callable[..., Path]
@@ -120,3 +122,22 @@ def test_few_runs_are_not_called_consistent(make_result: ResultMaker) -> None:
         summarise(rankings_of(make_result(filters={"ekf": 1.0}, runs=3, summaries={"ekf": {"anees": anees}})))
     )
     assert "Consistency: ekf may be consistent (its errors are " in text
+
+
+def test_cases_are_judged_as_each_would_be_alone(make_result: ResultMaker) -> None:
+    """One case is surely overconfident; the other one's interval contains 1, though its ANEES is as large."""
+    rng = np.random.default_rng(4)
+    scatter = rng.standard_normal((40, 1, 1))
+    sure, unsure = (1.2 + width * (scatter - scatter.mean()) * np.ones((1, 2, 3)) for width in (0.1, 1.0))
+    alone = []
+    for anees in (sure, unsure):
+        path = make_result(filters={"ekf": 1.0}, runs=40, summaries={"ekf": {"anees": anees}})
+        alone.append(" ".join(summarise(rankings_of(path))))
+    assert "ekf is overconfident: actual error 1.1 times the formal sigma" in alone[0]
+    assert "ekf is consistent (ANEES near 1)" in alone[1]
+    found = [consistency_of(anees[:, 1]) for anees in (sure, unsure)]
+    said = consistency_in_words(found)
+    assert said == (
+        "is overconfident in 1 of 2 cases: actual error 1.1 times the formal sigma, "
+        "is consistent in 1 of 2 cases (ANEES near 1)"
+    )

@@ -1,0 +1,111 @@
+"""Do a filter's errors match its covariance? A verdict on the whole state, the position and the velocity together.
+
+A position that is overconfident can hide behind a velocity that is conservative: the ANEES of the whole state is then
+near 1. So the three are looked at, and each is tested at a third of 5 % (Bonferroni), as one of three looks at the same
+runs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from relnav_sim.arrays import Array
+from relnav_sim.results import layout
+from relnav_sim.statistics.intervals import Interval, mean_interval
+
+SIGMA_MARGIN = 0.05
+"""Sigmas that are right within 5 % are called right, however many runs could tell the difference."""
+SIGMA_KNOWN = 0.25
+"""An interval of 1 that reaches farther than 25 % from right sigmas is too few runs, not consistency."""
+
+_CHANCE_OF_ERROR = 0.05
+
+ConsistencyVerdict = Literal["overconfident", "conservative", "may be consistent", "consistent"]
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """What the runs say of a filter's covariance.
+
+    Attributes:
+        verdict: The verdict. It may be consistent where the runs are too few to tell.
+        block: The part of the state that it rests on, of `layout.BLOCKS`: the one farthest off, or known least.
+        factor: Actual error of that part in units of its formal sigma, root of the ANEES.
+        low: Lower end of its 95 % interval; NaN where there is none.
+        high: Upper end.
+    """
+
+    verdict: ConsistencyVerdict
+    block: str
+    factor: float
+    low: float
+    high: float
+
+
+def consistency_of(anees: Array) -> Consistency | None:
+    """Return the verdict on a filter in one case; None where there is no ANEES.
+
+    A part of the state is off where the interval of its ANEES at the level 1 - 0.05 / 3 does not contain 1 and the root
+    of the ANEES is more than `SIGMA_MARGIN` from 1. The filter is overconfident if a part is off above, else
+    conservative if one is off below. Else it is consistent where the 95 % interval of each part lies within
+    `SIGMA_KNOWN`, and may be where one reaches farther.
+
+    Args:
+        anees: Of each run, (runs, 3), in the order of `layout.BLOCKS`; NaN: the run has none.
+
+    Examples:
+        >>> import numpy as np
+        >>> runs = 1 + 0.1 * np.random.default_rng(1).standard_normal((40, 3))
+        >>> consistency_of(runs).verdict
+        'consistent'
+        >>> found = consistency_of(runs * [1.0, 1.5, 0.9])
+        >>> found.verdict, found.block
+        ('overconfident', 'position')
+    """
+    parts = [mean_interval(values) for values in anees.T]
+    if not all(math.isfinite(part.estimate) and part.estimate > 0 for part in parts):
+        return None
+    level = 1 - _CHANCE_OF_ERROR / len(parts)
+    wider = [mean_interval(values, level) for values in anees.T]
+    off = [_is_off(part) for part in wider]
+    factors = [math.sqrt(part.estimate) for part in parts]
+    above = [place for place, factor in enumerate(factors) if off[place] and factor > 1]
+    below = [place for place, factor in enumerate(factors) if off[place] and factor < 1]
+    if above:
+        return _resting_on("overconfident", _farthest(above, factors), parts)
+    if below:
+        return _resting_on("conservative", _farthest(below, [1 / factor for factor in factors]), parts)
+    unknown = [place for place, part in enumerate(parts) if not _is_known(part)]
+    if unknown:
+        widest = max(unknown, key=lambda place: parts[place].high - parts[place].low)
+        return _resting_on("may be consistent", widest, parts)
+    return _resting_on("consistent", 0, parts)
+
+
+def _resting_on(verdict: ConsistencyVerdict, place: int, parts: list[Interval]) -> Consistency:
+    low, factor, high = (
+        float(np.sqrt(max(value, 0.0))) for value in (parts[place].low, parts[place].estimate, parts[place].high)
+    )
+    return Consistency(verdict, layout.BLOCKS[place], factor, low, high)
+
+
+def _farthest(places: list[int], factors: list[float]) -> int:
+    """Return which part is farthest off; the whole state unless another one is so by more than the margin."""
+    farthest = max(places, key=lambda place: factors[place])
+    return 0 if 0 in places and factors[farthest] <= (1 + SIGMA_MARGIN) * factors[0] else farthest
+
+
+def _is_near(part: Interval) -> bool:
+    return abs(math.sqrt(part.estimate) - 1) <= SIGMA_MARGIN
+
+
+def _is_off(part: Interval) -> bool:
+    return not (part.low <= 1 <= part.high or _is_near(part))
+
+
+def _is_known(part: Interval) -> bool:
+    return part.low >= (1 - SIGMA_KNOWN) ** 2 and part.high <= (1 + SIGMA_KNOWN) ** 2
