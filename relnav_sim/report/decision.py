@@ -194,7 +194,7 @@ def _loss(decision: Decision, known: Background, name: str) -> Clause:
     case, found = _worst_place(decision, name)
     if found is None:
         return Clause("has no run in common with it")
-    one = found.shown(decision.margin_percent)
+    one = found.percent
     if one.estimate >= 300:
         words = f"(position RMS {significant(1 + one.estimate / 100)} times as large)"
     else:
