@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from relnav_sim.report.decision_table import decision_anchor
+from relnav_sim.report.requirements import value_in_words
 from relnav_sim.report.sentences import Clause, Sentence, joined
 from relnav_sim.report.tables import Table
 from relnav_sim.results.case_names import case_in_tables
@@ -15,6 +16,8 @@ from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.regret import Regret
 from relnav_sim.statistics.requirements import Judgement
 from relnav_sim.wording import between, listed, significant
+
+_STRESSES_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class Background:
         labels: The labels of the decision's cases, by their numbers from 0.
         over: The span of the figures, in words.
         judged: The requirements, in the order of their table.
+        under_stress: The requirements of the filter chosen under each stress, by its name and case in words.
         regrets: The regret of each case, by its number from 0.
         budget: The table of an error budget, the filter it is of in its title; None without one.
         budget_case: The number of its case.
@@ -36,6 +40,7 @@ class Background:
     labels: Mapping[int, str]
     over: str
     judged: tuple[Judgement, ...] = ()
+    under_stress: Mapping[str, tuple[Judgement, ...]] = field(default_factory=dict)
     regrets: Mapping[int, Regret] = field(default_factory=dict)
     budget: Table | None = None
     budget_case: int = 0
@@ -64,6 +69,26 @@ def what_would_help(known: Background) -> Iterator[Sentence]:
 
 def _gain(text: str) -> float:
     return float(text.removesuffix(" %")) if text.endswith(" %") else 0.0
+
+
+def requirements_under_stress(name: str, known: Background) -> Iterator[Sentence]:
+    """Yield which requirements, that the decision judges without stress, the chosen filter misses under one."""
+    found = [(where, item) for where, judged in known.under_stress.items() for item in judged]
+    if not found:
+        return
+    parts = []
+    for verdict, words in (("fail", "misses"), ("undecided", "is undecided for")):
+        said = [_under(where, item) for where, item in found if item.verdict == verdict]
+        left = len(said) - _STRESSES_NAMED
+        more = f" and {left} more" if left > 0 else ""
+        parts += [f"{words} {'; '.join(said[:_STRESSES_NAMED])}{more}"] if said else []
+    under = ", and ".join(parts) or "meets them all"
+    yield (Clause(f"Requirements are judged without stress. Under stress {name} {under}."),)
+
+
+def _under(where: str, item: Judgement) -> str:
+    value = value_in_words(item)
+    return f"{item.name} ({where}{f': {value}' if value else ''})"
 
 
 def not_shown(decision: Decision, known: Background) -> Iterator[Sentence]:
