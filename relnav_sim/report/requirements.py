@@ -84,7 +84,8 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {_SPANS[requirement.span]}"
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
-            return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
+            share = _percent(requirement.share)
+            return f"converged{size} within {requirement.within_s:g} s, first passage, in {share} of the runs"
         case RecoveryRequirement():
             share = _percent(requirement.share)
             return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or diverged"

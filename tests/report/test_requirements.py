@@ -243,7 +243,7 @@ def test_words_and_table(make_result: ResultMaker) -> None:
     words = list(dict.fromkeys(requirement_in_words(item.requirement) for item in found))
     assert words == [
         "99.7 % of position errors below 1 m inside 500 m, mixed interpretation",
-        "converged within 60 s in 95 % of the runs",
+        "converged within 60 s, first passage, in 95 % of the runs",
         "RMS of vx errors below 0.001 m/s, steady state",
     ]
     assert len(table.rows) == 9 and table.rows[0].label.startswith("docking: 99.7 %")
