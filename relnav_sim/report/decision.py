@@ -43,7 +43,7 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     if choice.chosen is not None:
         others += [*_others(decision, known), *_regret(choice.chosen, known), *_diverged(choice.chosen, known)]
         others += requirements_under_stress(choice.chosen, known)
-    others += [*_refused(decision, known), *case_by_case(decision, known.labels), *what_would_help(known)]
+    others += [*_refused(decision, known), *case_by_case(decision, known.labels), *what_would_help(decision, known)]
     others += not_shown(decision, known)
     lead, enough = _lead(decision, known), not (_one_run(decision) or _too_few(decision))
     table = decision_table(decision, known.labels, known.over, enough)

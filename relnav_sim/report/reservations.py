@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from relnav_sim.report.decision_table import decision_anchor
+from relnav_sim.report.error_budget import budget_title
 from relnav_sim.report.requirements import value_in_words
 from relnav_sim.report.sentences import Clause, Sentence, joined
 from relnav_sim.report.tables import Table
@@ -18,6 +19,8 @@ from relnav_sim.statistics.requirements import Judgement
 from relnav_sim.wording import between, listed, significant
 
 _STRESSES_NAMED = 6
+_OTHER_CAUSE = ("not observable", "failed", "diverged", "overconfident")
+"""Reasons to refuse a filter that speak of its model, not of the size of its errors."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +56,22 @@ class Background:
         return f"case {case_in_tables(index, self.labels[index])}"
 
 
-def what_would_help(known: Background) -> Iterator[Sentence]:
-    """Yield which source of error would be worth most to halve, from the table of the error budget."""
+def what_would_help(decision: Decision, known: Background) -> Iterator[Sentence]:
+    """Yield which source of error would be worth most to halve, from the table of the error budget.
+
+    The budget follows from the sensors and the filter's own model: of a filter whose errors have another cause it would
+    name the wrong source.
+    """
     budget = known.budget
     if budget is None:
+        return
+    choice = next((choice for case, choice in decision.cases if case.index == known.budget_case), decision.overall)
+    name = next((name for name in choice.refusals if budget.title == budget_title(name)), "")
+    if any(refusal.reason in _OTHER_CAUSE for refusal in choice.refusals.get(name, ())):
+        said = (
+            f"What would help most is not told: the errors of {name} are not those that its sensors and model explain."
+        )
+        yield (Clause(said),)
         return
     gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]
     if not gains:
