@@ -26,6 +26,20 @@ def shown_number(value: float, decimals: int) -> str:
     return text.replace("-", MINUS, 1) if text.startswith("-") else text
 
 
+def shown_end(value: float, decimals: int) -> str:
+    """Return an end of an interval as text: with more ``decimals`` where it would else seem to be 0 and is not.
+
+    Whether zero lies in an interval is its verdict, so that 0.206 to 7.42 must not read as 0 to 7.
+
+    Example:
+        >>> shown_end(7.42, 0), shown_end(0.206, 0), shown_end(0.0, 0)
+        ('7', '0.2', '0')
+    """
+    if 0 < abs(value) < 0.5 * 10.0**-decimals:
+        decimals = min(MOST_DECIMALS, -math.floor(math.log10(abs(value))))
+    return shown_number(value, decimals)
+
+
 def significant(value: float, digits: int = 3) -> str:
     """Return a number for a sentence: so many significant digits, no exponent unless it is huge or tiny."""
     if not math.isfinite(value) or value == 0:

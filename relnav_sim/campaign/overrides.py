@@ -66,11 +66,20 @@ def apply_overrides(data: Any, overrides: Sequence[str], source: Source) -> tupl
             document = load_document(value)
             problems += [Problem(path, problem.sentence) for problem in document.problems]
             if not document.problems:
-                data = replaced(data, path, document.data)
+                data = _changed(data, path, document.data)
         except PathError as error:
             source.override((text,), text)
             problems.append(Problem((text,), str(error)))
     return data, problems
+
+
+def _changed(data: dict[str, Any], path: Path, value: Any) -> dict[str, Any]:
+    """Return the data with a value in place; a filter without a value is taken out, as a sensor without one is none."""
+    match path:
+        case ("filters", name) if value is None and name in (data.get("filters") or {}):
+            return {**data, "filters": {key: one for key, one in data["filters"].items() if key != name}}
+    changed: dict[str, Any] = replaced(data, path, value)
+    return changed
 
 
 def _override_path(name: str, data: Any) -> Path:

@@ -18,7 +18,8 @@ from relnav_sim.arrays import Array
 from relnav_sim.campaign.afterwards import untested_residuals
 from relnav_sim.campaign.editing_checks import editing_warnings
 from relnav_sim.campaign.file_model import sensors_from
-from relnav_sim.campaign.idle_options import idle_options
+from relnav_sim.campaign.idle_options import idle_options, late_windows
+from relnav_sim.campaign.implausible import implausible_values
 from relnav_sim.campaign.load import Campaign
 from relnav_sim.campaign.models import CaseConfig, FirstFixStart
 from relnav_sim.campaign.paths import parse_path, replaced
@@ -72,7 +73,19 @@ def campaign_warnings(campaign: Campaign) -> tuple[str, ...]:
             said.append((case.label, [*known, *found[key]]))
     unseen = len(campaign.cases) - len(said)
     rest = [f"The geometry of {unseen} more cases was not looked at; the report looks at all."] if unseen else []
-    return (*together(said), *rest)
+    return (*implausible_values(campaign.content), *together(said), *_late_under_stress(campaign), *rest)
+
+
+def _late_under_stress(campaign: Campaign) -> list[str]:
+    """Return the windows after the end of stressed cases that are not among the campaign's cases."""
+    known = {sentence for case in campaign.nominal_cases for sentence in late_windows(case.config)}
+    return [
+        f"In case {case.label}: {sentence}"
+        for case in campaign.stressed
+        if case not in campaign.cases
+        for sentence in late_windows(case.config)
+        if sentence not in known
+    ]
 
 
 def flown_warnings(

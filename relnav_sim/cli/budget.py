@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import CAMPAIGNS, RESULTS, existing
+from relnav_sim.cli.files import CAMPAIGNS, existing, existing_result
 from relnav_sim.cli.output import command, new_file, print_table, say
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def _result(campaign: Campaign, given: Path | None) -> Path | None:
     from relnav_sim.cli.source import readable
     from relnav_sim.results import open_results
 
-    path = Path("results") / f"{campaign.name}.h5" if given is None else existing(given, RESULTS)
+    path = Path("results") / f"{campaign.name}.h5" if given is None else existing_result(given)
     if not path.is_file():
         return None
     with readable(path) as file, open_results(file) as results:

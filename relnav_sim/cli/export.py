@@ -10,7 +10,7 @@ import typer
 
 from relnav_sim.cli.exported_runs import writable
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import RESULTS, existing, target_file
+from relnav_sim.cli.files import existing_result, target_file
 from relnav_sim.cli.output import say
 from relnav_sim.cli.source import readable
 
@@ -93,7 +93,7 @@ def export(
     from relnav_sim.results import open_results
     from relnav_sim.results.export import export_series, export_summary
 
-    existing(result, RESULTS)
+    existing_result(result)
     if filter is not None and part is not Part.ESTIMATES:
         raise UserError("--filter chooses estimates; give --part estimates with it")
     if sensor and part is not Part.READINGS:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import RESULTS, existing, target_file
+from relnav_sim.cli.files import existing_result, target_file
 from relnav_sim.cli.output import new_file, print_table, say
 from relnav_sim.cli.report import ReportAxes
 
@@ -61,7 +61,7 @@ def figure(
             [(each.name, each.shows, each.papers) for each in FIGURE_KINDS.values()], ("kind", "shows", "as in")
         )
         return
-    existing(result, RESULTS)
+    existing_result(result)
     path = target_file(out if out is not None else Path(), f"{kind}.pdf")
     if path.suffix not in _SUFFIXES:
         raise UserError(f"--out takes a name that ends in {', '.join(_SUFFIXES)}, not {path.name!r}")

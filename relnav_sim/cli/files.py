@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from relnav_sim.cli.failures import UserError
 CAMPAIGNS = ("*.yaml", "*.yml", "campaigns/*.yaml")
 RESULTS = ("*.h5", "results/*.h5")
 _MOST_NAMED = 5
+_OF_CAMPAIGNS = (".yaml", ".yml")
+_OF_RESULTS = (".h5", ".hdf5", "")
 
 
 def existing(path: Path, patterns: Iterable[str]) -> Path:
@@ -26,6 +29,31 @@ def existing(path: Path, patterns: Iterable[str]) -> Path:
     """
     if not path.exists():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT) + _hint(path, patterns), os.fspath(path))
+    return path
+
+
+def existing_result(path: Path) -> Path:
+    """Return a results file that is there.
+
+    Raises:
+        UserError: It is a campaign.
+        FileNotFoundError: It is not there; the message names the nearest one that is.
+    """
+    if existing(path, RESULTS).suffix.lower() in _OF_CAMPAIGNS:
+        raise UserError(f"{path} is a campaign, no result; first: relnav run {shlex.quote(str(path))}")
+    return path
+
+
+def result_name(path: Path) -> Path:
+    """Return a path that may become a results file.
+
+    Raises:
+        UserError: Its name ends as that of another format.
+    """
+    if path.suffix.lower() not in _OF_RESULTS:
+        raise UserError(
+            f"{path}: a result is an HDF5 file; give a name that ends in .h5 (relnav export makes a table of it)"
+        )
     return path
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from relnav_sim.cli.failures import Exit
-from relnav_sim.cli.files import RESULTS, existing, regular
+from relnav_sim.cli.files import existing_result, regular, result_name
 from relnav_sim.cli.output import command, count_in_words, print_table, say
 
 
@@ -30,9 +30,9 @@ def merge(
     from relnav_sim.runner.merging import merge_results
 
     if missing:
-        _list_missing([existing(part, RESULTS) for part in parts])
+        _list_missing([existing_result(part) for part in parts])
         return
-    path = merge_results(regular(out), [existing(part, RESULTS) for part in parts])
+    path = merge_results(result_name(regular(out)), [existing_result(part) for part in parts])
     with open_results(path) as results:
         failed = len(results.failures())
     say(f"wrote {path}; next: {command('relnav', 'report', path)}")

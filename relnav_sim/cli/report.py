@@ -73,7 +73,7 @@ def report(
         target = out if out is not None else path.with_suffix("")
         if target.exists() and not target.is_dir():
             raise UserError(f"{target} is a file; give --out the name of a folder")
-        verdict = _checked(file) if check else None
+        verdict, concerned = _checked(file) if check else (None, "")
         decision: list[str] = []
         page = write_report(
             file,
@@ -88,16 +88,16 @@ def report(
         for sentence in decision:
             say(sentence)
     if verdict is not None:
-        say(f"requirements: {verdict}")
+        say(f"requirements: {verdict}{concerned}")
     if verdict == "fail":
         raise typer.Exit(Exit.REQUIREMENT_MISSED)
     if verdict == "undecided":
         raise typer.Exit(Exit.REQUIREMENT_UNDECIDED)
 
 
-def _checked(path: Path) -> str:
-    """Print what became of each requirement; return the verdict on all."""
-    from relnav_sim.report.requirements import judgements, requirements_table
+def _checked(path: Path) -> tuple[str, str]:
+    """Print what became of each requirement; return the verdict on all, and whom it is about."""
+    from relnav_sim.report.requirements import concerned, judgements, requirements_table
     from relnav_sim.results import open_results
     from relnav_sim.statistics.requirements import overall
 
@@ -108,4 +108,5 @@ def _checked(path: Path) -> str:
         table = requirements_table(results, judged)
     rows = [[row.record, *(cell.text for cell in row.cells)] for row in table.rows]
     print_table(rows, headings=[table.corner, *(column.label for column in table.columns)])
-    return overall([item.verdict for item in judged])
+    verdict = overall([item.verdict for item in judged])
+    return verdict, "" if verdict == "pass" else f" ({concerned(judged, verdict)})"

@@ -13,7 +13,7 @@ import typer
 
 from relnav_sim.cli.backend import BackendName, BackendOption, LocalClusterOption, SchedulerOption, WorkersOption, where
 from relnav_sim.cli.failures import Exit, UserError, guarded
-from relnav_sim.cli.files import CAMPAIGNS, existing, target_file
+from relnav_sim.cli.files import CAMPAIGNS, existing, result_name, target_file
 from relnav_sim.cli.interrupts import ending_promptly
 from relnav_sim.cli.notify import Notice, notifying
 from relnav_sim.cli.output import command, count_in_words, say
@@ -122,6 +122,9 @@ def run(
             result = None if out is None else part_out(target_file(out, usual.name), part)
             if result is not None and result.exists() and result.samefile(file):
                 raise UserError(f"--out {result} is the campaign itself; give the name of a result file")
+
+            if result is not None:
+                result_name(result)
 
             from relnav_sim.results.block import RefusedError
 

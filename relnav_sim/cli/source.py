@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from relnav_sim.cli.failures import UserError
-from relnav_sim.cli.files import RESULTS, existing, regular
+from relnav_sim.cli.files import existing_result, regular
 from relnav_sim.cli.output import say
 
 if TYPE_CHECKING:
@@ -88,4 +88,4 @@ def _looked_at(path: Path) -> tuple[Path, bool]:
         say(f"{path} is not finished; this is about the runs that are", err=True)
         return path, False
     regular(path)
-    return existing(path, RESULTS), True
+    return existing_result(path), True

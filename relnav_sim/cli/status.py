@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from relnav_sim.cli.failures import Exit, UserError
-from relnav_sim.cli.files import RESULTS, existing
+from relnav_sim.cli.files import existing_result
 from relnav_sim.cli.output import count_in_words, in_words, print_table, say
 from relnav_sim.cli.source import SHARDS, newest_result
 
@@ -65,7 +65,7 @@ def _status(path: Path) -> Status:
         return logged
     folder = shard_folder(path)
     if not folder.exists():
-        existing(path, RESULTS)
+        existing_result(path)
         if path.is_dir():
             raise UserError(f"'{path}' is a directory; give a result file, as results/NAME.h5")
     found = status_of(path)

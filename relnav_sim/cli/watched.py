@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -30,13 +32,18 @@ TimeoutOption = Annotated[
 
 
 def check_log(log: Path | None) -> None:
-    """Refuse a log that is a folder.
+    """Refuse a log that can't be written, before anything else is.
 
     Raises:
-        UserError: It is.
+        UserError: It is a folder.
+        OSError: It has no folder, or may not be written.
     """
     if log is not None and log.is_dir():
         raise UserError(f"--log {log} is a directory; give a file's name")
+    if log is not None and not log.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), os.fspath(log))
+    if log is not None and not os.access(log if log.exists() else log.parent, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(log))
 
 
 def check_timeout(timeout_s: float | None, backend: BackendName) -> None:

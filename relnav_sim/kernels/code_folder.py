@@ -231,7 +231,7 @@ def say_compiling() -> None:
     if _say is not None:
         # First of all, so that an interrupt in the middle does not have it said again.
         say, _say = _say, _say_nothing
-        say("compiling the numerical kernels for this machine, once ...")
+        say("compiling the numerical kernels that are needed here and not kept yet ...")
 
 
 def _say_nothing(sentence: str) -> None:

@@ -12,6 +12,7 @@ from relnav_sim.plots.data import Case, FigureError, chosen_filters, facts_of, w
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.panels import heading, time_axis
+from relnav_sim.plots.sensor_times import usual_gap
 from relnav_sim.plots.spare_figures import figure_with_panels
 from relnav_sim.plots.style import INK, OUTAGE, house_style, margins, shown_name
 from relnav_sim.plots.words import FigureWords, thinned
@@ -72,15 +73,16 @@ def availability_over_time(
 def availability(items: Sequence[FilterFacts]) -> dict[str, Array]:
     """Return for each sensor of some filters the share of runs with measurements of it, at the stored epochs (K,).
 
-    A sensor gives measurements at a stored epoch if there is one within its usual time between measurements, and at the
-    least one since the stored epoch before. The measurements are the sensor's: a filter that has failed does not end
-    them.
+    A sensor gives measurements at a stored epoch if there is one within its period, or its usual time between
+    measurements where that is longer, and at the least one since the stored epoch before. The measurements are the
+    sensor's: a filter that has failed does not end them.
     """
     shares: dict[str, Array] = {}
     for item in items:
         for place, sensor in enumerate(item.sensors if item.by_sensor is not None else ()):
             if sensor not in shares and item.by_sensor is not None:
-                shares[sensor] = _share(item.by_sensor.readings[..., place] > 0)
+                read = item.by_sensor.readings[..., place] > 0
+                shares[sensor] = _share(read, item.stored_between.get(sensor, 1))
     return shares
 
 
@@ -95,10 +97,14 @@ def _spells(flags: Mask) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))
 
 
-def _share(read: Mask) -> Array:
-    """Return the share over runs of (runs, K), whether anything was read since the stored epoch before."""
-    gaps = [np.diff(np.flatnonzero(row)) for row in read]
-    usual = int(np.ceil(np.median(np.concatenate(gaps)))) if any(gap.size for gap in gaps) else 1
+def _share(read: Mask, period: int) -> Array:
+    """Return the share over runs of (runs, K), whether anything was read since the stored epoch before.
+
+    Args:
+        read: Whether there was a measurement since the stored epoch before.
+        period: How many stored epochs the sensor's period spans.
+    """
+    usual = int(np.ceil(usual_gap(read, period)))
     total = np.concatenate([np.zeros((len(read), 1), dtype=int), np.cumsum(read, axis=1)], axis=1)
     last = np.arange(1, total.shape[1])
     share = (total[:, last] > total[:, np.maximum(last - usual, 0)]).mean(axis=0)
@@ -111,7 +117,7 @@ def availability_words(case: CaseFacts) -> FigureWords:
     shares = availability(case.filters)
     told = ", ".join(f"{sensor} {significant(100 * float(share.mean()))} %" for sensor, share in shares.items())
     caption = (
-        "Share of the runs in which each sensor gives measurements: one within its usual time between them. "
+        "Share of the runs in which each sensor gives measurements: one within its period. "
         "Shaded: outages, where fewer than half of the runs have any."
     )
     return FigureWords(

@@ -22,6 +22,7 @@ from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.plots.panels import heading, log_axis, say
+from relnav_sim.plots.sensor_times import usual_gap
 from relnav_sim.plots.style import (
     FORMAL,
     INK,
@@ -185,10 +186,12 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
     events: dict[str, list[tuple[int, int]]] = {}
     if item.by_sensor is not None and len(item.sensors) > 1:
         for place, sensor in enumerate(item.sensors):
-            lost, begun = _lost_and_begun(item.by_sensor.readings[item.ok][..., place] > 0)
+            read = item.by_sensor.readings[item.ok][..., place] > 0
+            lost, begun = _lost_and_begun(read, item.stored_between.get(sensor, 1))
             events |= {f"outage of {shown_name(sensor)}": lost, f"acquisition of {shown_name(sensor)}": begun}
     else:
-        lost, begun = _lost_and_begun(np.isfinite(results.nis(case.index, item.name)[item.ok]))
+        period = max(item.stored_between.values(), default=1)
+        lost, begun = _lost_and_begun(np.isfinite(results.nis(case.index, item.name)[item.ok]), period)
         events |= {"outage": lost, "acquisition": begun}
     events[_MANOEUVRE] = [
         (run, int(np.searchsorted(case.times_s, time)))
@@ -198,12 +201,16 @@ def events_of(results: Results, case: CaseFacts, item: FilterFacts) -> dict[str,
     return {kind: np.array(rows[:_MOST_EVENTS], dtype=np.int64).reshape(-1, 2) for kind, rows in events.items()}
 
 
-def _lost_and_begun(known: Mask) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return where measurements are lost and where they begin or come back, from the epochs with one (runs, K)."""
-    if known.shape[1] > 1:
-        known[:, 0] |= known[:, 1]  # the start has no measurement of its own: filters begin there
-    steps = [np.diff(np.flatnonzero(row)) for row in known]
-    usual = np.median(np.concatenate(steps)) if any(part.size for part in steps) else 1.0
+def _lost_and_begun(known: Mask, period: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Return where measurements are lost and where they begin or come back, from the epochs with one (runs, K).
+
+    Args:
+        known: Whether there was a measurement since the stored epoch before.
+        period: How many stored epochs the sensor's period spans.
+    """
+    usual = usual_gap(known, period)
+    # The start has no measurement of its own, as filters begin there; a period may pass before the first.
+    known[:, 0] |= known[:, : period + 1].any(axis=1)
     lost, begun = [], []
     for run, row in enumerate(known):
         seen = np.flatnonzero(row)

@@ -6,8 +6,9 @@ names the axes in the same way.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ from relnav_sim.plots.commands import run_command
 from relnav_sim.plots.filter_facts import FilterFacts, filter_facts
 from relnav_sim.plots.manoeuvres import manoeuvre_times
 from relnav_sim.plots.run_figures import Span, headline_span
+from relnav_sim.plots.sensor_times import Windows, own_outages
 from relnav_sim.results.block import ResultsError
 from relnav_sim.results.settings import case_setting
 from relnav_sim.statistics.convergence_seen import seen_until_s
@@ -59,6 +61,7 @@ class CaseFacts:
         all_filters: Names of the filters of all cases, which set the colours.
         failures: The failed runs.
         command: What reads the campaign as it was: ``relnav run FILE`` with its changes.
+        own_outages: Fixed outages of sensors of their host's own state, by name; no filter takes their measurements.
         manoeuvres_s: When manoeuvres begin, s; empty where the file's are damaged.
         step_s: Time between epochs, s; NaN where the result does not say.
         matters_percent: Differences in position RMS below this do not matter, percent.
@@ -78,6 +81,7 @@ class CaseFacts:
     all_filters: tuple[str, ...]
     failures: tuple[FailedRun, ...]
     command: str
+    own_outages: Mapping[str, Windows] = field(default_factory=dict)
     manoeuvres_s: tuple[float, ...] = ()
     step_s: float = np.nan
     matters_percent: float = MATTERS_PERCENT
@@ -189,6 +193,7 @@ def case_facts(results: Results, case: int | str | CaseFacts, axes: Axes = "rtn"
             for _, failure in results.failures(index)
         ),
         command=run_command(results) + (" --stress" if header.stress else ""),
+        own_outages=_own_outages(results, index),
         manoeuvres_s=_manoeuvres(results, index, times_s),
         step_s=float(case_setting(results, index, "clock.step_s", np.nan)),
         matters_percent=float(case_setting(results, index, "statistics.matters_percent", MATTERS_PERCENT)),
@@ -199,3 +204,9 @@ def _manoeuvres(results: Results, index: int, times_s: Array) -> tuple[float, ..
     with suppress(ResultsError):  # the figure about them says so
         return tuple(manoeuvre_times(results, index, times_s)) if len(times_s) else ()
     return ()
+
+
+def _own_outages(results: Results, index: int) -> Mapping[str, Windows]:
+    with suppress(TypeError, ValueError):  # damaged: no reason to have no report
+        return own_outages(results, index)
+    return {}

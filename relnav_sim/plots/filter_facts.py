@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,6 +14,7 @@ from relnav_sim.filters.operations import Operations
 from relnav_sim.plots.axes import Axes
 from relnav_sim.plots.in_full import InFull, covariances_in_full
 from relnav_sim.plots.run_figures import RunFigures, Span, run_figures, span_index
+from relnav_sim.plots.sensor_times import stored_epochs_between
 from relnav_sim.plots.stated_operations import stated_operations
 from relnav_sim.results import layout
 from relnav_sim.results.afterwards import known_when
@@ -59,6 +60,7 @@ class FilterFacts(RunFigures):
             known.
         operations: What one of its epochs costs by formula; None where it states none.
         by_channel: What its residuals say by channel; None where the campaign did not ask.
+        stored_between: How many stored epochs the period of each sensor spans, rounded up.
         in_full: What its formal covariances say with their correlations; None where the result holds sigmas only.
     """
 
@@ -75,6 +77,7 @@ class FilterFacts(RunFigures):
     times_own_bound: Mapping[Span, Interval]
     augmented: AugmentedStates | None = None
     by_sensor: BySensor | None = None
+    stored_between: Mapping[str, int] = field(default_factory=dict)
     mixture_sensors: tuple[str, ...] = ()
     observability: Observability | None = None
     named_sensors: tuple[str, ...] = ()
@@ -183,6 +186,7 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
 
     figures = run_figures(results, index, name, axes)
     times_s, by_sensor = results.time_s(index), results.by_sensor(index, name)
+    sensors = None if by_sensor is None else by_sensor.names
     whole_state = layout.BLOCKS.index("full")
     bounds = results.perfect_bound(index, name), results.bound(index, name)
     r = np.full((figures.completed, len(times_s)), np.nan)
@@ -204,7 +208,8 @@ def filter_facts(results: Results, index: int, name: str, axes: Axes, settled: M
         times_own_bound=_ratios_to_bound(r, bounds[1], spans),
         augmented=results.augmented(index, name),
         by_sensor=by_sensor,
-        mixture_sensors=_mixture_sensors(results, index, name, None if by_sensor is None else by_sensor.names),
+        stored_between=stored_epochs_between(results, index, sensors or (), times_s),
+        mixture_sensors=_mixture_sensors(results, index, name, sensors),
         observability=results.observability(index, name),
         named_sensors=results.named_sensors(index, name),
         known_when=known_when(results, index, name),

@@ -13,9 +13,10 @@ from relnav_sim.plots.data import Case, Window, facts_of, window
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.geometry import PLANES, draw_ends, length_unit, plane_axes
 from relnav_sim.plots.panels import time_axis
+from relnav_sim.plots.sensor_times import Windows
 from relnav_sim.plots.style import INK, PALETTE, house_style, new_figure, shown_name
 from relnav_sim.plots.words import FigureWords
-from relnav_sim.wording import counted, significant
+from relnav_sim.wording import counted, listed, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Panel
@@ -35,8 +36,9 @@ def scenario(
     """Draw the scenario of a case from its stored truth.
 
     The relative trajectory in three planes; below it against time the range, the rate at which the line of sight turns
-    in the chief's RTN frame, and when each sensor gives measurements in half of the runs or more. Dotted lines:
-    manoeuvres. Truths that differ between runs are drawn for the first run.
+    in the chief's RTN frame, and when each sensor gives measurements in half of the runs or more; sensors of their
+    host's own state show their fixed outages. Dotted lines: manoeuvres. Truths that differ between runs are drawn
+    for the first run.
 
     Args:
         results: An opened result.
@@ -49,6 +51,7 @@ def scenario(
     view = window(facts, from_s, until_s)
     states = results.truth(facts.index)[0][view.rows]
     shares = {name: share[view.rows] >= _READ_IN for name, share in availability(facts.filters).items()}
+    shares |= {name: _outside(windows, view.times * view.length_s) for name, windows in facts.own_outages.items()}
     strips = 0.12 + _STRIP_INCH * len(shares) if shares else 0.0
     height = 0.1 + _PLANES_INCH + 0.42 + 2 * (_CURVE_INCH + 0.1) + strips + 0.38
     with house_style():
@@ -106,6 +109,8 @@ def scenario_words(case: CaseFacts, ranges_m: Array) -> FigureWords:
     far = f"{significant(low)} m" if low == high else f"{significant(low)} to {significant(high)} m"
     burns = f", {counted(len(case.manoeuvres_s), 'manoeuvre')}" if case.manoeuvres_s else ", no manoeuvre"
     read = " Bars: the sensor gives measurements in half of the runs or more." if availability(case.filters) else ""
+    if case.own_outages:
+        read += f" Of {listed(list(case.own_outages))}: outside of fixed outages."
     dotted = " Dotted: manoeuvres." if case.manoeuvres_s else ""
     return FigureWords(
         f"Scenario: true relative trajectory (circle: start, square: end, cross: chief), range, rate of the line of "
@@ -143,6 +148,11 @@ def _draw_range(panel: Panel, view: Window, distance: Array) -> None:
     else:
         panel.set_ylim(0, 1.1 * factor * float(distance.max()))
     panel.set_ylabel(f"range\n[{unit}]")
+
+
+def _outside(windows: Windows, times_s: Array) -> Mask:
+    """Return which stored epochs, standing for the time since the one before, lie outside of all windows."""
+    return ~np.any([(times_s > start) & (times_s < end) for start, end in windows], axis=0)
 
 
 def _draw_strips(panel: Panel, view: Window, shares: dict[str, Mask]) -> None:

@@ -7,7 +7,7 @@ even where the two were computed on different days. What cannot be paired is nam
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,7 +41,7 @@ PerRun = Callable[[RunFigures, Span], Array]
 _COMPARED: tuple[tuple[Metric, PerRun], ...] = (
     (POSITION_RMS, position_rms),
     (VELOCITY_RMS, velocity_rms),
-    (CONVERGENCE, convergence_s),
+    (replace(CONVERGENCE, label="convergence time"), convergence_s),  # a mean, as all differences here
 )
 """Each with its value for a run."""
 

@@ -233,6 +233,7 @@ def _decision(
         labels=dict(zip([case.index for case in cases], short_labels([case.label for case in cases]), strict=True)),
         over=over_in_words(cases),
         judged=tuple(judged),
+        under_stress=_under_stress(results, decision.overall.chosen),
         regrets=regret.by_case if regret is not None else {},
         budget=budget,
         budget_case=budget_case,
@@ -241,6 +242,18 @@ def _decision(
         replayed=results.replay is not None,
     )
     return decision_section(decision, known)
+
+
+def _under_stress(results: Results, chosen: str | None) -> dict[str, tuple[Judgement, ...]]:
+    """Return the requirements of the filter chosen under each stress, by the stress and, of several cases, its case."""
+    if chosen is None:
+        return {}
+    several = len(results.nominal) > 1
+    return {
+        f"{stress}, case {case}" if several else stress: judgements(results, [index], chosen)
+        for case in results.nominal
+        for stress, index in results.stressed(case).items()
+    }
 
 
 def _budget_of(sections: Sequence[CaseSection], chosen: str | None) -> tuple[int, Table | None]:

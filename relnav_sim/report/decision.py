@@ -16,7 +16,14 @@ from relnav_sim.report.decision_table import (
 from relnav_sim.report.page import DecisionSection
 from relnav_sim.report.regret import regret_anchor
 from relnav_sim.report.requirements import margin, margin_in_words, requirement_anchor
-from relnav_sim.report.reservations import Background, at_row, not_shown, or_zero, what_would_help
+from relnav_sim.report.reservations import (
+    Background,
+    at_row,
+    not_shown,
+    or_zero,
+    requirements_under_stress,
+    what_would_help,
+)
 from relnav_sim.report.sentences import Clause, Sentence, joined, plain
 from relnav_sim.report.tables import Table
 from relnav_sim.statistics.decision import Candidate, CaseEvidence, Choice, Decision, Refusal
@@ -35,7 +42,8 @@ def decision_section(decision: Decision, known: Background) -> DecisionSection:
     others: list[Sentence] = []
     if choice.chosen is not None:
         others += [*_others(decision, known), *_regret(choice.chosen, known), *_diverged(choice.chosen, known)]
-    others += [*_refused(decision, known), *case_by_case(decision, known.labels), *what_would_help(known)]
+        others += requirements_under_stress(choice.chosen, known)
+    others += [*_refused(decision, known), *case_by_case(decision, known.labels), *what_would_help(decision, known)]
     others += not_shown(decision, known)
     lead, enough = _lead(decision, known), not (_one_run(decision) or _too_few(decision))
     table = decision_table(decision, known.labels, known.over, enough)
@@ -194,7 +202,7 @@ def _loss(decision: Decision, known: Background, name: str) -> Clause:
     case, found = _worst_place(decision, name)
     if found is None:
         return Clause("has no run in common with it")
-    one = found.shown(decision.margin_percent)
+    one = found.percent
     if one.estimate >= 300:
         words = f"(position RMS {significant(1 + one.estimate / 100)} times as large)"
     else:

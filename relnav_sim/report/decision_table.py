@@ -63,10 +63,11 @@ def decision_table(decision: Decision, labels: Mapping[int, str], over: str, eno
         name="decision",
         title="What the decision goes by",
         caption=f"Over {over}. Above the chosen: difference in position RMS from the filter chosen (for all cases "
-        "together, where one is), on the same runs; the verdicts of a case hold at 95 % for all its pairs together. "
-        f"{NO_DIFFERENCE_THAT_MATTERS.capitalize()}: that interval lies within "
-        f"±{decision.margin_percent:g} % (statistics.matters_percent). Error / formal sigma: root of the ANEES, 1 for "
-        f"a consistent filter; no filter above {OVERCONFIDENT:g} is recommended.",
+        "together, where one is), on the same runs; the verdicts of a case hold at 95 % for all its pairs together, "
+        "and zero lies in the interval exactly where the test is undecided. "
+        f"{NO_DIFFERENCE_THAT_MATTERS.capitalize()}: even the interval that holds for all pairs together, as wide or "
+        f"wider, lies within ±{decision.margin_percent:g} % (statistics.matters_percent). Error / formal sigma: root "
+        f"of the ANEES, 1 for a consistent filter; no filter above {OVERCONFIDENT:g} is recommended.",
         corner="case" if many else "filter",
         columns=(*([Column("filter", numeric=False)] if many else []), *columns),
         rows=tuple(rows),
@@ -112,7 +113,7 @@ def _case_rows(case: CaseEvidence, choice: Choice, against: str | None, margin: 
     """Return a row for each filter; numbers of one column share their decimals."""
     found = [case.difference(item.name, against) if against else None for item in case.candidates]
     sizes = numbers([item.position for item in case.candidates])
-    above = numbers([NO_INTERVAL if one is None else one.shown(margin) for one in found])
+    above = numbers([NO_INTERVAL if one is None else one.percent for one in found])
     ratios = numbers([item.error_over_sigma for item in case.candidates])
     rows = []
     for item, size, percent, ratio, one in zip(case.candidates, sizes, above, ratios, found, strict=True):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from relnav_sim.plots import style
 from relnav_sim.plots.spare_figures import draw_over
 from relnav_sim.report.attempts import attempted
+from relnav_sim.results.atomic import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,9 +79,9 @@ def draw(folder: FigureFolder, name: str, make: Callable[[], Drawing | None], fi
             if drawing is None:
                 return None
             png = style.png(drawing.figure)
-            files["png"].write_bytes(png)
+            _write(files["png"], png)
             if folder.vectors:
-                files["pdf"].write_bytes(style.pdf(drawing.figure))
+                _write(files["pdf"], style.pdf(drawing.figure))
             else:
                 files["pdf"].unlink(missing_ok=True)
         width, height = (round(size * _CSS_PIXELS_PER_INCH) for size in drawing.figure.get_size_inches())
@@ -97,6 +98,11 @@ def draw(folder: FigureFolder, name: str, make: Callable[[], Drawing | None], fi
     for file in files.values():
         file.unlink(missing_ok=True)  # an earlier report's would pass for this one's
     return Picture(name, "", "", 0, 0, "", (), filter, missing[0])
+
+
+def _write(file: Path, content: bytes) -> None:
+    with written_whole(file, synced=False) as temporary:
+        temporary.write_bytes(content)
 
 
 def within(pictures: Iterable[Picture], most_bytes: int) -> tuple[tuple[Picture, ...], int]:

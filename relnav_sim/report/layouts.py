@@ -115,5 +115,8 @@ def reading_notes(cases: Sequence[CaseFacts], axes: bool = True) -> list[str]:
     levels = {(case.convergence_m, case.hold_s) for case in cases if case.shows_convergence}
     if len(levels) == 1 and np.isfinite(next(iter(levels))).all():
         size, hold = levels.pop()
-        notes.append(f"Converged: position error below {size:g} m for {hold:g} s.")
+        notes.append(
+            f"Convergence time: when the position error first falls below {size:g} m for {hold:g} s, whatever it is "
+            "later; median over runs."
+        )
     return notes

@@ -17,7 +17,7 @@ from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.filter_facts import FilterFacts
 from relnav_sim.plots.run_figures import RunFigures, Span, span_index
 from relnav_sim.report.tables import Cell, Number, Words, decimals_for
-from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, bootstrap_interval, mean_interval
+from relnav_sim.statistics.intervals import NO_INTERVAL, Interval, bootstrap_interval, mean_interval, median_interval
 from relnav_sim.statistics.verdicts import ratio_of_means
 from relnav_sim.wording import counted, with_prefix
 
@@ -125,6 +125,12 @@ def _convergence_cells(case: CaseFacts, values: Sequence[Interval], width: int) 
     return numbers(values, width, [_converged_note(item) for item in case.filters])
 
 
+def _median_convergence(item: FilterFacts, span: Span) -> Interval:
+    """Return the median over the completed runs; those that never converge count as infinite."""
+    times = item.convergence_s[item.ok]
+    return median_interval(np.where(np.isnan(times), np.inf, times))
+
+
 def _converged_note(item: FilterFacts) -> str:
     return f"in {item.completed - item.never_converged} of {item.completed} runs" if item.never_converged else ""
 
@@ -189,7 +195,7 @@ def _failed_cells(case: CaseFacts, values: Sequence[Interval], width: int) -> tu
 POSITION_RMS = _over_runs("position RMS", "m", position_rms)
 VELOCITY_RMS = _over_runs("velocity RMS", "m/s", velocity_rms)
 TIMES_BOUND = Metric("position RMS / bound", "", lambda item, span: item.times_bound[span], ratio_cells)
-CONVERGENCE = _over_runs("convergence time", "s", convergence_s, _convergence_cells)
+CONVERGENCE = Metric("median convergence time", "s", _median_convergence, _convergence_cells, convergence_s)
 ANEES = _over_runs("ANEES", "", lambda item, span: item.consistency("anees", span))
 NIS = Metric("mean NIS", "", _nis_mean, _numbers, lambda item, span: item.consistency("nis", span))
 NIS_PER_DOF = Metric("NIS per degree of freedom", "", _nis_per_dof, _numbers, lambda item, span: item.nis_per_dof(span))

@@ -26,18 +26,25 @@ from relnav_sim.results.block import ResultsError
 from relnav_sim.results.case_names import case_in_tables
 from relnav_sim.statistics.findings import Verdict
 from relnav_sim.statistics.requirements import CANNOT_BE_JUDGED, Judgement, judge, overall
-from relnav_sim.wording import listed, short_labels, significant
+from relnav_sim.wording import between, listed, short_labels, significant
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
 
 _SPANS = {"settled": "steady state", "whole": "whole run"}
 _SIZE = {"r": "position errors", "v": "velocity errors"}
+_CASES_NAMED = 6
 _MARKS = {"pass": "best", "fail": "failed", "undecided": ""}
 
 
-def judgements(results: Results) -> tuple[Judgement, ...]:
+def judgements(results: Results, cases: Sequence[int] | None = None, only: str | None = None) -> tuple[Judgement, ...]:
     """Return every requirement of a result's campaign for every case and filter that it is about.
+
+    Args:
+        results: An opened result.
+        cases: Numbers of the cases; default: the nominal ones, as filters must achieve it in the truth that they are
+            told of.
+        only: The only filter to judge; default: all.
 
     Raises:
         ResultsError: The requirements in the file are damaged.
@@ -49,9 +56,9 @@ def judgements(results: Results) -> tuple[Judgement, ...]:
     return tuple(
         judge(results, name, requirement, index, filter)
         for name, requirement in requirements.items()
-        for index in results.nominal  # filters must achieve it in the truth that they are told of
+        for index in (results.nominal if cases is None else cases)
         for filter in results.headers[index].filters
-        if requirement.filters is None or filter in requirement.filters
+        if (requirement.filters is None or filter in requirement.filters) and only in (None, filter)
     )
 
 
@@ -77,7 +84,8 @@ def requirement_in_words(requirement: AnyRequirement) -> str:
             return f"NIS per degree of freedom{of} between {low:.3g} and {high:.3g}, {_SPANS[requirement.span]}"
         case ConvergedRequirement():
             size = f" below {requirement.below_m} m" if requirement.below_m is not None else ""
-            return f"converged{size} within {requirement.within_s:g} s in {_percent(requirement.share)} of the runs"
+            share = _percent(requirement.share)
+            return f"converged{size} within {requirement.within_s:g} s, first passage, in {share} of the runs"
         case RecoveryRequirement():
             share = _percent(requirement.share)
             return f"recovered within {requirement.within_s:g} s in {share} of the runs locked out or diverged"
@@ -106,11 +114,12 @@ def requirements_table(results: Results, judged: Sequence[Judgement]) -> Table:
     return Table(
         name="requirements",
         title="Requirements",
-        caption="The value that the requirement limits, with its interval at the requirement's confidence (95 % "
-        "unless the campaign says otherwise). Pass: the whole interval meets the limit; fail: the whole interval "
-        "misses it. Certainty: the largest one-sided confidence at which the side of the value could be stated. "
-        "Runs are independent, epochs of a run are not: shares of runs (ensemble and temporal interpretation) have "
-        "exact intervals, shares of epochs (mixed) count as many independent trials as their spread over runs allows.",
+        caption="Judged in the truth that filters are told of, without stress. The value that the requirement limits, "
+        "with its interval at the requirement's confidence (95 % unless the campaign says otherwise). Pass: the whole "
+        "interval meets the limit; fail: the whole interval misses it. Certainty: the largest one-sided confidence at "
+        "which the side of the value could be stated. Runs are independent, epochs of a run are not: shares of runs "
+        "(ensemble and temporal interpretation) have exact intervals, shares of epochs (mixed) count as many "
+        "independent trials as their spread over runs allows.",
         corner="requirement",
         columns=tuple(Column(label, numeric=label == "value") for label in labels),
         rows=tuple(rows),
@@ -140,6 +149,41 @@ def in_sentences(judged: Sequence[Judgement]) -> tuple[str, ...]:
         said += [CANNOT_BE_JUDGED] if any(item.basis == CANNOT_BE_JUDGED for item in mine) else []
         sentences.append(f"Requirement {name} ({requirement_in_words(mine[0].requirement)}): {'; '.join(said)}.")
     return tuple(sentences)
+
+
+def concerned(judged: Sequence[Judgement], verdict: Verdict) -> str:
+    """Return which requirement has a verdict, for which filter, and of several cases in which."""
+    several = len({item.case for item in judged}) > 1
+    groups: dict[str, dict[str, list[int]]] = {}
+    for item in judged:
+        if item.verdict == verdict:
+            groups.setdefault(item.name, {}).setdefault(item.filter, []).append(item.case)
+    parts = [
+        f"{name}: {', '.join(filter + (_in_cases(cases) if several else '') for filter, cases in found.items())}"
+        for name, found in groups.items()
+    ]
+    return "; ".join(parts)
+
+
+def _in_cases(cases: Sequence[int]) -> str:
+    named = listed([str(case) for case in cases[:_CASES_NAMED]])
+    more = f" and {len(cases) - _CASES_NAMED} more" if len(cases) > _CASES_NAMED else ""
+    return f" (case{'s' if len(cases) > 1 else ''} {named}{more})"
+
+
+def value_in_words(item: Judgement) -> str:
+    """Return the value that a requirement limits, with its interval and unit; nothing where there is none."""
+    if item.finding is None:
+        return ""
+    figure, unit = item.finding.figure, ""
+    match item.requirement:
+        case RmsRequirement():
+            unit = f" {_unit(item.requirement.quantity)}"
+        case NeesRequirement() | NisRequirement():
+            pass
+        case _:
+            figure, unit = in_percent(figure, 1.0), " %"
+    return f"{significant(figure.estimate)}{unit}{between(figure.low, figure.high)}"
 
 
 def margin(item: Judgement) -> float:

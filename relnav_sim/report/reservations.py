@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from relnav_sim.report.decision_table import decision_anchor
+from relnav_sim.report.error_budget import budget_title
+from relnav_sim.report.requirements import value_in_words
 from relnav_sim.report.sentences import Clause, Sentence, joined
 from relnav_sim.report.tables import Table
 from relnav_sim.results.case_names import case_in_tables
@@ -15,6 +17,10 @@ from relnav_sim.statistics.intervals import Interval
 from relnav_sim.statistics.regret import Regret
 from relnav_sim.statistics.requirements import Judgement
 from relnav_sim.wording import between, listed, significant
+
+_STRESSES_NAMED = 6
+_OTHER_CAUSE = ("not observable", "failed", "diverged", "overconfident")
+"""Reasons to refuse a filter that speak of its model, not of the size of its errors."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,7 @@ class Background:
         labels: The labels of the decision's cases, by their numbers from 0.
         over: The span of the figures, in words.
         judged: The requirements, in the order of their table.
+        under_stress: The requirements of the filter chosen under each stress, by its name and case in words.
         regrets: The regret of each case, by its number from 0.
         budget: The table of an error budget, the filter it is of in its title; None without one.
         budget_case: The number of its case.
@@ -36,6 +43,7 @@ class Background:
     labels: Mapping[int, str]
     over: str
     judged: tuple[Judgement, ...] = ()
+    under_stress: Mapping[str, tuple[Judgement, ...]] = field(default_factory=dict)
     regrets: Mapping[int, Regret] = field(default_factory=dict)
     budget: Table | None = None
     budget_case: int = 0
@@ -48,10 +56,22 @@ class Background:
         return f"case {case_in_tables(index, self.labels[index])}"
 
 
-def what_would_help(known: Background) -> Iterator[Sentence]:
-    """Yield which source of error would be worth most to halve, from the table of the error budget."""
+def what_would_help(decision: Decision, known: Background) -> Iterator[Sentence]:
+    """Yield which source of error would be worth most to halve, from the table of the error budget.
+
+    The budget follows from the sensors and the filter's own model: of a filter whose errors have another cause it would
+    name the wrong source.
+    """
     budget = known.budget
     if budget is None:
+        return
+    choice = next((choice for case, choice in decision.cases if case.index == known.budget_case), decision.overall)
+    name = next((name for name in choice.refusals if budget.title == budget_title(name)), "")
+    if any(refusal.reason in _OTHER_CAUSE for refusal in choice.refusals.get(name, ())):
+        said = (
+            f"What would help most is not told: the errors of {name} are not those that its sensors and model explain."
+        )
+        yield (Clause(said),)
         return
     gains = [(gain, row.label) for row in budget.rows if (gain := _gain(row.cells[-2].text)) > 0]
     if not gains:
@@ -64,6 +84,26 @@ def what_would_help(known: Background) -> Iterator[Sentence]:
 
 def _gain(text: str) -> float:
     return float(text.removesuffix(" %")) if text.endswith(" %") else 0.0
+
+
+def requirements_under_stress(name: str, known: Background) -> Iterator[Sentence]:
+    """Yield which requirements, that the decision judges without stress, the chosen filter misses under one."""
+    found = [(where, item) for where, judged in known.under_stress.items() for item in judged]
+    if not found:
+        return
+    parts = []
+    for verdict, words in (("fail", "misses"), ("undecided", "is undecided for")):
+        said = [_under(where, item) for where, item in found if item.verdict == verdict]
+        left = len(said) - _STRESSES_NAMED
+        more = f" and {left} more" if left > 0 else ""
+        parts += [f"{words} {'; '.join(said[:_STRESSES_NAMED])}{more}"] if said else []
+    under = ", and ".join(parts) or "meets them all"
+    yield (Clause(f"Requirements are judged without stress. Under stress {name} {under}."),)
+
+
+def _under(where: str, item: Judgement) -> str:
+    value = value_in_words(item)
+    return f"{item.name} ({where}{f': {value}' if value else ''})"
 
 
 def not_shown(decision: Decision, known: Background) -> Iterator[Sentence]:

@@ -11,19 +11,12 @@ from relnav_sim import plots
 from relnav_sim.plots.facts import CaseFacts
 from relnav_sim.plots.scenario import scenario_words
 from relnav_sim.report.drawing import Drawing, FigureFolder, Picture, draw
+from relnav_sim.report.told import execution_errors
+from relnav_sim.results.settings import case_setting
 from relnav_sim.wording import listed
 
 if TYPE_CHECKING:
     from relnav_sim.results.read import Results
-
-NOT_TOLD = "not told"
-_NOISE = {
-    "nominal": "its sigmas, no outliers",
-    "total": "one Gaussian with the total covariance",
-    "mixture": "told: the components",
-}
-_THRUST = {"none": NOT_TOLD, "planned": "the plan", "measured": "measured by accelerometers, else the plan"}
-_RANDOM_LATENCY = {"drop": "late measurements left out", "buffer": "goes back to their epoch"}
 
 
 def scenario_picture(results: Results, case: CaseFacts, folder: FigureFolder) -> Picture | None:
@@ -48,29 +41,35 @@ def _limitations(results: Results) -> Iterator[str]:
     if results.replay is not None:
         yield "Recorded measurements: what acted on them is not known beyond what the files say."
         return
-    content = results.campaign_content
-    truth = _mapping(content.get("truth"))
-    forces = _mapping(truth.get("forces"))
     absent = [
         words
-        for words, there in (
-            ("third bodies", forces.get("third_bodies")),
-            ("solar radiation pressure", forces.get("radiation_pressure")),
-            ("drag", forces.get("drag") not in (None, "none")),
+        for words, force in (
+            ("third bodies", "third_bodies"),
+            ("solar radiation pressure", "radiation_pressure"),
+            ("drag", "drag"),
         )
-        if forces and not there
+        if not any(_is_on(case_setting(results, case, f"truth.forces.{force}", None)) for case in results.nominal)
     ]
-    if absent:
+    if absent and _mapping(_mapping(results.campaign_content.get("truth")).get("forces")):
         yield f"The truth has no {listed(absent).replace(' and ', ' and no ')}."
-    dispersions = _mapping(truth.get("dispersions"))
-    if dispersions and not any(value is not None for value in dispersions.values()):
+    if all(results.truth_runs(index).tolist() == [-1] for index in _flown(results)):
         yield "Every run flies the same true trajectory: runs differ in measurement noise and start only."
-    errors = _mapping(truth.get("execution_errors"))
-    if _mapping(truth.get("manoeuvres")) and errors and not any(errors.values()):
+    errors = [execution_errors(results, case) for case in results.nominal]
+    if any(errors) and not any(any(each.values()) for case in errors for each in case.values()):
         yield "Manoeuvres are executed without error."
     yield "No attitude dynamics are simulated: only errors of the measured attitude enter."
-    if not _mapping(content.get("stress")):
+    if not _mapping(results.campaign_content.get("stress")):
         yield "No stress: filters are told the right sensor models, but for what the table shows as not told."
+
+
+def _flown(results: Results) -> list[int]:
+    """Return the cases that have runs."""
+    cases = range(len(results.headers))
+    return [case for case in cases if any(len(results.case_runs(case, name)) for name in results.headers[case].filters)]
+
+
+def _is_on(force: Any) -> bool:
+    return bool(force) and force != "none"
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

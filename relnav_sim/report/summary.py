@@ -17,6 +17,7 @@ from relnav_sim.report.metrics import diverged_note
 from relnav_sim.report.ranking import Ranking, Standing
 from relnav_sim.results.case_names import case_in_words
 from relnav_sim.results.observability import not_observable
+from relnav_sim.statistics.intervals import median_interval
 from relnav_sim.wording import between, counted, listed, short_labels, significant
 
 _MOST_CASES_IN_WORDS = 6
@@ -247,17 +248,20 @@ def _convergence(rankings: Sequence[Ranking]) -> list[str]:
     never = []
     for name, parts in _per_filter(rankings):
         times = np.concatenate([item.convergence_s[item.ok] for item, _ in parts])
-        reached = times[~np.isnan(times)]
-        if reached.size:
-            medians.setdefault(f"{significant(float(np.median(reached)))} s", []).append(name)
-        if reached.size < times.size:
-            never.append(f"{name} in {times.size - reached.size} of {counted(times.size, 'run')}")
+        lacking = int(np.isnan(times).sum())
+        median = median_interval(np.where(np.isnan(times), np.inf, times)).estimate
+        if math.isfinite(median):
+            medians.setdefault(f"{significant(median)} s", []).append(name)
+        if lacking:
+            never.append(f"{name} in {lacking} of {counted(times.size, 'run')}")
     if not medians and not never:
         return untold
-    level = f"a position error below {rankings[0].case.convergence_m:g} m"
+    case = rankings[0].case
+    level = f"a position error below {case.convergence_m:g} m for {case.hold_s:g} s"
     if not medians:
-        return [f"No run reached {level}.", *untold]
-    text = f"Median time to {level}: {listed([f'{listed(names)} {time}' for time, names in medians.items()])}"
+        return [f"In half of the runs or more {level} was never reached: {listed(never)}.", *untold]
+    times_said = listed([f"{listed(names)} {time}" for time, names in medians.items()])
+    text = f"Median time to the first passage to {level}: {times_said}"
     return [f"{text}; never reached by {listed(never)}." if never else f"{text}.", *untold]
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from relnav_sim.results.csv_cells import csv_cell
-from relnav_sim.wording import MOST_DECIMALS, shown_number
+from relnav_sim.wording import MOST_DECIMALS, shown_end, shown_number
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Number:
         """The interval as text, or nothing."""
         if not self.has_interval:
             return ""
-        return f"[{shown_number(self.low, self.decimals)}, {shown_number(self.high, self.decimals)}]"
+        return f"[{shown_end(self.low, self.decimals)}, {shown_end(self.high, self.decimals)}]"
 
     @property
     def text(self) -> str:

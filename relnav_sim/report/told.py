@@ -15,6 +15,7 @@ from relnav_sim.results.settings import case_setting, filter_settings
 from relnav_sim.sensors.interface import RelativeSensorOptions, SensorOptions
 from relnav_sim.sensors.noise import noise_parts, white_law
 from relnav_sim.sensors.registry import sensor_kinds
+from relnav_sim.truth.manoeuvres import ExecutionErrors
 from relnav_sim.wording import listed
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _MIXTURE = {
     "mixture": "told: the components",
 }
 _THRUST = {"none": NOT_TOLD, "planned": "the plan", "measured": "measured by accelerometers, else the plan"}
+_EXECUTION = {"none": NOT_TOLD, "planned": "as process noise", "measured": "measured by accelerometers"}
 _ARRIVAL = {"drop": "late measurements left out", "buffer": "goes back to their epoch"}
 
 Entry = Mapping[str, Any]
@@ -96,17 +98,32 @@ def _process_noise(entry: Entry) -> str:
 
 def _manoeuvres(results: Results, index: int, entries: Mapping[str, Entry]) -> Iterator[Row]:
     burns = _mapping(case_setting(results, index, "truth.manoeuvres", {}))
-    if burns:
-        usual = (
-            "measured" if any(each and each.role == "force" for _, _, each in _sensors(results, index)) else "planned"
-        )
-        said = [f"{name} at {_mapping(burn).get('time_s', 0):g} s" for name, burn in burns.items()]
-        yield _row(
-            "manoeuvres",
-            ", ".join(said),
-            entries,
-            lambda entry: _THRUST[entry.get("known_thrust") or usual],
-        )
+    if not burns:
+        return
+    usual = "measured" if any(each and each.role == "force" for _, _, each in _sensors(results, index)) else "planned"
+
+    def row(label: str, simulated: str, answers: Mapping[str, str]) -> Row:
+        return _row(label, simulated, entries, lambda entry: answers[entry.get("known_thrust") or usual])
+
+    said = [f"{name} at {_mapping(burn).get('time_s', 0):g} s" for name, burn in burns.items()]
+    yield row("manoeuvres", ", ".join(said), _THRUST)
+    errors = {name: leaves(each) for name, each in execution_errors(results, index).items()}
+    if any(errors.values()):
+        each_its_own = "; ".join(f"{name}: {errors_of or 'none'}" for name, errors_of in errors.items())
+        of_all = next(iter(errors.values())) if len(set(errors.values())) == 1 else each_its_own
+        yield row("manoeuvres: execution errors", of_all, _EXECUTION)
+
+
+def execution_errors(results: Results, index: int) -> dict[str, dict[str, float]]:
+    """Return the execution errors of each manoeuvre of a case: its own, else those that hold for all."""
+    found = {}
+    for name in _mapping(case_setting(results, index, "truth.manoeuvres", {})):
+        own = f"truth.manoeuvres.{name}.errors"
+        path = "truth.execution_errors" if case_setting(results, index, own, None) is None else own
+        found[name] = {
+            key: float(case_setting(results, index, f"{path}.{key}", 0.0)) for key in ExecutionErrors.model_fields
+        }
+    return found
 
 
 def _sensors(results: Results, index: int) -> Iterator[tuple[str, Mapping[str, Any], SensorOptions | None]]:

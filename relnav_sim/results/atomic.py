@@ -15,12 +15,16 @@ _ERRNO = re.compile(r"errno = (\d+)")
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def written_whole(path: Path, synced: bool = True) -> Iterator[Path]:
     """Give a temporary path to write to; it takes the place of ``path`` when the block ends without an error.
 
     The file and then its directory are synced, so that after a loss of power the old file or the new one is
     there, never half of one. On an error the temporary file is removed and ``path`` is as it was. Where ``path`` is a
     symbolic link, the file that it points to is written, and need not exist.
+
+    Args:
+        path: The file.
+        synced: False for files that are soon made again, so that what a loss of power does to them doesn't matter.
 
     Raises:
         OSError: The directory can't be written, the disk is full, or the link points to itself.
@@ -33,7 +37,8 @@ def written_whole(path: Path) -> Iterator[Path]:
                 fcntl.flock(mine, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _check_room(mine.fileno(), path)
             yield temporary
-            os.fsync(mine.fileno())
+            if synced:
+                os.fsync(mine.fileno())
         os.replace(temporary, path)
     except (OSError, RuntimeError) as error:
         temporary.unlink(missing_ok=True)
@@ -41,7 +46,8 @@ def written_whole(path: Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    sync_directory(path.parent)
+    if synced:
+        sync_directory(path.parent)
 
 
 def _check_room(file: int, path: Path) -> None:

@@ -101,7 +101,8 @@ def _sentence(found: Observability) -> str:
         many = f"{found.blind} of 6 directions, the weakest along " if found.blind > 1 else ""
         return (
             f"{by}: not observable: {many}{found.weakest}. At the end the measurements leave "
-            "of the start's sigma there, so the error says how good the start was, not how good the filter is."
+            f"{100 * found.ratio[-1]:.0f} % of the start's sigma there, so the error says how good the start was, "
+            "not how good the filter is."
         )
     if found.untold:
         states = f"state{'s' if len(found.untold) > 1 else ''} {', '.join(found.untold)}"

@@ -50,10 +50,6 @@ class Difference:
             return "equivalent"
         return self.verdict
 
-    def shown(self, margin_percent: float) -> Interval:
-        """Return the difference with the interval that the effect goes by."""
-        return self.percent if self.effect(margin_percent) in ("better", "worse") else self.simultaneous
-
     def turned(self) -> Difference:
         """Return the difference the other way round: a is p percent above b, so b is p / (1 + p / 100) below a."""
         verdict = _TURNED.get(self.verdict, self.verdict)

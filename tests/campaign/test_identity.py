@@ -128,6 +128,17 @@ def test_filters_are_no_part_of_a_case(demo):
     assert identity(more)[1] == identity(demo)[1]
 
 
+def test_a_filter_without_a_value_is_left_out(demo):
+    first, *others = parse_campaign(demo).cases[0].config.filters
+    without = parse_campaign(demo, [f"filters.{first}=null"])
+    assert list(without.cases[0].config.filters) == others
+    assert without.content["filters"] == {
+        k: v for k, v in parse_campaign(demo).content["filters"].items() if k != first
+    }
+    with pytest.raises(CampaignError, match="at least one filter"):
+        parse_campaign(demo, [f"filters.{name}=null" for name in (first, *others)])
+
+
 def test_a_varied_filter_option_makes_cases(demo):
     varied = demo + "  filters.ukf.alpha: [0.5, 1]\n"
     assert len(set(identity(varied)[1])) == 4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from relnav_sim.campaign.idle_options import idle_options
+from relnav_sim.campaign.implausible import implausible_values
 from relnav_sim.campaign.load import load_campaign, parse_campaign
 from relnav_sim.campaign.warnings import campaign_warnings, flown_warnings
 
@@ -84,7 +85,46 @@ def test_options_without_effect_are_told(forces, more, sentence):
     assert sentence is None or idle[0].startswith(sentence)
 
 
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [
+        ("{kind: outage, windows_s: [[10, 20], [9000, 9500]]}", ["outage from 9000 to 9500 s"]),
+        ("{kind: outage, windows_s: [[10, 20]], rate_per_hour: 1, mean_duration_s: 9}", []),
+        ("{kind: ramp, rate_per_s: 1, from_s: 7000}", ["ramp from 7000 s"]),
+        ("{kind: stuck, from_s: 50, until_s: 7000}", []),
+    ],
+)
+def test_what_happens_after_the_end_of_the_run_is_told(noise, said):
+    text = ELLIPSE.replace("HOST", "chief")
+    text = text.replace("radar: {", f"radar: {{noise: [{{kind: gaussian}}, {noise}], ")
+    found = [each for each in campaign_warnings(parse_campaign(text)) if "no effect" in each]
+    end_s = parse_campaign(text).cases[0].config.clock.duration_s
+    assert found == [f"sensors.radar.noise: the {what} has no effect, as the run ends at {end_s:g} s." for what in said]
+
+
+def test_what_happens_after_the_end_of_a_stressed_run_is_told_before_it_is_flown():
+    late = "[{kind: gaussian}, {kind: outage, windows_s: [[9000, 9500]]}]"
+    campaign = parse_campaign(ELLIPSE.replace("HOST", "chief") + f"stress: {{dark: {{sensors.radar.noise: {late}}}}}\n")
+    for flown in (campaign, campaign.with_stress()):
+        (found,) = [each for each in campaign_warnings(flown) if "no effect" in each]
+        assert found.startswith("In case") and "stress=dark" in found and "outage from 9000 to 9500 s" in found
+
+
+def test_numbers_that_no_flight_has_are_told_with_their_unit():
+    content = {
+        "sensors": {"radar": {"range_sigma_m": 2e9, "range_limits_m": [0, float("inf")], "latency_s": 1e9}},
+        "filters": {"ekf": {"process_noise": {"acceleration_psd_m2_s3": 1e60}, "alpha": 1e300}},
+        "grid": {"start.velocity_sigma_m_s": [1.0, 3e5]},
+    }
+    assert implausible_values(content) == [
+        "sensors.radar.range_sigma_m: 2e+09 m is implausibly large; check the unit.",
+        "filters.ekf.process_noise.acceleration_psd_m2_s3: 1e+60 m^2/s^3 is implausibly large; check the unit.",
+        "grid.start.velocity_sigma_m_s: 300000 m/s is implausibly large; check the unit.",
+    ]
+
+
 def test_no_campaign_that_comes_with_relnav_has_idle_options():
     for path in sorted((Path(__file__).parents[2] / "campaigns").glob("*.yaml")):
         campaign = load_campaign(path)
         assert [idle_options(case.config) for case in campaign.cases] == [[]] * len(campaign.cases), path.name
+        assert implausible_values(campaign.content) == [], path.name

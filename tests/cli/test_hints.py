@@ -61,6 +61,22 @@ def test_choices_may_be_in_capitals(here):
     assert "no such file" in invoke("figure", "a.h5", "rms", "--axes", "RTN").stderr.lower()
 
 
+@pytest.mark.parametrize("words", [["report"], ["inspect"], ["export"], ["figure"], ["merge", "all.h5"]])
+def test_a_campaign_in_place_of_a_result_is_to_be_run_first(here, words):
+    words = [*words, "demo.yaml", *(["rms"] if words == ["figure"] else [])]
+    result = invoke(*words)
+    assert result.exit_code == 2
+    assert result.stderr == "relnav: demo.yaml is a campaign, no result; first: relnav run demo.yaml\n"
+
+
+@pytest.mark.parametrize("words", [["run", "demo.yaml", "--out", "x.csv"], ["merge", "x.csv", "a.h5"]])
+def test_a_result_has_no_name_of_another_format(here, words):
+    (here / "a.h5").touch()
+    result = invoke(*words)
+    assert result.exit_code == 2 and "x.csv: a result is an HDF5 file; give a name that ends in .h5" in result.stderr
+    assert not list(here.glob("x.csv*"))
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

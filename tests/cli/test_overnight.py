@@ -111,6 +111,7 @@ def test_mistakes(here, words, sentence):
 def test_a_log_in_no_folder(here):
     done = invoke("run", "night.yaml", "--log", "nowhere/night.log")
     assert done.exit_code == 3 and "nowhere/night.log: No such file or directory" in done.output
+    assert not (here / "results").exists()
 
 
 ENDS = [(typer.Exit(4), "4 failed"), (SystemExit(130), "130 interrupted"), (ZeroDivisionError(), "70 failed")]

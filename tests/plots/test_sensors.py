@@ -98,6 +98,39 @@ def test_a_sensor_read_less_often_than_is_stored_has_no_outages(results: Results
     assert (share[:30] == 1).all() and share[34] == pytest.approx(4 / 6) and share[-1] == 1
 
 
+def test_a_period_that_stored_epochs_do_not_divide_is_no_row_of_outages(results: Results, monkeypatch) -> None:
+    """Every 60 s, stored every 25 s: gaps of 2, 2 and 3 stored epochs in turn, and a real outage of 300 s."""
+    times_s = 25.0 * np.arange(len(results.time_s(0)))
+    found, measured_s = results.by_sensor(0, "ekf"), np.arange(60.0, times_s[-1] + 1, 60.0)
+    measured_s = measured_s[(measured_s < 600) | (measured_s >= 900)]
+    found.readings[..., 0] = np.histogram(measured_s, np.concatenate([[-25.0], times_s]) + 1e-6)[0]
+    monkeypatch.setattr(Results, "by_sensor", lambda self, case, filter: found)
+    monkeypatch.setattr(Results, "time_s", lambda self, case: times_s)
+    content = {**results.campaign_content, "sensors": {"camera": {"period_s": 60.0}, "lidar": {"period_s": 10.0}}}
+    monkeypatch.setattr(results, "campaign_content", content)
+    facts = case_facts(results, 0)
+    out = (times_s > 540 + 3 * 25) & (times_s < 900)  # seen after the stored epochs that a period can span
+    np.testing.assert_array_equal(availability(facts.filters)["camera"], np.where(out, 0.0, 1.0))
+    events = {kind: len(rows) for kind, rows in events_of(results, facts, facts.filters[0]).items()}
+    assert (events["outage of camera"], events["acquisition of camera"]) == (RUNS, RUNS)
+
+
+def test_fixed_outages_of_a_receiver_are_bars_of_the_scenario(results: Results, monkeypatch) -> None:
+    windows = [[150.0, 300.0], [450.0, 600.0]]
+    gnss = {"kind": "gnss", "noise": [{"kind": "gaussian"}, {"kind": "outage", "windows_s": windows}]}
+    content = {**results.campaign_content, "sensors": {"camera": {}, "lidar": {}, "gnss": gnss, "star_tracker": {}}}
+    monkeypatch.setattr(results, "campaign_content", content)
+    facts = case_facts(results, 0)
+    assert facts.own_outages == {"gnss": ((150.0, 300.0), (450.0, 600.0))}
+    panel = figure(results, "scenario").axes[3]  # behind the three planes
+    assert [label.get_text() for label in panel.get_yticklabels()] == ["camera", "lidar", "gnss"]
+    corners = [np.asarray(path.vertices)[:, 0] for path in panel.collections[-1].get_paths()]
+    spans = [(float(each.min()), float(each.max())) for each in corners]
+    step_s = float(results.time_s(0)[1])
+    assert spans[0] == pytest.approx((0.0, 150.0), abs=step_s) and spans[1] == pytest.approx((300.0, 450.0), abs=step_s)
+    assert "Of gnss: outside of fixed outages" in FIGURE_KINDS["scenario"].in_words(facts, np.ones(3)).caption
+
+
 def test_without_sensors_it_says_so(invent: ResultMaker, tmp_path: Path) -> None:
     with (
         open_results(invent(tmp_path, runs=3)) as bare,

@@ -101,6 +101,18 @@ def test_the_lead_names_the_requirement_that_sets_filters_aside() -> None:
     assert "Not compared: b (requirement small undecided), c (requirements small and rare undecided)." in said
 
 
+def test_requirements_missed_under_stress_are_named_and_judged_without_it() -> None:
+    stressed = {"dark": (_judged("small", "a", "fail"),), "late": (_judged("small", "a", "undecided"),)}
+    said = _said([_case(0, a=1.0, b=2.0)], judged=(_judged("small", "a", "pass"),), under_stress=stressed)
+    assert (
+        "Requirements are judged without stress. Under stress a misses small (dark: 1.00 m [1.00, 1.00]), and is "
+        "undecided for small (late: 1.00 m [1.00, 1.00])." in said
+    )
+    kept = {"dark": (_judged("small", "a", "pass"),)}
+    said = _said([_case(0, a=1.0, b=2.0)], under_stress=kept)
+    assert "Requirements are judged without stress. Under stress a meets them all." in said
+
+
 def _judged(name: str, filter: str, verdict: Verdict) -> Judgement:
     wanted = RmsRequirement(kind="rms", below_m=4.0)
     return Judgement(name, wanted, 0, filter, Finding(_exactly(1.0), verdict, 1.0, None), "")

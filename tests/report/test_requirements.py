@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from relnav_sim.campaign.requirements import ErrorsRequirement
 from relnav_sim.cli.app import app
-from relnav_sim.report.requirements import in_sentences, judgements, requirement_in_words, requirements_table
+from relnav_sim.report.requirements import concerned, in_sentences, judgements, requirement_in_words, requirements_table
 from relnav_sim.results import layout, open_results
 from relnav_sim.results.block import ResultsError
 from relnav_sim.statistics.requirements import Judgement
@@ -243,7 +243,7 @@ def test_words_and_table(make_result: ResultMaker) -> None:
     words = list(dict.fromkeys(requirement_in_words(item.requirement) for item in found))
     assert words == [
         "99.7 % of position errors below 1 m inside 500 m, mixed interpretation",
-        "converged within 60 s in 95 % of the runs",
+        "converged within 60 s, first passage, in 95 % of the runs",
         "RMS of vx errors below 0.001 m/s, steady state",
     ]
     assert len(table.rows) == 9 and table.rows[0].label.startswith("docking: 99.7 %")
@@ -266,8 +266,21 @@ def test_exit_codes(make_result: ResultMaker, rule: dict[str, Any], code: int) -
     path = make_result(requirements={"wanted": rule}, runs=12, filters={"ekf": 1.0})
     found = CliRunner().invoke(app, ["report", str(path), "--check", "--format", "csv"])
     assert found.exit_code == code, found.output
-    assert {0: "requirements: pass", 4: "requirements: fail", 5: "requirements: undecided"}[code] in found.output
+    said = {
+        0: "requirements: pass\n",
+        4: "requirements: fail (wanted: ekf)",
+        5: "requirements: undecided (wanted: ekf)",
+    }
+    assert said[code] in found.output
     assert (path.with_suffix("") / "tables" / "requirements.csv").is_file()
+
+
+def test_whom_a_verdict_is_about_with_its_cases_where_there_are_several(make_result: ResultMaker) -> None:
+    wanted = {"small": {"kind": "rms", "below_m": 0.7}, "tiny": {"kind": "rms", "below_m": 1e-6}}
+    path = make_result(requirements=wanted, runs=40, labels=("a", "b"), filters={"kf": 1.0, "ekf": 0.1})
+    found = judged(path)
+    assert [item.case for item in found if (item.name, item.filter, item.verdict) == ("small", "kf", "fail")] == [1]
+    assert concerned(found, "fail") == "small: kf (case 1); tiny: kf (cases 0 and 1), ekf (cases 0 and 1)"
 
 
 def test_check_without_requirements_is_a_mistake(make_result: ResultMaker) -> None:

@@ -91,3 +91,19 @@ def test_the_table_of_filters_says_what_each_was_told_whatever_its_name_and_wher
     for variables, kind in zip(varied, ("kf", "ukf"), strict=True):
         with open_results(make_result(filters={"kf": 1.0}, runs=3, variables=[variables])) as results:
             assert [row.cells[0].text for row in filters_table(results).rows] == [kind]
+
+
+@pytest.mark.parametrize(
+    ("number", "interval"),
+    [
+        (Number(3.77, 0.206, 7.42, 0), "[0.2, 7]"),
+        (Number(0.06, 0.0015, 0.11, 2), "[0.002, 0.11]"),
+        (Number(0.3, -0.04, 0.7, 1), f"[{MINUS}0.04, 0.7]"),
+        (Number(5.0, 0.0, 16.0, 0), "[0, 16]"),
+        (Number(-3.0, -7.0, -1e-9, 0), f"[{MINUS}7, {MINUS}1e-09]"),
+    ],
+)
+def test_zero_is_in_the_shown_interval_exactly_where_it_is_in_the_interval(number: Number, interval: str) -> None:
+    assert number.shown_interval == interval
+    ends = [float(end.replace(MINUS, "-")) for end in number.shown_interval[1:-1].split(", ")]
+    assert (ends[0] <= 0 <= ends[1]) == (number.low <= 0 <= number.high)

@@ -1,6 +1,8 @@
 """The report on disk: complete, self-contained, escaped, small."""
 
 import csv
+import errno
+import os
 import re
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -152,6 +154,25 @@ def test_a_figure_is_a_pdf_too_where_that_is_wanted_and_the_page_links_what_is_t
     assert (tmp_path / "one.pdf").read_bytes().startswith(b"%PDF")
     one, files = drawn(vectors=False)
     assert (one.forms, files) == (("png",), {"one.png"}), "the PDF is of an earlier report"
+
+
+def test_a_full_disk_names_the_figure_and_leaves_the_earlier_one_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half(self: Path, content: bytes) -> int:
+        with open(self, "wb") as file:
+            file.write(content[: len(content) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as a write tells it: without a name
+
+    (tmp_path / "one.png").write_bytes(b"earlier")
+    monkeypatch.setattr(Path, "write_bytes", half)
+    with house_style():
+        drawing = Drawing(new_figure(1.0), "caption", "words")
+    with pytest.raises(OSError, match="No space left") as full:
+        draw(FigureFolder(tmp_path, vectors=False), "one", lambda: drawing)
+    assert full.value.filename == str(tmp_path / "one.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["one.png"]
+    assert (tmp_path / "one.png").read_bytes() == b"earlier"
 
 
 def test_the_page_links_every_file_of_a_figure(report: Path) -> None:
