@@ -74,17 +74,7 @@ def exp(x: float) -> float:
     head = x - k * _LOG_2_HEAD
     r = fused(-k, _LOG_2_TAIL, head)
     rest = fused(-k, _LOG_2_TAIL, head - r)
-    p = 2.5000041926713554e-08
-    p = fused(p, r, 2.7630306668051004e-07)
-    p = fused(p, r, 2.755758671992313e-06)
-    p = fused(p, r, 2.480149294855125e-05)
-    p = fused(p, r, 0.00019841269505885313)
-    p = fused(p, r, 0.0013888888943760945)
-    p = fused(p, r, 0.008333333333494914)
-    p = fused(p, r, 0.041666666666529725)
-    p = fused(p, r, 0.1666666666666641)
-    p = fused(p, r, 0.5000000000000011)
-    p = 1.0 + (r + fused(r * r, p, rest))
+    p = 1.0 + (r + fused(r * r, _exp_rest(r), rest))
     # Two factors, because 2^k alone leaves the range before the result does.
     power = bits(shifted) - _ROUNDER_BITS
     half = power >> 1
@@ -98,6 +88,14 @@ def exp_of_loss(x: float) -> float:
     shifted = fused(x, _PER_LOG_2, _ROUNDER)
     k = shifted - _ROUNDER
     r = fused(-k, _LOG_2_TAIL, fused(-k, _LOG_2_HEAD, x))
+    p = 1.0 + fused(r * r, _exp_rest(r), r)
+    # k stands in the lowest bits of `shifted`; the shift leaves those alone, at the exponent's place.
+    return number(bits(p) + (bits(shifted) << 52))
+
+
+@inlined
+def _exp_rest(r: float) -> float:
+    """Return (e^r - 1 - r) / r^2, |r| <= ln 2 / 2."""
     p = 2.5000041926713554e-08
     p = fused(p, r, 2.7630306668051004e-07)
     p = fused(p, r, 2.755758671992313e-06)
@@ -108,9 +106,7 @@ def exp_of_loss(x: float) -> float:
     p = fused(p, r, 0.041666666666529725)
     p = fused(p, r, 0.1666666666666641)
     p = fused(p, r, 0.5000000000000011)
-    p = 1.0 + fused(r * r, p, r)
-    # k stands in the lowest bits of `shifted`; the shift leaves those alone, at the exponent's place.
-    return number(bits(p) + (bits(shifted) << 52))
+    return p
 
 
 @inlined
