@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _LEFT, _RIGHT = 0.58, 0.16  # inches, as all heights below
 _PLANES_INCH, _CURVE_INCH, _STRIP_INCH = 1.05, 0.85, 0.17
 _LOG_FROM_RATIO = 8.0
+_LEAST_SPAN = 0.01  # of an axis of a plane, of the largest range
+_SLOW_DEG_S = 1e-4
 _READ_IN = 0.5
 
 
@@ -65,9 +67,11 @@ def scenario(
         rates, distances = panels[-2], panels[-1]
         distance = np.linalg.norm(states[:, :3], axis=-1)
         _draw_range(distances, view, distance)
-        rates.plot(view.times, 1e3 * line_of_sight_rate(states), color=INK, linewidth=1.0)
+        turning = line_of_sight_rate(states)
+        factor, unit = (1e3, "mdeg/s") if np.nanmax(turning, initial=0.0) > _SLOW_DEG_S else (1e6, "µdeg/s")
+        rates.plot(view.times, factor * turning, color=INK, linewidth=1.0)
         rates.set_ylim(bottom=0)
-        rates.set_ylabel("LOS rate\n[mdeg/s]")
+        rates.set_ylabel(f"LOS rate\n[{unit}]")
         if shares:
             _draw_strips(panels[0], view, shares)
         for panel in panels:
@@ -123,6 +127,7 @@ def _draw_planes(figure: Figure, truth: Array) -> None:
     width, height = (float(size) for size in figure.get_size_inches())
     factors, units = zip(*(length_unit(truth[:, axis]) for axis in range(3)), strict=True)
     each = (width - _LEFT - _RIGHT - 2 * 0.5) / 3
+    least_m = _LEAST_SPAN * float(np.linalg.norm(truth, axis=-1).max())
     for place, (across, up) in enumerate(PLANES):
         left = _LEFT + place * (each + 0.5)
         panel = figure.add_axes(
@@ -131,7 +136,19 @@ def _draw_planes(figure: Figure, truth: Array) -> None:
         panel.plot(truth[:, across] * factors[across], truth[:, up] * factors[up], color=INK, linewidth=1.0)
         draw_ends(panel, truth * factors, across, up)
         plane_axes(panel, "xyz"[across], "xyz"[up], units[across], units[up], 1)
+        widen(panel, least_m * factors[across], least_m * factors[up])
         panel.yaxis.labelpad = 0
+
+
+def widen(panel: Panel, across: float, up: float) -> None:
+    """Give the axes of a panel at least these spans: a deputy at rest does not fill it with a drift of millimetres."""
+    for least, limits, set_limits in (
+        (across, panel.get_xlim(), panel.set_xlim),
+        (up, panel.get_ylim(), panel.set_ylim),
+    ):
+        lacking = least - (limits[1] - limits[0])
+        if lacking > 0:
+            set_limits(limits[0] - lacking / 2, limits[1] + lacking / 2)
 
 
 def _panel(figure: Figure, bottom: float, inch: float) -> Panel:

@@ -135,7 +135,7 @@ def test_validate_and_the_report_say_the_same_and_rank_the_others(own_sensors, t
             ranking.best.name != "both"
         )
         labels = [text.get_text() for text in rms_over_time(results).legends[0].get_texts()]
-        assert labels[-3:] == ["bound, all sensors", "bound, camera", "bound, radar"]
+        assert labels[-3:] == ["PCRB, all sensors", "PCRB, camera", "PCRB, radar"]
         for name, ratio in ((item.name, item.times_bound["whole"].estimate) for item in ranking.case.filters):
             error, bound = results.error(0, name)[:, 1:, :3], results.perfect_bound(0, name)[1:, 6]
             assert ratio == pytest.approx(np.sqrt(np.square(error).sum(axis=2).mean() / np.square(bound).mean()))

@@ -11,7 +11,7 @@ from relnav_sim import load_ephemeris
 from relnav_sim.cli.app import app
 
 PAGE = Path(__file__).parents[2] / "docs" / "ephemerides.md"
-FILE = re.compile(r"`(?P<name>[\w.]+)`[^\n]*:\n\n```(?:csv|yaml)\n(?P<text>.*?)```", re.DOTALL)
+FILE = re.compile(r"`(?P<name>[\w.]+)`[^\n]*:\n\n(?:<!--.*?-->\n)?```(?:csv|yaml)\n(?P<text>.*?)```", re.DOTALL)
 STEP = re.compile(r"```(?P<kind>python|sh)\n(?P<text>.*?)```", re.DOTALL)
 
 
