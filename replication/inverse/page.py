@@ -92,6 +92,6 @@ def _tables(best: Mapping[str, Any], inferred: Mapping[str, Any] | None) -> str:
     )
     if inferred:
         found += (
-            f"\nA paper flown in one setting looks as inconsistent with a probability of {inferred['p_value']:.2g}.\n"
+            f"\nA paper flown in one setting looks as inconsistent as this one with p = {inferred['p_value']:.2g}.\n"
         )
     return table(head, rows) + found
