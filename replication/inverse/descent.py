@@ -27,6 +27,7 @@ INCREMENT = 0.01
 DAMPINGS = (1.0, 10.0, 100.0, 1000.0, 10_000.0)
 """Of a step, in inverse variances of uniform numbers: a prior of 1/12 has 12."""
 SHIFT = 0.1
+"""Standard deviation of uniform numbers by which all groups' own unknowns are moved at once."""
 PLACES, COMBINED, TRIED = 6, 5, 48
 """How many values of an unknown are tried, changes of single unknowns together, and changes of several at once."""
 

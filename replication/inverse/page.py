@@ -82,16 +82,25 @@ def _tables(best: Mapping[str, Any], inferred: Mapping[str, Any] | None) -> str:
             str(each["beyond_four"]),
             f"{each['distance']:.0f}",
             "{:.0f}, {:.0f}".format(*each["honest"]),
+            "a setting gives them" if each["distance"] <= each["honest"][1] else "no setting found gives them",
         )
         for name, each in best.items()
     )
-    head = ("best setting for", "numbers", "within 2", "beyond 4", "distance", "of an honest paper: median, 95 %")
+    head = (
+        "best setting for",
+        "numbers",
+        "within 2",
+        "beyond 4",
+        "distance",
+        "of an honest paper: median, 95 %",
+        "verdict",
+    )
     found = (
         "\nWithin two and beyond four standard deviations of a single run. The distance sums squared residuals (large "
-        "ones count less); an honest paper's is that to its own setting.\n"
+        "ones count less); an honest paper's is that to its own setting, which a search could only lower.\n"
     )
     if inferred:
         found += (
-            f"\nA paper flown in one setting looks as inconsistent with a probability of {inferred['p_value']:.2g}.\n"
+            f"\nA paper flown in one setting looks as inconsistent as this one with p = {inferred['p_value']:.2g}.\n"
         )
     return table(head, rows) + found

@@ -80,7 +80,8 @@ def column_scatter(paper: Paper, bank: Bank) -> dict[str, float]:
     within what a run does by chance.
     """
     u = bank.u[nearest(paper, bank, paper.printed)[:PAPERS]]
-    size = np.abs(paper.flown(u, [[bank.seed, 9, row] for row in range(len(u))], SCATTER_RUNS))
+    least = np.array([number.digit for number in paper.numbers]) / 2
+    size = np.maximum(paper.flown(u, [[bank.seed, 9, row] for row in range(len(u))], SCATTER_RUNS), least)
     sized = [place for place, number in enumerate(paper.numbers) if not number.signed]
     scatter = {}
     for name, places in columns_of(paper.numbers).items():

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -5,13 +6,14 @@ import pytest
 from scipy.stats import binom
 
 from relnav_sim.arrays import Array
-from replication.inverse.bank import settings
+from replication.inverse.bank import Bank, settings
 from replication.inverse.checks import coverage, power
 from replication.inverse.claims import Quantity, judged, roughly_met, wilson
 from replication.inverse.consistency import Consistency
 from replication.inverse.forgery import ForgeryTest
 from replication.inverse.inference import Inference, features, interval
 from replication.inverse.prior import kinds
+from replication.inverse.study import column_scatter
 
 SEED, BANK, PAPERS = 5, 4000, 300
 
@@ -43,6 +45,16 @@ def test_a_forged_column_is_inconsistent_and_honest_ones_are_not(linear: Any, fl
     by_column = {row["column"]: row["called_inconsistent"] for row in found["columns"]}
     assert by_column["table_1 one"]["3"] > 0.8  # the other column has a as well
     assert by_column["table_1 one"]["1.25"] < by_column["table_1 one"]["3"]
+
+
+def test_the_scatter_of_a_column_is_that_of_its_mean_size(linear: Any) -> None:
+    """Three sizes of 3.5 with independent noise of 0.1: a factor of exp(0.1 / 3.5 / sqrt(3))."""
+    linear.numbers = tuple(replace(number, signed=False) for number in linear.numbers)
+    linear.printed = np.full(6, 3.5)
+    u = settings(linear, SEED, 0, BANK)
+    bank = Bank(SEED, u, linear.flown(u, [[SEED, n, 1] for n in range(BANK)], 1)[:, 0], np.empty((BANK, 0)), 0.0)
+    scatter = column_scatter(linear, bank)
+    assert scatter["table_1 one"] == pytest.approx(np.exp(0.1 / 3.5 / np.sqrt(3)), abs=0.005)
 
 
 def test_a_column_that_does_not_go_with_the_other_is_improbable(linear: Any, flown: tuple[Array, Array]) -> None:
